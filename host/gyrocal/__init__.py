@@ -1,0 +1,3 @@
+"""gyrocal: calibrates MEMS gyroscopes and finds the physical effect that the error model is missing."""
+
+__version__ = "0.1.0"

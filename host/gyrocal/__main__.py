@@ -1,0 +1,5 @@
+"""``python -m gyrocal``."""
+
+from gyrocal.cli import main
+
+raise SystemExit(main())
