@@ -1,0 +1,110 @@
+#include "gc_math.h"
+
+#include <float.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
+#error "float must be evaluated as float: on 32-bit x86 compile with -msse2 -mfpmath=sse"
+#endif
+
+static float from_bits(uint32_t bits)
+{
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static int32_t nearest(float x)
+{
+    return (int32_t)(x < 0.0f ? x - 0.5f : x + 0.5f);
+}
+
+float gc_exp(float x)
+{
+    if (x != x) {
+        return x;
+    }
+    if (x > 88.72283f) {
+        return from_bits(0x7F800000u);
+    }
+    if (x < -87.33654f) {
+        return 0.0f;
+    }
+    /* exp(x) = 2^n exp(r), |r| <= ln(2)/2; ln 2 in two parts, n times the first is exact */
+    int32_t n = nearest(x * 1.44269504f);
+    float r = (x - (float)n * 0.693359375f) + (float)n * 2.12194440e-4f;
+    float q = 1.3926176e-3f;
+    q = q * r + 8.363173e-3f;
+    q = q * r + 4.1666556e-2f;
+    q = q * r + 1.6666578e-1f;
+    q = q * r + 0.5f;
+    float e = 1.0f + (r + r * r * q);
+    if (n > 127) { /* 2^128 has no float */
+        e *= 2.0f;
+        n -= 1;
+    }
+    return e * from_bits((uint32_t)(n + 127) << 23);
+}
+
+float gc_tanh(float x)
+{
+    float size = x < 0.0f ? -x : x;
+    if (size < 0.625f) { /* an odd polynomial */
+        float u = x * x;
+        float q = -6.096714e-3f;
+        q = q * u + 2.099718e-2f;
+        q = q * u - 5.3850908e-2f;
+        q = q * u + 1.333277e-1f;
+        q = q * u - 3.3333328e-1f;
+        return x + x * (u * q);
+    }
+    if (x != x) {
+        return x;
+    }
+    float y = size > 9.02f ? 1.0f : 1.0f - 2.0f / (gc_exp(2.0f * size) + 1.0f);
+    return x < 0.0f ? -y : y;
+}
+
+/* sin(2 pi (turns + quarters / 4)) */
+static float sin_quarters(float turns, int32_t quarters)
+{
+    if (turns - turns != 0.0f) {
+        return turns - turns; /* NaN, and infinity has no angle */
+    }
+    float f = turns;
+    if (f >= 8388608.0f || f <= -8388608.0f) {
+        f = 0.0f;
+    } else {
+        f -= (float)nearest(f); /* exact, as is the next step */
+    }
+    int32_t nearest_quarter = nearest(4.0f * f);
+    f -= 0.25f * (float)nearest_quarter;
+    quarters = (quarters + nearest_quarter) & 3;
+
+    float u = f * f;
+    float y;
+    if (quarters & 1) {
+        y = 59.424107f;
+        y = y * u - 85.44882f;
+        y = y * u + 64.93937f;
+        y = y * u - 19.739208f;
+        y = 1.0f + y * u;
+    } else {
+        y = -75.40161f;
+        y = y * u + 81.592545f;
+        y = y * u - 41.341663f;
+        y = f * 6.2831853f + f * (u * y);
+    }
+    return quarters & 2 ? -y : y;
+}
+
+float gc_sin_turn(float turns)
+{
+    return sin_quarters(turns, 0);
+}
+
+float gc_cos_turn(float turns)
+{
+    return sin_quarters(turns, 1);
+}
