@@ -1,0 +1,43 @@
+"""The table has not reached its rate when the run begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
+from gyrocal.session import Array, Run
+
+
+class SpinUp(Effect):
+    id = "spin_up"
+    title = "The table is still spinning up"
+    cause = (
+        "The recording starts before the table, its belt or its speed controller has settled: the true rate creeps towards "
+        "the set rate (or falls back to it after an overshoot) over a few seconds. The first seconds, the ones that a "
+        "quick calibration uses, carry the most of it."
+    )
+    equation = "-w·A·exp(-t/tau_s)"
+    looks_like = "warmup (the sensor, not the table: the same sign face up and face down, and seen at rest)"
+    measure_next = "wait longer before each run, or record the table's encoder as rate_ref_dps; a run at rest shows no spin-up"
+    parameters = (
+        Parameter("A", "fraction", (0.0005, 0.01), "belt-driven tables, seconds after the set rate is shown", 0.002),
+        Parameter("tau_s", "s", (0.5, 10.0), "speed controllers' settling times", 2.0),
+    )
+    linear = ("A",)
+    nonlinear = ("tau_s",)
+    scope = "run"
+    common_mean = True
+    on_device = True
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        turning = any(r.axis_index == axis and not r.rate_is_mean and np.any(r.rate_dps) for r in runs)
+        return None if turning else "a run in which the table turns about this axis at a known rate"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        return [{"A": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(0.5, 16.0, 6)]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        rate = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
+        return (-rate * np.exp(-elapsed_s(run) / values["tau_s"]))[:, None]

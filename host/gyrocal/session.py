@@ -1,0 +1,425 @@
+"""Session folders, ``gyrocal-session/1``: read, checked, written.
+
+A session is a folder with ``session.toml`` and one table a run (CSV or Parquet). Bad input raises
+:class:`~gyrocal.errors.InputError` with one line that names the file, the row (the header is row 1) and the reason.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from gyrocal.errors import InputError
+
+FORMAT = "gyrocal-session/1"
+AXES = ("x", "y", "z")
+REQUIRED = ("t_s", "gx_dps", "gy_dps", "gz_dps")
+OPTIONAL = ("ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg")
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+Axis = Literal["x", "y", "z"]
+Face = Literal["up", "down"]
+
+
+class RunEntry(BaseModel):
+    """One ``[[run]]`` of session.toml."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    file: str
+    scenario: str = "s000"
+    face: Face
+    axis: Axis | None = None
+    table_rate_dps: float | None = None
+    turn_deg: float | None = None
+    day: int | None = None
+    power_on_s: float | None = Field(default=None, ge=0)
+
+
+class SessionFile(BaseModel):
+    """session.toml."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    format: Literal["gyrocal-session/1"]
+    sensor: str | None = None
+    axis: Axis = "z"
+    sample_rate_hz: float = Field(gt=0)
+    full_scale_dps: float | None = Field(default=None, gt=0)
+    lsb_dps: float | None = Field(default=None, gt=0)
+    latitude_deg: float | None = Field(default=None, ge=-90, le=90)
+    run: list[RunEntry] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _files_differ(self) -> SessionFile:
+        seen: set[str] = set()
+        for entry in self.run:
+            if entry.file in seen:
+                raise ValueError(f"run file {entry.file!r} is listed twice")
+            seen.add(entry.file)
+        return self
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording. Arrays are read from the file at first use and kept.
+
+    Attributes follow the contract's names; ``rate_dps`` is the true rate about the sensed axis, the face's sign applied.
+    """
+
+    index: int
+    file: str
+    scenario: str
+    face: Face
+    axis: Axis
+    table_rate_dps: float | None
+    turn_deg: float | None
+    day: int | None
+    power_on_s: float | None
+    sample_rate_hz: float
+    path: Path | None = None
+    frame: pl.DataFrame | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def axis_index(self) -> int:
+        return AXES.index(self.axis)
+
+    @property
+    def face_sign(self) -> float:
+        return 1.0 if self.face == "up" else -1.0
+
+    @cached_property
+    def table(self) -> pl.DataFrame:
+        """The run's table, checked."""
+        if self.frame is not None:
+            return check_table(self.frame, self.file)
+        assert self.path is not None
+        return read_table(self.path, self.file)
+
+    def __len__(self) -> int:
+        return self.table.height
+
+    @cached_property
+    def t_s(self) -> Array:
+        """Time in the run, shape [n], s, as in the file."""
+        return self.table["t_s"].to_numpy()
+
+    @cached_property
+    def t_us(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Whole microseconds since the first sample, shape [n]: what the device sees."""
+        us = np.rint(self.t_s * 1e6).astype(np.int64)
+        return us - us[0]
+
+    @cached_property
+    def gyro_dps(self) -> Array:
+        """Measured rates, shape [n, 3], deg/s."""
+        return self.table.select("gx_dps", "gy_dps", "gz_dps").to_numpy()
+
+    def column(self, name: str) -> Array | None:
+        """An optional column, shape [n]; missing cells are NaN. None where the file lacks it or holds no value."""
+        if name not in self.table.columns or self.table[name].null_count() == self.table.height:
+            return None
+        return self.table[name].to_numpy()
+
+    @cached_property
+    def acc_g(self) -> Array | None:
+        """Acceleration, shape [n, 3], g; None unless all three columns are there."""
+        parts = [self.column(name) for name in ("ax_g", "ay_g", "az_g")]
+        return None if any(p is None for p in parts) else np.column_stack([p for p in parts if p is not None])
+
+    @cached_property
+    def temp_c(self) -> Array | None:
+        """Temperature, shape [n], degC."""
+        return self.column("temp_c")
+
+    @cached_property
+    def rate_dps(self) -> Array:
+        """True rate about the run's axis in the sensor's sign, shape [n], deg/s.
+
+        From ``rate_ref_dps`` where the file has it, else the table's rate; for a run known by its angle alone, the mean
+        rate ``turn_deg / duration`` (only its integral is meaningful; see :attr:`rate_is_mean`).
+        """
+        reference = self.column("rate_ref_dps")
+        if reference is not None:
+            return reference
+        if self.table_rate_dps is not None:
+            return np.full(len(self), self.table_rate_dps * self.face_sign)
+        assert self.turn_deg is not None
+        return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
+
+    @property
+    def rate_is_mean(self) -> bool:
+        """True where only the run's net angle is known, not its rate at each moment."""
+        return self.table_rate_dps is None and self.turn_deg is not None and self.column("rate_ref_dps") is None
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample to one period past the last, s."""
+        return float(self.t_s[-1] - self.t_s[0]) * len(self) / (len(self) - 1)
+
+    def first(self, seconds: float) -> Run | None:
+        """The part of the run in its first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged)."""
+        limit_us = round(seconds * 1e6)
+        inside = int(np.searchsorted(self.t_us, limit_us, side="left"))
+        if inside == len(self) and self.t_us[-1] + 1.5e6 / self.sample_rate_hz < limit_us:
+            return None
+        return self.part(0, inside)
+
+    def part(self, start: int, stop: int) -> Run:
+        """Rows ``start:stop`` as a run of its own; a net angle is not known for a part, so ``turn_deg`` goes."""
+        whole = start == 0 and stop == len(self)
+        power_on_s = None if self.power_on_s is None else self.power_on_s + float(self.t_s[start] - self.t_s[0])
+        return Run(
+            self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
+            self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
+            frame=self.table.slice(start, stop - start),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Session:
+    """A folder of runs; ``runs`` keep the file's order."""
+
+    sample_rate_hz: float
+    runs: tuple[Run, ...]
+    axis: Axis = "z"
+    sensor: str | None = None
+    full_scale_dps: float | None = None
+    lsb_dps: float | None = None
+    latitude_deg: float | None = None
+    path: Path | None = None
+
+    @staticmethod
+    def open(path: str | Path, *, check: bool = True) -> Session:
+        """Read and check a session folder. With ``check=False`` the tables are read when first used."""
+        folder = Path(path)
+        header = read_header(folder)
+        session = Session(
+            sample_rate_hz=header.sample_rate_hz,
+            runs=tuple(_run(i, entry, header, folder) for i, entry in enumerate(header.run)),
+            axis=header.axis,
+            sensor=header.sensor,
+            full_scale_dps=header.full_scale_dps,
+            lsb_dps=header.lsb_dps,
+            latitude_deg=header.latitude_deg,
+            path=folder,
+        )
+        for run in session.runs:
+            if run.path is not None and not run.path.is_file():
+                raise InputError(f"{folder / run.file}: no such file (named by {folder / 'session.toml'})")
+            if check:
+                _check_rate_known(run)
+        return session
+
+    def with_runs(self, runs: Iterable[Run]) -> Session:
+        """The same session with other runs."""
+        return Session(
+            self.sample_rate_hz, tuple(runs), self.axis, self.sensor, self.full_scale_dps, self.lsb_dps,
+            self.latitude_deg, self.path,
+        )  # fmt: skip
+
+    @property
+    def scenarios(self) -> list[str]:
+        """Scenario names in order of first appearance."""
+        return list(dict.fromkeys(run.scenario for run in self.runs))
+
+    @property
+    def days(self) -> list[int]:
+        """Day labels in order of first appearance; runs without one are left out."""
+        return list(dict.fromkeys(run.day for run in self.runs if run.day is not None))
+
+    def by_scenario(self) -> Iterator[tuple[str, list[Run]]]:
+        for name in self.scenarios:
+            yield name, [run for run in self.runs if run.scenario == name]
+
+    def save(self, path: str | Path, *, parquet: bool = False) -> Session:
+        """Write the session into a new folder; InputError if it is there already."""
+        folder = Path(path)
+        if folder.exists():
+            raise InputError(f"{folder}: is there already; choose another name or remove it")
+        partial = folder.with_name(folder.name + ".partial")
+        partial.mkdir(parents=True)
+        entries = []
+        for run in self.runs:
+            name = str(Path(run.file).with_suffix(".parquet" if parquet else ".csv"))
+            write_table(run.table, partial / name)
+            entries.append(run_entry(run, name, self.axis))
+        write_header(partial, self.header(), entries)
+        partial.rename(folder)
+        return Session.open(folder, check=False)
+
+    def header(self) -> dict[str, Any]:
+        """session.toml's keys above the runs."""
+        return {
+            "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
+            "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
+        }  # fmt: skip
+
+
+def run_entry(run: Run, file: str, session_axis: str) -> dict[str, Any]:
+    """One ``[[run]]`` for :func:`write_header`."""
+    return {
+        "file": file, "scenario": run.scenario, "face": run.face, "table_rate_dps": run.table_rate_dps,
+        "axis": None if run.axis == session_axis else run.axis, "turn_deg": run.turn_deg, "day": run.day,
+        "power_on_s": run.power_on_s,
+    }  # fmt: skip
+
+
+def read_header(folder: Path) -> SessionFile:
+    """Parse and check ``session.toml``."""
+    path = folder / "session.toml"
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; a session is a folder with session.toml and a table a run") from None
+    except NotADirectoryError:
+        raise InputError(f"{folder}: not a folder; a session is a folder with session.toml and a table a run") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: {error}") from None
+    if raw.get("format") != FORMAT:
+        raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")
+    try:
+        return SessionFile.model_validate(raw)
+    except ValidationError as error:
+        raise InputError(f"{path}: {describe(error)}") from None
+
+
+def describe(error: ValidationError) -> str:
+    """The first fault that pydantic found, in a person's words."""
+    fault = error.errors()[0]
+    where = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in fault["loc"])
+    message = fault["msg"].removeprefix("Value error, ")
+    return f"{where}: {message} (got {fault['input']!r})" if where and fault["type"] != "missing" else f"{where} {message}".strip()
+
+
+def write_header(folder: Path, header: Mapping[str, Any], runs: Iterable[Mapping[str, Any]]) -> None:
+    """Write ``session.toml`` whole or not at all; keys that are None are left out."""
+    content: dict[str, Any] = {k: v for k, v in header.items() if v is not None}
+    content["run"] = [{k: v for k, v in entry.items() if v is not None} for entry in runs]
+    partial = folder / "session.toml.partial"
+    partial.write_text(tomli_w.dumps(content), encoding="utf-8")
+    partial.replace(folder / "session.toml")
+
+
+def write_table(table: pl.DataFrame, path: Path) -> None:
+    """Write a run's table as Parquet or CSV, by the name's ending; times to the microsecond."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".parquet":
+        table.write_parquet(path)
+    else:
+        table.with_columns(pl.col(c).round(6 if c == "t_s" else 9) for c in table.columns).write_csv(path)
+
+
+def read_table(path: Path, name: str | None = None) -> pl.DataFrame:
+    """Read and check a run's table (CSV or Parquet), float64 columns, missing optional cells null."""
+    label = str(path) if name is None or path.name == Path(name).name else name
+    if path.suffix == ".parquet":
+        try:
+            return check_table(pl.read_parquet(path), label)
+        except (OSError, pl.exceptions.PolarsError) as error:
+            raise InputError(f"{label}: not a readable Parquet file: {_first_line(error)}") from None
+    try:
+        with path.open("rb") as handle:
+            header = handle.readline().decode("utf-8-sig").strip().split(",")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{label}: {_first_line(error)}") from None
+    _check_columns([h.strip() for h in header], label)
+    try:
+        table = pl.read_csv(
+            path, has_header=False, skip_rows=1, new_columns=[h.strip() for h in header],
+            schema_overrides=[pl.Float64] * len(header), truncate_ragged_lines=False,
+        )  # fmt: skip
+    except pl.exceptions.NoDataError:
+        raise InputError(f"{label}: row 2: no samples") from None
+    except (OSError, pl.exceptions.PolarsError) as error:
+        _find_bad_row(path, label, len(header))
+        raise InputError(f"{label}: {_first_line(error)}") from None
+    last_known = [h.strip() for h in header][-1]
+    if table[last_known].null_count():
+        _find_bad_row(path, label, len(header))
+    return check_table(table, label)
+
+
+def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
+    """The known columns of a table as float64, checked for finite values and time that runs forward."""
+    _check_columns(table.columns, label)
+    known = [c for c in (*REQUIRED, *OPTIONAL) if c in table.columns]
+    try:
+        table = table.select(pl.col(known).cast(pl.Float64))
+    except pl.exceptions.PolarsError as error:
+        raise InputError(f"{label}: {_first_line(error)}") from None
+    if table.height < 2:
+        raise InputError(f"{label}: row {table.height + 1}: a run needs two samples at least")
+    for name in known:
+        column = table[name]
+        bad = column.is_null() if name in REQUIRED else pl.repeat(False, table.height, eager=True)
+        bad = bad | (column.is_finite() == False).fill_null(False)  # noqa: E712
+        if bad.any():
+            row = int(bad.arg_true()[0])
+            value = column[row]
+            raise InputError(f"{label}: row {row + 2}: {name} is {'empty' if value is None else value}, not a finite number")
+    t_s = table["t_s"].to_numpy()
+    back = np.flatnonzero(np.diff(np.rint(t_s * 1e6)) <= 0)
+    if back.size:
+        row = int(back[0]) + 1
+        word = "repeats" if t_s[row] == t_s[row - 1] else "goes back or moves by less than 1 us"
+        raise InputError(f"{label}: row {row + 2}: t_s {word} ({t_s[row - 1]:.9g} then {t_s[row]:.9g})")
+    return table.rechunk()
+
+
+def _check_columns(columns: list[str], label: str) -> None:
+    doubled = {c for c in columns if columns.count(c) > 1}
+    if doubled:
+        raise InputError(f"{label}: row 1: column {sorted(doubled)[0]!r} stands twice in the header")
+    missing = [c for c in REQUIRED if c not in columns]
+    if missing:
+        raise InputError(f"{label}: row 1: the header lacks {', '.join(missing)}; it has {', '.join(columns)[:120]}")
+
+
+def _find_bad_row(path: Path, label: str, width: int) -> None:
+    """Name the first row that is short, long or not a number; returns where there is none."""
+    with path.open("r", encoding="utf-8", errors="replace") as handle:
+        next(handle)
+        for number, line in enumerate(handle, start=2):
+            if not line.strip():
+                raise InputError(f"{label}: row {number}: empty row")
+            cells = line.rstrip("\r\n").split(",")
+            if len(cells) != width:
+                raise InputError(f"{label}: row {number}: {len(cells)} cells, the header has {width}")
+            for cell in cells:
+                try:
+                    if cell.strip():
+                        float(cell)
+                except ValueError:
+                    raise InputError(f"{label}: row {number}: {cell.strip()!r} is not a number") from None
+
+
+def _first_line(error: BaseException) -> str:
+    text = str(error).strip() or type(error).__name__
+    return text.splitlines()[0]
+
+
+def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
+    return Run(
+        index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
+        entry.day, entry.power_on_s, header.sample_rate_hz, path=folder / entry.file,
+    )  # fmt: skip
+
+
+def _check_rate_known(run: Run) -> None:
+    reference = run.column("rate_ref_dps")
+    if reference is not None and not all(map(math.isfinite, reference)):
+        row = int(np.flatnonzero(~np.isfinite(reference))[0])
+        raise InputError(f"{run.file}: row {row + 2}: rate_ref_dps is empty; the true rate is needed at every sample")
+    if reference is None and run.table_rate_dps is None and run.turn_deg is None:
+        raise InputError(f"{run.file}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")
