@@ -1,0 +1,240 @@
+"""The wire's codec: sentences to and from bytes, as the core's PROTOCOL.md says (version 1).
+
+The host reads in chunks of any length: :class:`Reader` cuts them into lines, checks each line's CRC and each sensor's
+sequence numbers, and counts what is missing.
+"""
+
+from __future__ import annotations
+
+import binascii
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gyrocal.errors import DeviceError
+
+PROTOCOL = 1
+MAX_LINE = 240
+"""Longest line, bytes, its newline not counted."""
+
+RAW_FIELDS = ("n", "gx", "gy", "gz", "ax", "ay", "az", "temp")
+TEMP_ZERO_C = 25.0
+TEMP_COUNTS_PER_C = 256.0
+"""LSM6DSO datasheet: 0 counts at 25 degC, 256 counts a degree."""
+
+_SEQ_RANGE = 1 << 32
+_T_RANGE = 1 << 64
+_IMU_RANGE = 1 << 8
+
+Field = str | int | float | None
+
+
+class Sentence(NamedTuple):
+    """One sentence, its CRC checked. ``t_us``: device time, microseconds; ``text``: the fields as they came."""
+
+    tag: str
+    seq: int
+    t_us: int
+    imu: int
+    text: str
+
+    @property
+    def fields(self) -> dict[str, str]:
+        """The ``name=value`` fields; a value that does not exist is an empty string."""
+        return {name: value for name, equals, value in (p.partition("=") for p in self.text.split(",")) if equals}
+
+    def real(self, name: str) -> float | None:
+        """Field ``name`` as a number; None where it is absent, empty or not a finite number."""
+        try:
+            value = float(self.fields[name])
+        except (KeyError, ValueError):
+            return None
+        return value if math.isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """Samples of ``$RAW`` sentences in their order.
+
+    ``t_us`` int64 [n], device time; ``imu`` int64 [n]; ``number`` int64 [n], the sample's number in its run or -1;
+    ``counts`` float64 [n, 7]: gx, gy, gz, ax, ay, az, temp in raw counts, NaN where the device has none.
+    """
+
+    t_us: np.ndarray[Any, np.dtype[np.int64]]
+    imu: np.ndarray[Any, np.dtype[np.int64]]
+    number: np.ndarray[Any, np.dtype[np.int64]]
+    counts: np.ndarray[Any, np.dtype[np.float64]]
+
+    def __len__(self) -> int:
+        return len(self.t_us)
+
+    def units(self, lsb_dps: float, lsb_g: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Shape [n, 7]: deg/s, g and degC in the order of ``counts``."""
+        values = self.counts * np.array([lsb_dps] * 3 + [lsb_g] * 3 + [1.0 / TEMP_COUNTS_PER_C])
+        values[:, 6] += TEMP_ZERO_C
+        return values
+
+
+def raw_table(sentences: Iterable[Sentence]) -> RawTable:
+    """The ``$RAW`` sentences among ``sentences`` as arrays; DeviceError where one does not hold what it should."""
+    raw = [s for s in sentences if s.tag == "RAW"]
+    for sentence in raw:
+        if sentence.text.count(",") != len(RAW_FIELDS) - 1:
+            raise _not_raw(sentence)
+    try:
+        values = _integers([s.text for s in raw])
+    except (ValueError, OverflowError):
+        for sentence in raw:
+            try:
+                _integers([sentence.text])
+            except (ValueError, OverflowError):
+                raise _not_raw(sentence) from None
+        raise
+    return RawTable(
+        np.fromiter((s.t_us for s in raw), np.int64, len(raw)),
+        np.fromiter((s.imu for s in raw), np.int64, len(raw)),
+        values[:, 0].astype(np.int64),
+        values[:, 1:],
+    )
+
+
+def _integers(texts: list[str]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    cells = ",".join(texts).split(",") if texts else []
+    values = np.array([int(cell) if cell else math.nan for cell in cells], np.float64).reshape(-1, len(RAW_FIELDS))
+    if not np.all(np.abs(values[:, 0]) < _SEQ_RANGE):
+        raise ValueError("a sample without a number")
+    return values
+
+
+def _not_raw(sentence: Sentence) -> DeviceError:
+    return DeviceError(f"sentence {sentence.seq}: $RAW wants the counts {','.join(RAW_FIELDS)}, got {sentence.text!r}")
+
+
+def crc16(body: bytes) -> int:
+    """CRC-16/CCITT-FALSE of the bytes between ``$`` and ``*``."""
+    return binascii.crc_hqx(body, 0xFFFF)
+
+
+def format_field(value: Field) -> str:
+    """A field's text: 9 significant digits for real numbers, empty for what does not exist."""
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return ""
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def encode(tag: str, seq: int, t_us: int, imu: int, fields: Mapping[str, Field] | Iterable[Field]) -> bytes:
+    """One sentence with its newline. A mapping gives ``name=value`` fields, anything else positional ones."""
+    if isinstance(fields, Mapping):
+        texts = [f"{name}={format_field(value)}" for name, value in fields.items()]
+    else:
+        texts = [format_field(value) for value in fields]
+    body = ",".join([tag, str(seq), str(t_us), str(imu), *texts]).encode("utf-8")
+    line = b"$%s*%04X" % (body, crc16(body))
+    decode(line)
+    return line + b"\n"
+
+
+def decode(line: bytes) -> Sentence:
+    """One sentence from one line, with or without its newline; DeviceError says in one line what is wrong with it."""
+    line = line.removesuffix(b"\n")
+    sentence = _parse(line)
+    if sentence is not None:
+        return sentence
+    shown = ascii(line[:80])[1:]
+    line = line.removesuffix(b"\r")
+    body, star, check = line.partition(b"*")
+    if len(line) > MAX_LINE:
+        raise DeviceError(f"a sentence of {len(line)} bytes, {MAX_LINE} are allowed: {shown}...")
+    if not line.startswith(b"$") or not star:
+        raise DeviceError(f"not a sentence, $TAG,SEQ,T_US,IMU,...*CRC: {shown}")
+    if check != b"%04X" % crc16(body[1:]):
+        raise DeviceError(f"the CRC of these bytes is {crc16(body[1:]):04X}, another one was sent: {shown}")
+    raise DeviceError(f"a sentence begins $TAG,SEQ,T_US,IMU with three capitals and three whole numbers: {shown}")
+
+
+def _parse(line: bytes) -> Sentence | None:
+    """The sentence in a line without its newline; None if it does not check."""
+    if line.endswith(b"\r"):
+        line = line[:-1]
+    body, _, check = line.partition(b"*")
+    if check != b"%04X" % binascii.crc_hqx(body[1:], 0xFFFF) or len(line) > MAX_LINE or not line.startswith(b"$"):
+        return None
+    parts = str(body, "latin-1").split(",", 4)
+    if len(parts) == 4:
+        parts.append("")
+    elif len(parts) < 4:
+        return None
+    tag, seq_text, t_text, imu_text, text = parts
+    if not (seq_text.isdecimal() and t_text.isdecimal() and imu_text.isdecimal() and body.isascii()):
+        return None
+    seq, t_us, imu = int(seq_text), int(t_text), int(imu_text)
+    if seq >= _SEQ_RANGE or t_us >= _T_RANGE or imu >= _IMU_RANGE or not text.isprintable():
+        return None
+    if len(tag) != 4 or not (tag[1:].isalpha() and tag.isupper()):
+        return None
+    return Sentence(tag[1:], seq, t_us, imu, text)
+
+
+@dataclass
+class Reader:
+    """Cuts a stream of chunks into sentences and counts what went wrong.
+
+    ``bad``: lines that start with ``$`` but do not check; ``lost``: sentences whose numbers never came whole, dropped
+    by the device or damaged on the way; ``overlong``: lines over 240 bytes; ``restarts``: times that a sequence went
+    back, so the device had started anew; ``logs``: the latest ``#`` lines, for a person.
+    """
+
+    good: int = 0
+    bad: int = 0
+    lost: int = 0
+    overlong: int = 0
+    restarts: int = 0
+    logs: deque[str] = field(default_factory=lambda: deque(maxlen=100))
+    _rest: bytes = b""
+    _skipping: bool = False
+    _next: dict[int, int] = field(default_factory=dict)
+
+    def feed(self, chunk: bytes) -> list[Sentence]:
+        """The sentences that ``chunk`` completes, in order."""
+        lines = (self._rest + chunk).split(b"\n")
+        self._rest = lines.pop()
+        if self._skipping and lines:
+            self._skipping = False
+            del lines[0]
+        if len(self._rest) > MAX_LINE + 1 or self._skipping:
+            self.overlong += not self._skipping
+            self._skipping = True
+            self._rest = b""
+
+        sentences = []
+        following = self._next
+        for line in lines:
+            sentence = _parse(line)
+            if sentence is None:
+                self._count_other(line)
+                continue
+            sentences.append(sentence)
+            _, seq, _, imu, _ = sentence
+            if seq != following.get(imu, seq):
+                self._count_jump((seq - following[imu]) % _SEQ_RANGE)
+            following[imu] = (seq + 1) % _SEQ_RANGE
+        self.good += len(sentences)
+        return sentences
+
+    def _count_jump(self, missing: int) -> None:
+        if missing < _SEQ_RANGE // 2:
+            self.lost += missing
+        else:
+            self.restarts += 1
+
+    def _count_other(self, line: bytes) -> None:
+        if len(line) > MAX_LINE + line.endswith(b"\r"):
+            self.overlong += 1
+        elif line.startswith(b"$"):
+            self.bad += 1
+        elif line.startswith(b"#"):
+            self.logs.append(line[1:].decode("utf-8", "replace").strip())
