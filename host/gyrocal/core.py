@@ -18,10 +18,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from gyrocal_firmware import CORE, INCLUDE, SIM
 from numpy.typing import ArrayLike, NDArray
 
 from gyrocal.errors import GyrocalError, InputError
-from gyrocal_firmware import CORE, INCLUDE, SIM
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 SHARED = ("-fPIC", "-shared")
@@ -97,9 +97,8 @@ def build(
     """
     command, texts = compiler(), texts or {}
     headers = [header for folder in include_dirs for header in sorted(folder.rglob("*.h"))]
-    digest = hashlib.sha256(
-        repr((command, _compiler_version(command), FLAGS, tuple(flags), sorted(texts.items()))).encode()
-    )
+    key = (command, _compiler_version(command), FLAGS, tuple(flags), sorted(texts.items()))
+    digest = hashlib.sha256(repr(key).encode())
     for path in (*sources, *headers):
         digest.update(str(path).encode() + b"\0" + path.read_bytes() + b"\0")
     built = cache_dir() / f"{name}-{digest.hexdigest()[:24]}{'.so' if '-shared' in flags else ''}"

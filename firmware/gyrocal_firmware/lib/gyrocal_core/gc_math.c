@@ -8,20 +8,17 @@
 #error "float must be evaluated as float: on 32-bit x86 compile with -msse2 -mfpmath=sse"
 #endif
 
-static float from_bits(uint32_t bits)
-{
+static float from_bits(uint32_t bits) {
     float value;
     memcpy(&value, &bits, sizeof value);
     return value;
 }
 
-static int32_t nearest(float x)
-{
+static int32_t nearest(float x) {
     return (int32_t)(x < 0.0f ? x - 0.5f : x + 0.5f);
 }
 
-float gc_exp(float x)
-{
+float gc_exp(float x) {
     if (x != x) {
         return x;
     }
@@ -47,8 +44,7 @@ float gc_exp(float x)
     return e * from_bits((uint32_t)(n + 127) << 23);
 }
 
-float gc_tanh(float x)
-{
+float gc_tanh(float x) {
     float size = x < 0.0f ? -x : x;
     if (size < 0.625f) { /* an odd polynomial */
         float u = x * x;
@@ -67,8 +63,7 @@ float gc_tanh(float x)
 }
 
 /* sin(2 pi (turns + quarters / 4)) */
-static float sin_quarters(float turns, int32_t quarters)
-{
+static float sin_quarters(float turns, int32_t quarters) {
     if (turns - turns != 0.0f) {
         return turns - turns; /* NaN, and infinity has no angle */
     }
@@ -99,12 +94,10 @@ static float sin_quarters(float turns, int32_t quarters)
     return quarters & 2 ? -y : y;
 }
 
-float gc_sin_turn(float turns)
-{
+float gc_sin_turn(float turns) {
     return sin_quarters(turns, 0);
 }
 
-float gc_cos_turn(float turns)
-{
+float gc_cos_turn(float turns) {
     return sin_quarters(turns, 1);
 }
