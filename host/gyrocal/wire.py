@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import binascii
 import math
+import re
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -18,14 +19,12 @@ import numpy as np
 from gyrocal.errors import DeviceError
 
 PROTOCOL = 1
-MAX_LINE = 240
-"""Longest line, bytes, its newline not counted."""
+MAX_LINE = 320
+"""Longest line, bytes, its line end counted."""
+MAX_FIELDS = 24
 
 RAW_FIELDS = ("n", "gx", "gy", "gz", "ax", "ay", "az", "temp")
-TEMP_ZERO_C = 25.0
-TEMP_COUNTS_PER_C = 256.0
-"""LSM6DSO datasheet: 0 counts at 25 degC, 256 counts a degree."""
-
+_REAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?").fullmatch
 _SEQ_RANGE = 1 << 32
 _T_RANGE = 1 << 64
 _IMU_RANGE = 1 << 8
@@ -49,11 +48,7 @@ class Sentence(NamedTuple):
 
     def real(self, name: str) -> float | None:
         """Field ``name`` as a number; None where it is absent, empty or not a finite number."""
-        try:
-            value = float(self.fields[name])
-        except (KeyError, ValueError):
-            return None
-        return value if math.isfinite(value) else None
+        return parse_real(self.fields.get(name, ""))
 
 
 @dataclass(frozen=True)
@@ -71,12 +66,6 @@ class RawTable:
 
     def __len__(self) -> int:
         return len(self.t_us)
-
-    def units(self, lsb_dps: float, lsb_g: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Shape [n, 7]: deg/s, g and degC in the order of ``counts``."""
-        values = self.counts * np.array([lsb_dps] * 3 + [lsb_g] * 3 + [1.0 / TEMP_COUNTS_PER_C])
-        values[:, 6] += TEMP_ZERO_C
-        return values
 
 
 def raw_table(sentences: Iterable[Sentence]) -> RawTable:
@@ -126,6 +115,12 @@ def format_field(value: Field) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
+def parse_real(text: str) -> float | None:
+    """A field's text as a number; None where it is empty or not a finite decimal number."""
+    value = float(text) if _REAL(text) else math.nan
+    return value if math.isfinite(value) else None
+
+
 def encode(tag: str, seq: int, t_us: int, imu: int, fields: Mapping[str, Field] | Iterable[Field]) -> bytes:
     """One sentence with its newline. A mapping gives ``name=value`` fields, anything else positional ones."""
     if isinstance(fields, Mapping):
@@ -147,13 +142,13 @@ def decode(line: bytes) -> Sentence:
     shown = ascii(line[:80])[1:]
     line = line.removesuffix(b"\r")
     body, star, check = line.partition(b"*")
-    if len(line) > MAX_LINE:
+    if len(line) >= MAX_LINE:
         raise DeviceError(f"a sentence of {len(line)} bytes, {MAX_LINE} are allowed: {shown}...")
     if not line.startswith(b"$") or not star:
         raise DeviceError(f"not a sentence, $TAG,SEQ,T_US,IMU,...*CRC: {shown}")
     if check != b"%04X" % crc16(body[1:]):
         raise DeviceError(f"the CRC of these bytes is {crc16(body[1:]):04X}, another one was sent: {shown}")
-    raise DeviceError(f"a sentence begins $TAG,SEQ,T_US,IMU with three capitals and three whole numbers: {shown}")
+    raise DeviceError(f"want $TAG,SEQ,T_US,IMU: three capitals, whole numbers, then 24 fields at most; got {shown}")
 
 
 def _parse(line: bytes) -> Sentence | None:
@@ -161,7 +156,7 @@ def _parse(line: bytes) -> Sentence | None:
     if line.endswith(b"\r"):
         line = line[:-1]
     body, _, check = line.partition(b"*")
-    if check != b"%04X" % binascii.crc_hqx(body[1:], 0xFFFF) or len(line) > MAX_LINE or not line.startswith(b"$"):
+    if check != b"%04X" % binascii.crc_hqx(body[1:], 0xFFFF) or len(line) >= MAX_LINE or not line.startswith(b"$"):
         return None
     parts = str(body, "latin-1").split(",", 4)
     if len(parts) == 4:
@@ -172,9 +167,9 @@ def _parse(line: bytes) -> Sentence | None:
     if not (seq_text.isdecimal() and t_text.isdecimal() and imu_text.isdecimal() and body.isascii()):
         return None
     seq, t_us, imu = int(seq_text), int(t_text), int(imu_text)
-    if seq >= _SEQ_RANGE or t_us >= _T_RANGE or imu >= _IMU_RANGE or not text.isprintable():
+    if seq >= _SEQ_RANGE or t_us >= _T_RANGE or imu >= _IMU_RANGE or text.count(",") >= MAX_FIELDS:
         return None
-    if len(tag) != 4 or not (tag[1:].isalpha() and tag.isupper()):
+    if len(tag) != 4 or not (tag[1:].isalpha() and tag.isupper() and text.isprintable()):
         return None
     return Sentence(tag[1:], seq, t_us, imu, text)
 
@@ -184,8 +179,8 @@ class Reader:
     """Cuts a stream of chunks into sentences and counts what went wrong.
 
     ``bad``: lines that start with ``$`` but do not check; ``lost``: sentences whose numbers never came whole, dropped
-    by the device or damaged on the way; ``overlong``: lines over 240 bytes; ``restarts``: times that a sequence went
-    back, so the device had started anew; ``logs``: the latest ``#`` lines, for a person.
+    by the device or damaged on the way; ``overlong``: lines of more than 320 bytes; ``restarts``: times that a
+    sequence went back, so the device had started anew; ``logs``: the latest ``#`` lines, for a person.
     """
 
     good: int = 0
@@ -205,7 +200,7 @@ class Reader:
         if self._skipping and lines:
             self._skipping = False
             del lines[0]
-        if len(self._rest) > MAX_LINE + 1 or self._skipping:
+        if len(self._rest) >= MAX_LINE or self._skipping:
             self.overlong += not self._skipping
             self._skipping = True
             self._rest = b""
@@ -232,7 +227,7 @@ class Reader:
             self.restarts += 1
 
     def _count_other(self, line: bytes) -> None:
-        if len(line) > MAX_LINE + line.endswith(b"\r"):
+        if len(line) >= MAX_LINE:
             self.overlong += 1
         elif line.startswith(b"$"):
             self.bad += 1

@@ -1,0 +1,82 @@
+"""``gyrocal import``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+CUT = "NAME:START:END[:key=value,...]"
+META = "PATTERN:key=value,..."
+
+
+def run(
+    src: Annotated[Path, typer.Argument(metavar="SRC", help="CSV (gzip or not), Parquet, or an EuRoC folder.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The session's folder, made anew.")],
+    maps: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="TARGET=COLUMN[:UNIT][*FACTOR]", help="Take a column, e.g. gx_dps=gyr_x:rad/s."),
+    ] = None,
+    form: Annotated[str | None, typer.Option("--format", help="euroc: the columns of its imu0/data.csv.")] = None,
+    columns: Annotated[str | None, typer.Option(help="Names of all columns, a,b,c, where the file has none.")] = None,
+    skip: Annotated[int | None, typer.Option(min=0, help="Lines above the header (found by itself).")] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option(help="Samples a second; gives the time where no t_s is mapped.")
+    ] = None,
+    lsb_dps: Annotated[float | None, typer.Option(help="One gyro count, deg/s (unit `counts`).")] = None,
+    lsb_g: Annotated[float | None, typer.Option(help="One accelerometer count, g (unit `counts`).")] = None,
+    full_scale_dps: Annotated[float | None, typer.Option(help="Where the gyro clips, deg/s.")] = None,
+    sensor: Annotated[str | None, typer.Option(help="The part's name.")] = None,
+    runs: Annotated[
+        list[str] | None,
+        typer.Option("--run", metavar=CUT, help="Cut a run: rows (from 0) or seconds (5.2s), the end not taken."),
+    ] = None,
+    sections: Annotated[
+        Path | None, typer.Option(help='Cut runs as a JSON file says: {"name": {"start": row, "end": row}}.')
+    ] = None,
+    run_meta: Annotated[
+        list[str] | None, typer.Option(metavar=META, help="Facts of the runs whose names fit, e.g. '*_rot:turn=360'.")
+    ] = None,
+    axis: Annotated[str, typer.Option(help="The sensor's axis along the table's: x, y or z.")] = "z",
+    face: Annotated[str | None, typer.Option(help="up or down.")] = None,
+    rate: Annotated[float | None, typer.Option(help="The table's true rate, deg/s, signed; 0 = at rest.")] = None,
+    turn_deg: Annotated[float | None, typer.Option(help="The run's known net angle instead of a rate, deg.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Runs of one power cycle share it.")] = None,
+    day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
+    power_on_s: Annotated[float | None, typer.Option(help="From power-on to the first sample, s.")] = None,
+    append: Annotated[bool, typer.Option("--append", help="Add runs to a session that is there.")] = False,
+) -> None:
+    """Make a session of somebody else's recording.
+
+    Units: s ms us ns samples; dps deg/s mdps rad/s counts; g mg m/s2 counts; degC K degF; deg rad turn. Keys of a run:
+    face, axis, rate, turn, scenario, day, power_on_s.
+
+    gyrocal import up.csv out --map t_s=time:ms --map gx_dps=gyr_x:rad/s --map gy_dps=gyr_y:rad/s
+    --map gz_dps=gyr_z:rad/s --face up --rate 78
+    """
+    from gyrocal import importer
+
+    cuts = [importer.Cut.parse(text) for text in runs or ()]
+    if sections is not None:
+        cuts += importer.read_sections(sections)
+    given = {
+        "face": face, "axis": axis, "table_rate_dps": rate, "turn_deg": turn_deg, "scenario": scenario, "day": day,
+        "power_on_s": power_on_s,
+    }  # fmt: skip
+    session = importer.import_recording(
+        src,
+        out,
+        maps or (),
+        cuts=cuts,
+        run_meta=run_meta or (),
+        defaults=importer.check_meta({k: v for k, v in given.items() if v is not None}, "options"),
+        axis=axis,
+        scaling=importer.Scaling(rate_hz, lsb_dps, lsb_g),
+        columns=[c.strip() for c in columns.split(",")] if columns else None,
+        skip=skip,
+        form=form,
+        sensor=sensor,
+        full_scale_dps=full_scale_dps,
+        append=append,
+    )
+    samples = sum(len(r) for r in session.runs)
+    print(f"{out}: {len(session.runs)} runs, {samples} samples at {session.sample_rate_hz:g} Hz")
