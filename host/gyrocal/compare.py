@@ -1,0 +1,220 @@
+"""The model held against the measurements: how much error is left beyond the noise, and where it shows.
+
+``rms`` is of held-out samples. ``floor`` is what noise alone would leave: white noise and quantisation as the scatter within a
+tenth of a second shows them (lines taken out), drift, and the turn-on bias, which no model can know beforehand. ``excess`` is
+what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from gyrocal import heldout
+from gyrocal.errors import InputError
+from gyrocal.fit import Fit, fit
+from gyrocal.heldout import Prediction
+from gyrocal.model import Model
+from gyrocal.probes import Finding, beside, probe, slow_probes
+from gyrocal.session import AXES, Array, Session
+from gyrocal.spectrum import Spectrum, spectrum
+
+ALARM = 0.01
+"""Chance of crying misfit on a session that holds none, all tests together (the contract allows 0.02)."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Level:
+    """rms of held-out residuals, what noise alone leaves of it, and the excess; deg/s. None where nothing can be held out."""
+
+    rms_dps: float | None
+    floor_dps: float
+    excess_dps: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        return {"rms_dps": self.rms_dps, "floor_dps": self.floor_dps, "excess_dps": self.excess_dps}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What ``compare`` found. ``fit`` holds the model fitted on all data."""
+
+    fit: Fit
+    pooled: Level
+    per_axis: dict[str, Level]
+    where: list[Finding]
+    held_out: str
+    """What was left out in turn: ``day``, ``scenario``, ``run``, ``time`` or, where nothing could be, ``none``."""
+    spectra: dict[str, Spectrum] = field(repr=False)
+
+    @property
+    def floors(self) -> dict[str, float]:
+        """The floor of each axis, deg/s."""
+        return {axis: level.floor_dps for axis, level in self.per_axis.items()}
+
+    @property
+    def verdict(self) -> str:
+        return "misfit" if self.where else "adequate"
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "model": self.fit.model.ids,
+            **self.pooled.to_json(),
+            "per_axis": {axis: level.to_json() for axis, level in self.per_axis.items()},
+            "verdict": self.verdict,
+            "where": [
+                {"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note} for f in self.where
+            ],
+            "held_out": self.held_out,
+        }
+
+
+def compare(
+    session: Session, model: Model | str | Path | None = None, *, floor_from: dict[str, float] | None = None, only_day: int | None = None,
+    progress: Progress | None = None,
+) -> Comparison:  # fmt: skip
+    """Fit a model to a session, judge it on held-out data, and find where it fails.
+
+    ``floor_from``: the richer model's floors by axis (``Comparison.floors``), for both when two models are compared.
+    """
+    fitted = fit(session, Model.open(model), progress=progress)
+    if not fitted.axes:
+        raise InputError("the model has no term on any axis; give it scale and bias at least")
+    folds = heldout.folds(fitted, only_day)
+    if only_day is not None and not folds:
+        days = ", ".join(map(str, session.days)) or "none"
+        raise InputError(f"--heldout-day {only_day}: no such day, or it cannot be left out; the session's days: {days}")
+    if progress is not None:
+        progress("judging on held-out data")
+    held = list(heldout.predictions(fitted, folds))
+    residuals = {axis: [p.residual_dps for p in heldout.fitted(fitted) if AXES[p.axis] == axis] for axis in fitted.axes}
+    spectra = {axis: spectrum_of(fitted, r) for axis, r in residuals.items()}
+    where = find_misfit(session, fitted, spectra, progress)
+    floors = {axis: _floor(fitted, axis, where) for axis in fitted.axes} if floor_from is None else floor_from
+    per_axis = {axis: _level([p for p in held if AXES[p.axis] == axis], floors[axis]) for axis in fitted.axes}
+    pooled = _level(held, float(np.sqrt(np.mean([f**2 for f in floors.values()]))))
+    return Comparison(fitted, pooled, per_axis, where, _kind(session, folds), spectra)
+
+
+def _floor(fitted: Fit, axis: str, where: list[Finding]) -> float:
+    """The rms that white noise, quantisation, drift and turn-on bias predict, deg/s.
+
+    Where probes found something, drift and turn-on bias are those that are left beside it: else they would swallow it.
+    """
+    found = fitted.axes[axis]
+    kinds = [f.kind for f in where if f.axis == axis and f.kind is not None]
+    if kinds:
+        found = beside(found, axis, kinds)
+    residuals = [p for p in heldout.fitted(fitted) if AXES[p.axis] == axis]
+    white = _white_power(fitted, residuals) - spectrum_of(fitted, [p.residual_dps for p in residuals]).line_power(1e-3)
+    return float(np.sqrt(max(white, 0.0) + found.noise.ou_sd_dps**2 + found.turn_on_sd_dps**2))
+
+
+def _white_power(fitted: Fit, residuals: list[Prediction]) -> float:
+    """Mean square of one sample's noise: the scatter of residuals within blocks."""
+    by_run = {p.run.index: p.residual_dps for p in residuals}
+    total, count = 0.0, 0
+    for b in fitted.blocks:
+        if b.run.index not in by_run or b.within_n == 0:
+            continue
+        rows = b.start[:, None] + np.arange(int(b.n[0]))
+        grouped = by_run[b.run.index][rows]
+        total += float(((grouped - grouped.mean(axis=1, keepdims=True)) ** 2).sum())
+        count += b.within_n
+    if count < 10:  # slower than a sample a block: the fit's own white level
+        return float(np.mean([a.noise.white_sd_dps**2 for a in fitted.axes.values()]))
+    return total / count
+
+
+def spectrum_of(fitted: Fit, residuals: list[Array]) -> Spectrum:
+    return spectrum(residuals, fitted.session.sample_rate_hz)
+
+
+def _level(held: list[Prediction], floor: float) -> Level:
+    if not held:
+        return Level(None, floor, None)
+    total = sum(float(np.sum(p.residual_dps**2)) for p in held)
+    rms = float(np.sqrt(total / sum(p.residual_dps.size for p in held)))
+    return Level(rms, floor, float(np.sqrt(max(0.0, rms**2 - floor**2))))
+
+
+def _kind(session: Session, folds: list[heldout.Fold]) -> str:
+    if not folds:
+        return "none"
+    if folds[0].time is not None:
+        return "time"
+    labels = {f.label for f in folds}
+    if labels <= {str(r.day) for r in session.runs}:
+        return "day"
+    return "scenario" if labels <= set(session.scenarios) else "run"
+
+
+def find_misfit(session: Session, fitted: Fit, spectra: dict[str, Spectrum], progress: Progress | None = None) -> list[Finding]:
+    """Every probe on every axis; those that noise explains with less than its share of :data:`ALARM`, strongest first."""
+    tests = [(axis, against, kind) for axis in fitted.axes for against, kinds in slow_probes(session, AXES.index(axis)) for kind in kinds]
+    share = ALARM / (len(tests) + 2 * len(fitted.axes))
+    found: list[Finding] = []
+    for axis, against, kind in tests:
+        if progress is not None:
+            progress(f"looking at {axis} against {against.replace('_', ' ')}")
+        finding = probe(fitted.axes[axis], axis, against, kind, share)
+        if finding is not None and finding.chance < share:
+            found.append(finding)
+    for axis, lines in spectra.items():
+        peak = lines.peak()
+        if peak is not None and peak[2] < share:
+            frequency_hz, amplitude_dps, chance = peak
+            strength = float(np.sqrt(lines.segments * lines.samples / 2) * amplitude_dps / np.sqrt(np.median(lines.level) * fitted.session.sample_rate_hz / 2))
+            note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
+            found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
+        reading = reading_fault(session, axis, share)
+        if reading is not None:
+            found.append(reading)
+    return sorted(found, key=lambda f: -f.strength)
+
+
+def reading_fault(session: Session, axis: str, alarm: float) -> Finding | None:
+    """Bits of the raw code that noise should toggle and that do not: a byte put together wrongly, a stuck bit."""
+    from scipy.stats import norm
+
+    if session.lsb_dps is None:
+        return None
+    readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
+    codes = np.concatenate([np.rint(g / session.lsb_dps).astype(np.int64) for g in readings])
+    noise = float(np.sqrt(np.mean(np.concatenate([np.diff(g) for g in readings]) ** 2) / 2)) / session.lsb_dps
+    worst: Finding | None = None
+    for bit in range(16):
+        if 2 ** (bit + 1) > 2 * noise:  # a bit that noise does not reach may well stand still
+            break
+        ones = float(np.mean((codes >> bit) & 1))
+        z = abs(ones - 0.5) * 2 * np.sqrt(codes.size) / max(1.0, 2**bit)
+        chance = min(1.0, 2 * float(norm.sf(z)) * 16)
+        if abs(ones - 0.5) > 0.25 and chance < alarm and (worst is None or z > worst.strength):
+            note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
+            worst = Finding(axis, "reading", float(z), chance, 2**bit * session.lsb_dps, note)
+    return worst
+
+
+def residual_table(comparison: Comparison) -> pl.DataFrame:
+    """Held-out predictions (in sample where nothing can be held out): file, t_s, axis, measured_dps, modelled_dps."""
+    fitted = comparison.fit
+    folds = heldout.folds(fitted) if comparison.held_out != "none" else []
+    source = heldout.predictions(fitted, folds) if folds else heldout.fitted(fitted)
+    parts = [
+        pl.DataFrame({
+            "file": pl.repeat(p.run.file, p.modelled_dps.size, eager=True),
+            "t_s": p.run.t_s[p.rows],
+            "axis": pl.repeat(AXES[p.axis], p.modelled_dps.size, eager=True),
+            "measured_dps": p.measured_dps,
+            "modelled_dps": p.modelled_dps,
+        })
+        for p in source
+    ]  # fmt: skip
+    return pl.concat(parts)

@@ -1,0 +1,29 @@
+"""Bias: what the gyroscope reads when nothing turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter
+from gyrocal.session import Array, Run
+
+
+class Bias(Effect):
+    id = "bias"
+    title = "Bias"
+    cause = (
+        "The drive and sense paths of the part are never perfectly balanced: quadrature leakage and amplifier offsets leave a "
+        "constant rate when nothing turns. Integrated over a minute, 0.1 deg/s is a heading error of 6 degrees."
+    )
+    equation = "bias_dps"
+    looks_like = "the vertical part of the Earth's rate (0.004 deg/s), which only the latitude can tell from it"
+    measure_next = "a run at rest, or two runs of opposite true rate"
+    parameters = (
+        Parameter("bias_dps", "dps", (0.02, 1.0), "LSM6DSO datasheet, table 2: zero-rate level +-1 dps", -0.05),
+    )
+    linear = ("bias_dps",)
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return np.ones((len(run), 1))

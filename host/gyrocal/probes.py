@@ -1,0 +1,217 @@
+"""Probes: tests that ask *against what* a model fails, without naming a cause.
+
+A probe is a set of columns like an effect's, but with no physics in it: steps of time, of temperature, a wave in the table's
+angle. It is fitted like an effect, noise and all, and judged by the size of its coefficients against their covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
+from gyrocal.fit import AxisFit, Design, carry_spreads, fit_noise, with_noise
+from gyrocal.model import Term
+from gyrocal.noise import Noise
+from gyrocal.session import Array, Run, Session
+
+MAX_STEPS = 16
+ORDERS = 6
+
+
+class Steps(Effect):
+    """Indicator columns: the variable in steps. The first step is left out, the bias stands for it."""
+
+    id, title, cause, equation, looks_like, measure_next = "steps", "", "", "", "", ""
+    parameters = ()
+
+    def __init__(self, variable: Callable[[Run], Array], edges: Array) -> None:
+        self.variable = variable
+        self.edges = edges
+        self.linear = tuple(f"step_{k}" for k in range(1, edges.size + 1))
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        step = np.searchsorted(self.edges, self.variable(run), side="right")
+        return (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
+
+
+class Linear(Effect):
+    """The variable's own columns."""
+
+    id, title, cause, equation, looks_like, measure_next = "linear", "", "", "", "", ""
+    parameters = ()
+
+    def __init__(self, variable: Callable[[Run], Array], count: int) -> None:
+        self.variable = variable
+        self.linear = tuple(f"c{k}" for k in range(count))
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return self.variable(run)
+
+
+class Wave(Effect):
+    """A wave in the table's angle, of a phase of its own in each run."""
+
+    id, title, cause, equation, looks_like, measure_next = "wave", "", "", "", "", ""
+    parameters = ()
+    scope = "run"
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.linear = ("a", "b")
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        angle = self.order * table_angle_rad(run)
+        turning = float(np.any(run.rate_dps != 0)) if not run.rate_is_mean else 0.0
+        return turning * np.column_stack([np.cos(angle), np.sin(angle)])
+
+    def groups(self, values: Mapping[str, float]) -> list[int]:
+        return [0, 0]
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        return {"sd": float(spread[0])}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a probe found on one axis. ``chance``: that noise alone does as much; ``strength``: signal to noise (about sigma)."""
+
+    axis: str
+    against: str
+    strength: float
+    chance: float
+    amplitude_dps: float
+    note: str
+    kind: Effect | None = field(default=None, repr=False, compare=False)
+
+
+def beside(current: AxisFit, axis: str, kinds: Sequence[Effect]) -> AxisFit:
+    """The model fitted with probes beside it: the noise that is left when what they found is taken out."""
+    terms = [Term(f"probe_{i}", axis, dict.fromkeys(kind.linear, 0.0), own=kind) for i, kind in enumerate(kinds)]
+    design = Design(current.design.blocks, current.design.axis, [*current.design.terms, *terms])
+    return fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+
+
+def time_edges(longest_s: float) -> Array:
+    """Steps of time, fine where transients live."""
+    edges = np.concatenate([[0.5, 1, 2, 3, 4.5, 6, 8, 11, 15], np.linspace(20, max(longest_s, 21), 7)[:-1]])
+    return edges[edges < 0.95 * longest_s][:MAX_STEPS]
+
+
+def quantile_edges(values: Array, resolution: float) -> Array:
+    """Steps that hold equally many samples each, no finer than ``resolution``."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, 9)[1:-1]))
+    return edges[np.concatenate([[True], np.diff(edges) > resolution])] if np.ptp(values) > 2 * resolution else np.zeros(0)
+
+
+def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
+    """The probes that a session allows on one axis, by what they hold the residual against."""
+    runs = [r for r in session.runs if not r.rate_is_mean]
+    if not runs:
+        return []
+    probes: list[tuple[str, list[Effect]]] = []
+    longest_s = max(r.duration_s for r in runs)
+    probes.append(("time", [Steps(elapsed_s, time_edges(longest_s))]))
+    if all(r.power_on_s is not None for r in runs):
+        p_s = np.array([r.power_on_s for r in runs])
+        if np.ptp(p_s) > 1.0:  # else it is the time in the run again
+            last_s = float(p_s.max()) + longest_s
+            edges = np.linspace(float(p_s.min()), last_s, 12)[1:-1]
+            probes.append(("power_on_time", [Steps(lambda r: (r.power_on_s or 0.0) + elapsed_s(r), edges)]))
+    if all(r.temp_c is not None and np.all(np.isfinite(r.temp_c)) for r in runs):
+        pooled = np.concatenate([r.temp_c for r in runs if r.temp_c is not None])
+        edges = quantile_edges(pooled, 0.05)
+        if edges.size:
+            probes.append(("temperature", [Steps(_temperature, edges)]))
+    rates = np.unique(np.round([float(np.mean(r.rate_dps)) if r.axis_index == axis else 0.0 for r in runs], 2))
+    if rates.size >= 3:
+        edges = (rates[1:] + rates[:-1]) / 2
+        probes.append(("rate", [Steps(lambda r: r.rate_dps if r.axis_index == axis else np.zeros(len(r)), edges)]))
+    if all(r.acc_g is not None and np.all(np.isfinite(r.acc_g)) for r in runs):
+        probes.append(("acceleration", [Linear(_acceleration, 3)]))
+    if any(np.any(r.rate_dps) for r in runs):
+        if all(r.column("table_angle_deg") is not None for r in runs):
+            probes.append(("table_angle", [Linear(_angle_waves, 2 * ORDERS)]))
+        else:
+            probes.append(("table_angle", [Wave(k) for k in range(1, ORDERS + 1)]))
+    return probes
+
+
+def _temperature(run: Run) -> Array:
+    assert run.temp_c is not None
+    return run.temp_c
+
+
+def _acceleration(run: Run) -> Array:
+    assert run.acc_g is not None
+    return run.acc_g
+
+
+def _angle_waves(run: Run) -> Array:
+    angle = table_angle_rad(run)
+    return np.column_stack([wave(k * angle) for k in range(1, ORDERS + 1) for wave in (np.cos, np.sin)])
+
+
+def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float) -> Finding | None:
+    """Fit a probe beside the model and judge it. None where the session cannot tell it from the model's own terms.
+
+    Judged first with no drift at all, which only a wave that is nowhere can survive; what passes is judged again with drift and
+    spreads estimated together with the probe.
+    """
+    from scipy.stats import chi2
+
+    term = Term("probe", axis, dict.fromkeys(kind.linear, 0.0), own=kind)
+    design = Design(current.design.blocks, current.design.axis, [*current.design.terms, term])
+    mine = len(design.terms) - 1
+    if kind.scope == "run":
+        start = with_noise(design, current.noise, carry_spreads(current, design))
+        gain = start.loglik - current.loglik
+        if gain < 2.0 and current.noise.ou_sd_dps == 0:
+            return None
+        fitted = fit_noise(design, start=start) if gain > 0.5 else start
+        gain = max(0.0, fitted.loglik - current.loglik)
+        sd = float(fitted.spreads.run[-1])
+        amplitude = sd * float(np.sqrt(2))
+        order = kind.order if isinstance(kind, Wave) else 0
+        note = f"{amplitude * 1e3:.3g} mdps, {order} a turn, of another phase in each run"
+        chance = float(0.5 * chi2.sf(2 * gain, 1)) if sd > 0 else 1.0
+        return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, kind)
+    columns = [j for j, (i, _) in enumerate(design.layout.fixed) if i == mine]
+    if not columns:
+        return None
+    white = Noise(current.noise.white_sd_dps)
+    statistic = _wald(with_noise(design, white, current.spreads), columns)
+    if chi2.sf(statistic, len(columns)) < alarm:
+        statistic = _wald(fit_noise(design, start=with_noise(design, current.noise, current.spreads)), columns)
+    fit = with_noise(design, current.noise, current.spreads)
+    parts = [_part(fit, i, columns) for i in range(len(design.blocks))]
+    amplitude = float(np.std(np.concatenate(parts)) * np.sqrt(2))
+    strength = float(np.sqrt(max(0.0, statistic - len(columns))))
+    chance = float(chi2.sf(statistic, len(columns)))
+    return Finding(axis, against, strength, chance, amplitude, _where(kind, fit, columns, amplitude), kind)
+
+
+def _where(kind: Effect, fit: AxisFit, columns: Sequence[int], amplitude_dps: float) -> str:
+    size = f"{amplitude_dps * 1e3:.3g} mdps"
+    if not isinstance(kind, Steps):
+        return f"{size} in all"
+    names = [fit.design.layout.fixed[c][1] for c in columns]
+    values = dict(zip(names, fit.solution.beta[list(columns)], strict=True))
+    centred = {k: v - float(np.mean(list(values.values()) or [0.0])) for k, v in values.items()}
+    k = max(centred, key=lambda j: abs(centred[j]))
+    low = f"{kind.edges[k]:.4g}"
+    high = f" to {kind.edges[k + 1]:.4g}" if k + 1 < kind.edges.size else " and more"
+    return f"{size} in all; most, {centred[k] * 1e3:+.3g} mdps, from {low}{high}"
+
+
+def _wald(fit: AxisFit, columns: Sequence[int]) -> float:
+    beta = fit.solution.beta[list(columns)]
+    cov = fit.solution.cov[np.ix_(columns, columns)]
+    return float(beta @ np.linalg.solve(cov, beta))
+
+
+def _part(fit: AxisFit, i: int, columns: Sequence[int]) -> Array:
+    index, matrices, _, _ = next(s for s in fit.design.stacks if i in s[0])
+    return fit.solution.beta[list(columns)] @ np.asarray(matrices[index.index(i)][[1 + c for c in columns]])

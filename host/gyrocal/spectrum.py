@@ -1,0 +1,79 @@
+"""Spectra of residuals: lines in them, and the level between the lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.session import Array
+
+LOWEST_HZ = 1.0
+LONGEST_SAMPLES = 1 << 14
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Periodograms averaged over ``segments`` stretches of equal length.
+
+    ``power`` [f] one-sided density, dps^2/Hz; ``level`` [f] the same between lines (a running median); ``tail`` [f] the chance
+    that noise alone reaches ``power`` at that frequency.
+    """
+
+    frequency_hz: Array
+    power: Array
+    level: Array
+    tail: Array
+    segments: int
+    samples: int
+
+    @property
+    def ratio(self) -> Array:
+        return self.power / self.level
+
+    def peak(self) -> tuple[float, float, float] | None:
+        """(frequency, amplitude of the tone in dps, chance that noise makes such a peak anywhere) of the strongest line."""
+        if self.frequency_hz.size == 0:
+            return None
+        k = int(np.argmin(self.tail)) if self.tail.min() > 0 else int(np.argmax(self.ratio))
+        bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0])
+        near = slice(max(0, k - 2), k + 3)
+        line_power = float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
+        chance = min(1.0, float(self.tail[k]) * self.frequency_hz.size)
+        return float(self.frequency_hz[k]), float(np.sqrt(2 * line_power)), chance
+
+    def line_power(self, chance: float) -> float:
+        """Mean square in lines that noise makes with less than ``chance``, dps^2."""
+        lines = self.tail * self.frequency_hz.size < chance
+        near = lines | np.roll(lines, 1) | np.roll(lines, -1)
+        bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0]) if self.frequency_hz.size > 1 else 0.0
+        return float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
+
+
+def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWEST_HZ) -> Spectrum:
+    """Average periodogram (Hann) of residuals [n], each cut into stretches as long as the shortest of them allows."""
+    from scipy.ndimage import median_filter
+    from scipy.stats import gamma
+
+    length = min(min(r.size for r in residuals), LONGEST_SAMPLES)
+    window = np.hanning(length)
+    gain = rate_hz * float((window**2).sum())
+    total = np.zeros(length // 2 + 1)
+    segments = 0
+    for r in residuals:
+        for start in range(0, r.size - length + 1, length):
+            piece = r[start : start + length]
+            total += 2 * np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2 / gain
+            segments += 1
+    frequency = np.fft.rfftfreq(length, 1 / rate_hz)
+    use = (frequency >= lowest_hz) & (frequency < rate_hz / 2)
+    power = total[use] / max(segments, 1)
+    if power.size < 8:
+        empty = np.zeros(0)
+        return Spectrum(empty, empty, empty, empty, segments, length)
+    width = min(power.size, max(15, power.size // 10) | 1)
+    # an averaged periodogram's ordinate is Gamma(segments)/segments times the level; its median sits a little lower
+    level = median_filter(power, width, mode="nearest") / (gamma.ppf(0.5, segments) / segments)
+    tail = gamma.sf(power / level * segments, segments)
+    return Spectrum(frequency[use], power, level, tail, segments, length)
