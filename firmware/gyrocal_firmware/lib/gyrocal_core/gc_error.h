@@ -7,41 +7,41 @@ extern "C" {
 #endif
 
 /* X(identifier, code, name, advice) */
-#define GC_ERRORS(X)                                                                                                       \
-    X(GC_E_BUS_NACK, -1, "bus_nack", "the sensor does not answer: check wiring, power and address")                        \
-    X(GC_E_BUS_SHORT, -2, "bus_short", "the sensor sent too few bytes: shorten the cable or slow the bus")                 \
-    X(GC_E_WRONG_ID, -3, "wrong_id", "another part answers at this address: connect an LSM6DSO")                           \
-    X(GC_E_RESET_TIMEOUT, -4, "reset_timeout", "the sensor does not come out of reset: power it off and on")               \
-    X(GC_E_CONFIG_REFUSED, -5, "config_refused", "the sensor did not keep its settings: power it off and on")              \
-    X(GC_E_CONFIG_LOST, -6, "config_lost", "the sensor lost its settings: check its supply for brown-outs")                \
-    X(GC_E_STALE, -7, "stale", "the sensor gives no new samples: power it off and on")                                     \
-    X(GC_E_STUCK_BIT, -8, "stuck_bit", "a bit of the reading never changes: replace the sensor")                           \
-    X(GC_E_CLIPPED, -9, "clipped", "the rate reached full scale: set full_scale_dps higher")                               \
-    X(GC_E_NOT_ONE_G, -10, "not_one_g", "at rest the accelerometer is far from 1 g: is it a DSO32 or moving")              \
-    X(GC_E_NOT_READY, -11, "not_ready", "the sensor is not set up yet: see the error before")                              \
-    X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                            \
-    X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                    \
-    X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                          \
-    X(GC_E_RECORDING, -23, "recording", "a run is going on: send stop first")                                              \
-    X(GC_E_NO_RUN, -24, "no_run", "no run is going on: send start first")                                                  \
-    X(GC_E_STORE, -25, "store_failed", "the setting holds until power-off: the board could not keep it")                   \
-    X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps, face and axis")         \
-    X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                                \
-    X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                   \
-    X(GC_E_UNIDENTIFIED, -40, "unidentified", "the runs do not tell the terms apart: give priors or fewer effects")        \
-    X(GC_E_PRIOR_COUPLED, -41, "prior_coupled", "the prior ties a run's own effects to shared terms: export again")        \
-    X(GC_E_TOO_MANY_COLUMNS, -42, "too_many_columns", "the calibration has over 8 effect columns: export fewer")           \
-    X(GC_E_WHITE_NOISE, -43, "no_white_noise", "the calibration has no white noise: export again")                         \
-    X(GC_E_CALIBRATION_AXIS, -44, "calibration_axis", "the calibration is for another axis: set axis or export again")     \
-    X(GC_E_NET_SAMPLE_RATE, -50, "net_sample_rate", "the network was trained for another rate_hz: set it or export again") \
-    X(GC_E_NET_RATE, -51, "net_table_rate", "the network was trained for another table rate: set it or export again")     \
-    X(GC_E_NET_WINDOW, -52, "net_window", "the network's window does not fit this firmware: export again")                 \
-    X(GC_E_NET_MEMORY, -53, "net_memory", "the network needs more memory than this firmware has: export a smaller one")    \
-    X(GC_E_NET_INPUT, -54, "net_input", "the network was given a reading that is no number: report this")                  \
-    X(GC_E_WIRE_START, -60, "wire_start", "the line is no sentence: it must start with $")                                 \
-    X(GC_E_WIRE_CRC, -61, "wire_crc", "the sentence was damaged on its way: check cable and speed")                        \
-    X(GC_E_WIRE_SYNTAX, -62, "wire_syntax", "the sentence is malformed: update firmware and host to one version")          \
-    X(GC_E_WIRE_TOO_LONG, -63, "wire_too_long", "the line is longer than 320 bytes: check the port's speed")               \
+#define GC_ERRORS(X)                                                                                                     \
+    X(GC_E_BUS_NACK, -1, "bus_nack", "the sensor does not answer: check wiring and power and address")                   \
+    X(GC_E_BUS_SHORT, -2, "bus_short", "the sensor sent too few bytes: shorten the cable or slow the bus")               \
+    X(GC_E_WRONG_ID, -3, "wrong_id", "another part answers at this address: connect an LSM6DSO")                         \
+    X(GC_E_RESET_TIMEOUT, -4, "reset_timeout", "the sensor does not come out of reset: power it off and on")             \
+    X(GC_E_CONFIG_REFUSED, -5, "config_refused", "the sensor did not keep its settings: power it off and on")            \
+    X(GC_E_CONFIG_LOST, -6, "config_lost", "the sensor lost its settings: check its supply for brown-outs")              \
+    X(GC_E_STALE, -7, "stale", "the sensor gives no new samples: power it off and on")                                   \
+    X(GC_E_STUCK_BIT, -8, "stuck_bit", "a bit of the reading never changes: replace the sensor")                         \
+    X(GC_E_CLIPPED, -9, "clipped", "the rate reached full scale: set full_scale_dps higher")                             \
+    X(GC_E_NOT_ONE_G, -10, "not_one_g", "at rest the accelerometer is far from 1 g: is it a DSO32 or moving")            \
+    X(GC_E_NOT_READY, -11, "not_ready", "the sensor is not set up yet: see the error before")                            \
+    X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                          \
+    X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                  \
+    X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
+    X(GC_E_RECORDING, -23, "recording", "a run is going on: send stop first")                                            \
+    X(GC_E_NO_RUN, -24, "no_run", "no run is going on: send start first")                                                \
+    X(GC_E_STORE, -25, "store_failed", "the setting holds until power-off: the board could not keep it")                 \
+    X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps, face and axis")       \
+    X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                              \
+    X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                 \
+    X(GC_E_UNIDENTIFIED, -40, "unidentified", "the runs do not tell the terms apart: give priors or fewer effects")      \
+    X(GC_E_PRIOR_COUPLED, -41, "prior_coupled", "the prior ties a run's own effects to shared terms: export again")      \
+    X(GC_E_TOO_MANY_COLUMNS, -42, "too_many_columns", "the calibration has over 8 effect columns: export fewer")         \
+    X(GC_E_WHITE_NOISE, -43, "no_white_noise", "the calibration has no white noise: export again")                       \
+    X(GC_E_CALIBRATION_AXIS, -44, "calibration_axis", "the calibration is for another axis: set axis or export again")   \
+    X(GC_E_NET_SAMPLE_RATE, -50, "net_sample_rate", "the network was trained for another rate_hz: set it or export again")\
+    X(GC_E_NET_RATE, -51, "net_table_rate", "the network was trained for another table rate: set it or export again")    \
+    X(GC_E_NET_WINDOW, -52, "net_window", "the network's window does not fit this firmware: export again")               \
+    X(GC_E_NET_MEMORY, -53, "net_memory", "the network needs more memory than this firmware has: export a smaller one")  \
+    X(GC_E_NET_INPUT, -54, "net_input", "the network was given a reading that is no number: report this")                \
+    X(GC_E_WIRE_START, -60, "wire_start", "the line is no sentence: it must start with a dollar sign")                   \
+    X(GC_E_WIRE_CRC, -61, "wire_crc", "the sentence was damaged on its way: check cable and speed")                      \
+    X(GC_E_WIRE_SYNTAX, -62, "wire_syntax", "the sentence is malformed: update firmware and host to one version")        \
+    X(GC_E_WIRE_TOO_LONG, -63, "wire_too_long", "the line is longer than 320 bytes: check the port's speed")             \
     X(GC_E_NUMBER, -64, "bad_number", "write a decimal number such as -78 or 1.5e-3")
 
 enum gc_error {

@@ -1,0 +1,56 @@
+/* A calibration as plain data: what include/calibration.h, written by `gyrocal export`, holds. */
+#ifndef GC_CALIBRATION_H
+#define GC_CALIBRATION_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_MAX_EFFECT_COLUMNS 8u
+#define GC_EFFECT_ARGS 4
+
+typedef struct {
+    float t_s;        /* time since the run's first sample */
+    float rate_dps;   /* true rate about the sensed axis */
+    float theta_turn; /* angle that this rate has turned since the run's first sample, in turns */
+    float temp_c;
+    float power_on_s; /* time since power-on */
+    float acc_g[3];
+} gc_effect_input_t;
+
+/* One regressor: its value at a sample, in deg/s per unit of its coefficient. arg holds its nonlinear parameters. */
+typedef float (*gc_effect_fn)(const gc_effect_input_t *in, const float arg[GC_EFFECT_ARGS]);
+
+/* Declares the regressor of effects/<id>.c: calibration.h declares those it uses, so no list is kept anywhere. */
+#define GC_EFFECT(id) float gc_effect_##id(const gc_effect_input_t *in, const float arg[GC_EFFECT_ARGS])
+
+typedef struct {
+    gc_effect_fn column;
+    float arg[GC_EFFECT_ARGS];
+} gc_effect_column_t;
+
+/* Parameters stand in the order [run columns, shared columns, bias, scale]; run columns have coefficients of their own in
+   each run, shared ones keep theirs. The prior is the Gaussian with this mean and with information R^T R, R upper
+   triangular, n x n row-major; a zero row is flat. R must not tie run columns to the others. NULL: all flat. */
+typedef struct {
+    const char *name;
+    char axis;        /* 'x', 'y' or 'z': the axis it was made for */
+    float rate_hz;    /* settings that a device starts with; 0 = the firmware's own */
+    float table_dps;
+    unsigned n_run_columns;
+    unsigned n_shared_columns;
+    const gc_effect_column_t *columns;
+    float white_sd_dps; /* of one sample */
+    float ou_sd_dps;    /* drift: an Ornstein-Uhlenbeck process; 0 = none */
+    float ou_tau_s;
+    const double *prior_mean;
+    const double *prior_sqrt_information;
+} gc_calibration_t;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

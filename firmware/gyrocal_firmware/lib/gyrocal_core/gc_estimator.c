@@ -1,0 +1,254 @@
+#include "gc_estimator.h"
+
+#include "gc_error.h"
+
+#include <math.h>
+#include <string.h>
+
+#define BLOCK_S (1e-6 * GC_BLOCK_US)
+#define PIVOT_MIN_SQ 1e-18 /* a pivot below 1e-9 of its column is rounding, not information */
+#define MAX_COLUMNS (GC_ESTIMATOR_PARAMETERS + 2u)
+
+/* State and a calibration's marginals at each checkpoint fit 4 kB. */
+typedef char gc_estimator_fits_4_kb[sizeof(gc_estimator_t) + GC_CHECKPOINTS * sizeof(gc_marginal_t) <= 4096u ? 1 : -1];
+
+static unsigned n_parameters(const gc_calibration_t *c) {
+    return c->n_run_columns + c->n_shared_columns + 2u;
+}
+
+/* Rotates a row, zero before column `first`, into the triangle; the row is used up. */
+static void rotate_in(double *triangle, unsigned columns, unsigned first, double *row) {
+    double *pivot = triangle + GC_TRIANGLE(columns) - GC_TRIANGLE(columns - first);
+    for (unsigned i = first; i < columns; pivot += columns - i, i++) {
+        if (row[i] == 0.0) {
+            continue;
+        }
+        const double r = sqrt(pivot[0] * pivot[0] + row[i] * row[i]);
+        const double c = pivot[0] / r;
+        const double s = row[i] / r;
+        pivot[0] = r;
+        for (unsigned j = i + 1u; j < columns; j++) {
+            const double upper = pivot[j - i];
+            pivot[j - i] = c * upper + s * row[j];
+            row[j] = c * row[j] - s * upper;
+        }
+    }
+}
+
+/* Row i of the prior over parameters [begin, n), with its right-hand side; false if it is flat. */
+static bool prior_row(const gc_calibration_t *c, unsigned i, unsigned begin, double *row) {
+    const unsigned n = n_parameters(c);
+    bool any = false;
+    double rhs = 0.0;
+    for (unsigned j = begin; j < n; j++) {
+        const double r = c->prior_sqrt_information != NULL && j >= i ? c->prior_sqrt_information[i * n + j] : 0.0;
+        any = any || r != 0.0;
+        row[j - begin] = r;
+        rhs += r != 0.0 ? r * c->prior_mean[j] : 0.0;
+    }
+    row[n - begin] = rhs;
+    return any;
+}
+
+int gc_estimator_check(const gc_calibration_t *c) {
+    if (c->n_run_columns > GC_MAX_EFFECT_COLUMNS || c->n_shared_columns > GC_MAX_EFFECT_COLUMNS - c->n_run_columns) {
+        return GC_E_TOO_MANY_COLUMNS;
+    }
+    if (!(c->white_sd_dps > 0.0f)) {
+        return GC_E_WHITE_NOISE;
+    }
+    for (unsigned i = 0; i < c->n_run_columns; i++) {
+        double row[MAX_COLUMNS];
+        if (prior_row(c, i, c->n_run_columns, row)) {
+            return GC_E_PRIOR_COUPLED;
+        }
+    }
+    return GC_OK;
+}
+
+bool gc_estimator_has_model(const gc_calibration_t *c) {
+    bool any = c->n_run_columns + c->n_shared_columns > 0u || c->ou_sd_dps > 0.0f;
+    for (unsigned i = 0; i < n_parameters(c) && !any; i++) {
+        double row[MAX_COLUMNS];
+        any = prior_row(c, i, 0, row);
+    }
+    return any;
+}
+
+void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibration, double rate_hz) {
+    memset(e, 0, sizeof *e);
+    e->calibration = calibration;
+    e->rate_hz = rate_hz;
+    const unsigned n = n_parameters(calibration);
+    if (calibration->ou_sd_dps > 0.0f) {
+        e->triangle[0] = 1.0 / (double)calibration->ou_sd_dps;
+    }
+    for (unsigned i = 0; i < calibration->n_run_columns; i++) {
+        double row[MAX_COLUMNS] = {0.0};
+        if (prior_row(calibration, i, 0, row + 1)) {
+            e->dof++;
+            for (unsigned j = 0; j < n; j++) {
+                e->norm_sq[j] += row[1u + j] * row[1u + j];
+            }
+            rotate_in(e->triangle, n + 2u, 1u + i, row);
+        }
+    }
+}
+
+/* exp(-x), x >= 0: the same bits on every CPU. */
+static double decay(double x) {
+    if (x > 700.0) {
+        return 0.0;
+    }
+    unsigned halvings = 0;
+    for (; x > 0.0625; x *= 0.5) {
+        halvings++;
+    }
+    double sum = 1.0;
+    for (unsigned k = 10; k > 0u; k--) {
+        sum = 1.0 - x * sum / (double)k;
+    }
+    for (; halvings > 0u; halvings--) {
+        sum *= sum;
+    }
+    return sum;
+}
+
+/* o_next = phi o + noise: one rotation eliminates o. */
+static void move_drift(gc_estimator_t *e, uint64_t blocks) {
+    const gc_calibration_t *calibration = e->calibration;
+    const double phi = decay((double)blocks * BLOCK_S / (double)calibration->ou_tau_s);
+    const double sigma = (double)calibration->ou_sd_dps * sqrt(1.0 - phi * phi);
+    const double r = sqrt(e->triangle[0] * e->triangle[0] + phi * phi / (sigma * sigma));
+    const double c = e->triangle[0] / r;
+    const double s = phi / sigma / r;
+    e->triangle[0] = c / sigma;
+    for (unsigned j = 1; j < n_parameters(calibration) + 2u; j++) {
+        e->triangle[j] *= s;
+    }
+}
+
+void gc_estimator_add_block(gc_estimator_t *e, uint64_t block, uint32_t n, double y_dps, double w_dps, const double *x) {
+    const gc_calibration_t *calibration = e->calibration;
+    const unsigned effects = calibration->n_run_columns + calibration->n_shared_columns;
+    const bool drift = calibration->ou_sd_dps > 0.0f;
+    if (drift && e->drifting) {
+        move_drift(e, block - e->last_block);
+    }
+    e->drifting = true;
+    e->last_block = block;
+
+    const double weight = sqrt((double)n) / (double)calibration->white_sd_dps;
+    double row[MAX_COLUMNS];
+    row[0] = drift ? weight : 0.0;
+    for (unsigned j = 0; j < effects; j++) {
+        row[1u + j] = weight * x[j];
+    }
+    row[1u + effects] = weight;
+    row[2u + effects] = weight * w_dps;
+    row[3u + effects] = weight * y_dps;
+    for (unsigned j = 0; j < effects + 2u; j++) {
+        e->norm_sq[j] += row[1u + j] * row[1u + j];
+    }
+    e->dof++;
+    rotate_in(e->triangle, effects + 4u, 0, row);
+}
+
+static void close_block(gc_estimator_t *e) {
+    const unsigned effects = e->calibration->n_run_columns + e->calibration->n_shared_columns;
+    if (2.0 * 1e6 * (double)e->block_n >= e->rate_hz * GC_BLOCK_US) {
+        const double n = (double)e->block_n;
+        for (unsigned j = 0; j < effects; j++) {
+            e->block_x[j] /= n;
+        }
+        gc_estimator_add_block(e, e->block, e->block_n, e->block_y / n, e->block_w / n, e->block_x);
+    }
+    e->block_n = 0;
+    e->block_y = 0.0;
+    e->block_w = 0.0;
+    memset(e->block_x, 0, sizeof e->block_x);
+}
+
+void gc_estimator_add_sample(gc_estimator_t *e, uint64_t block, double measured_dps, double w_dps, const gc_effect_input_t *in) {
+    if (block != e->block) {
+        close_block(e);
+        e->block = block;
+    }
+    e->block_n++;
+    e->block_y += measured_dps - w_dps;
+    e->block_w += w_dps;
+    for (unsigned j = 0; j < e->calibration->n_run_columns + e->calibration->n_shared_columns; j++) {
+        const gc_effect_column_t *column = &e->calibration->columns[j];
+        e->block_x[j] += (double)column->column(in, column->arg);
+    }
+}
+
+/* A pivot that is rounding although its column holds something. */
+static bool unidentified(double pivot, double norm_sq) {
+    return norm_sq > 0.0 && !(pivot * pivot > PIVOT_MIN_SQ * norm_sq);
+}
+
+void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal) {
+    close_block(e);
+    const unsigned columns = n_parameters(e->calibration) + 2u;
+    const unsigned run_columns = e->calibration->n_run_columns;
+    marginal->error = GC_OK;
+    marginal->n = e->calibration->n_shared_columns + 2u;
+    marginal->dof = e->dof;
+    const double *pivot = e->triangle + columns;
+    for (unsigned i = 0; i < run_columns; pivot += columns - 1u - i, i++) {
+        if (unidentified(pivot[0], e->norm_sq[i])) {
+            marginal->error = GC_E_UNIDENTIFIED;
+        }
+        marginal->dof -= e->norm_sq[i] > 0.0 ? 1 : 0;
+    }
+    /* To drop the rows of drift and run columns is to integrate them out. */
+    memcpy(marginal->norm_sq, e->norm_sq + run_columns, marginal->n * sizeof(double));
+    memcpy(marginal->triangle, pivot, GC_TRIANGLE(marginal->n + 1u) * sizeof(double));
+}
+
+int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t *a, const gc_marginal_t *b, gc_answer_t *answer) {
+    if (a->error != GC_OK || b->error != GC_OK) {
+        return a->error != GC_OK ? a->error : b->error;
+    }
+    const unsigned n = a->n;
+    gc_marginal_t both = *a;
+    both.dof += b->dof;
+    const double *from = b->triangle;
+    for (unsigned i = 0; i <= n; i++) {
+        double row[MAX_COLUMNS] = {0.0};
+        for (unsigned j = i; j <= n; j++) {
+            row[j] = *from++;
+        }
+        rotate_in(both.triangle, n + 1u, i, row);
+    }
+    for (unsigned i = 0; i < n; i++) {
+        both.norm_sq[i] += b->norm_sq[i];
+    }
+    const unsigned run_columns = calibration->n_run_columns;
+    for (unsigned i = 0; i < n; i++) {
+        double row[MAX_COLUMNS] = {0.0};
+        if (prior_row(calibration, run_columns + i, run_columns, row)) {
+            both.dof++;
+            for (unsigned j = 0; j < n; j++) {
+                both.norm_sq[j] += row[j] * row[j];
+            }
+            rotate_in(both.triangle, n + 1u, i, row);
+        }
+    }
+
+    const double *pivot = both.triangle;
+    for (unsigned i = 0; i < n; pivot += n + 1u - i, i++) {
+        if (unidentified(pivot[0], both.norm_sq[i]) || (i + 2u >= n && both.norm_sq[i] == 0.0)) {
+            return GC_E_UNIDENTIFIED;
+        }
+        both.dof -= both.norm_sq[i] > 0.0 ? 1 : 0;
+    }
+    const double *last = both.triangle + GC_TRIANGLE(n + 1u) - GC_TRIANGLE(3); /* rows of bias, scale, residual */
+    answer->scale = last[4] / last[3];
+    answer->scale_se = 1.0 / fabs(last[3]);
+    answer->bias_dps = (last[2] - last[1] * answer->scale) / last[0];
+    answer->bias_se_dps = sqrt(1.0 + (last[1] / last[3]) * (last[1] / last[3])) / fabs(last[0]);
+    answer->misfit = both.dof > 0 ? fabs(last[5]) / sqrt((double)both.dof) : NAN;
+    return GC_OK;
+}

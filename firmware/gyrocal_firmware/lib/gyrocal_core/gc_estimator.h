@@ -1,0 +1,70 @@
+/* Scale and bias by least squares on [effect columns, bias, scale], with priors and a drifting bias.
+ *
+ * One observation a block of 0.25 s: mean(y) - w = bias + scale w + sum c_j mean(x_j) + o + e, e white, o an
+ * Ornstein-Uhlenbeck process that stands still within a block. Square-root information filter by Givens rotations
+ * (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977) in float64; the drift is one state more,
+ * eliminated block by block, a run's own columns at its end, and two runs meet on [shared columns, bias, scale].
+ */
+#ifndef GC_ESTIMATOR_H
+#define GC_ESTIMATOR_H
+
+#include "gc_baseline.h"
+#include "gc_calibration.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_ESTIMATOR_PARAMETERS (GC_MAX_EFFECT_COLUMNS + 2u)
+#define GC_TRIANGLE(columns) ((columns) * ((columns) + 1u) / 2u)
+
+/* What a run says about [shared columns, bias, scale]: upper triangle by rows, its last column the right-hand side, its
+   last element the root of the sum of squared residuals. */
+typedef struct {
+    int error; /* GC_OK, or why there is nothing */
+    unsigned n;
+    int32_t dof;
+    double norm_sq[GC_ESTIMATOR_PARAMETERS]; /* of each column before rotation: what a pivot is judged by */
+    double triangle[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+} gc_marginal_t;
+
+typedef struct {
+    const gc_calibration_t *calibration;
+    double rate_hz;
+    int32_t dof;
+    double norm_sq[GC_ESTIMATOR_PARAMETERS];
+    double triangle[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 2u)]; /* [drift, parameters, right-hand side] */
+    bool drifting; /* a block came before: the next one moves the drift on */
+    uint64_t last_block;
+    uint64_t block; /* the block in progress */
+    uint32_t block_n;
+    double block_y;
+    double block_w;
+    double block_x[GC_MAX_EFFECT_COLUMNS];
+} gc_estimator_t;
+
+/* GC_OK or what is wrong with the calibration. */
+int gc_estimator_check(const gc_calibration_t *calibration);
+/* Whether it says anything that the baseline does not: effects, priors or drift. */
+bool gc_estimator_has_model(const gc_calibration_t *calibration);
+
+/* The calibration must have passed the check. */
+void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibration, double rate_hz);
+/* A sample of block floor((t - t_first) / 0.25 s); in->rate_dps is rounded, w_dps is not. */
+void gc_estimator_add_sample(gc_estimator_t *e, uint64_t block, double measured_dps, double w_dps, const gc_effect_input_t *in);
+/* A block's means over n samples: y = measured - w, x the effect columns. Blocks come in order. */
+void gc_estimator_add_block(gc_estimator_t *e, uint64_t block, uint32_t n, double y_dps, double w_dps, const double *x);
+/* Ends the block in progress; what the run says so far. It can go on afterwards. */
+void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal);
+
+/* Two runs together, and the prior on what they share. GC_E_UNIDENTIFIED where they do not fix scale and bias. */
+int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t *a, const gc_marginal_t *b, gc_answer_t *answer);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

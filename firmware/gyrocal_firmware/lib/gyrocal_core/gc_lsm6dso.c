@@ -1,0 +1,185 @@
+#include "gc_lsm6dso.h"
+
+#include "gc_error.h"
+
+#include <string.h>
+
+#define STALE_PERIODS 3.0
+
+static const double odr_hz_of_code[] = {0.0, 12.5, 26.0, 52.0, 104.0, 208.0, 416.0, 833.0, 1666.0};
+#define ODR_CODES (sizeof odr_hz_of_code / sizeof odr_hz_of_code[0])
+#define ODR_CODE_416 6u
+
+static const struct {
+    double full_scale_dps;
+    double lsb_dps;
+    uint8_t bits;
+} ranges[] = {
+    {125.0, 0.004375, 0x02}, {250.0, 0.00875, 0x00}, {500.0, 0.0175, 0x04}, {1000.0, 0.035, 0x08}, {2000.0, 0.070, 0x0C},
+};
+#define RANGES (sizeof ranges / sizeof ranges[0])
+
+double gc_lsm6dso_odr_for(double rate_hz) {
+    for (size_t i = 1; i < ODR_CODES; i++) {
+        if (odr_hz_of_code[i] == rate_hz) {
+            return rate_hz;
+        }
+    }
+    for (size_t i = ODR_CODE_416; i < ODR_CODES; i++) {
+        if (odr_hz_of_code[i] >= rate_hz && rate_hz > 0.0) {
+            return odr_hz_of_code[i];
+        }
+    }
+    return 0.0;
+}
+
+static int range_of(double full_scale_dps) {
+    for (size_t i = 0; i < RANGES; i++) {
+        if (ranges[i].full_scale_dps == full_scale_dps) {
+            return (int)i;
+        }
+    }
+    return -1;
+}
+
+bool gc_lsm6dso_full_scale_ok(double full_scale_dps) {
+    return range_of(full_scale_dps) >= 0;
+}
+
+static int write_reg(gc_lsm6dso_t *imu, uint8_t reg, uint8_t value) {
+    return imu->port->bus_write(imu->port->context, imu->address, reg, &value, 1) < 0 ? GC_E_BUS_NACK : GC_OK;
+}
+
+static int read_regs(gc_lsm6dso_t *imu, uint8_t reg, uint8_t *data, size_t n) {
+    const int got = imu->port->bus_read(imu->port->context, imu->address, reg, data, n);
+    if (got < 0) {
+        return GC_E_BUS_NACK;
+    }
+    return (size_t)got == n ? GC_OK : GC_E_BUS_SHORT;
+}
+
+static int16_t word(const uint8_t *data) {
+    return (int16_t)((data[1] & 0x80u ? -0x8000 : 0) + ((data[1] & 0x7F) << 8 | data[0]));
+}
+
+static int burst(gc_lsm6dso_t *imu, gc_sample_t *sample) {
+    uint8_t data[14];
+    const int error = read_regs(imu, GC_LSM6DSO_OUT_TEMP_L, data, sizeof data);
+    if (error != GC_OK) {
+        return error;
+    }
+    sample->temp = word(data);
+    for (size_t i = 0; i < 3u; i++) {
+        sample->gyro[i] = word(data + 2u + 2u * i);
+        sample->acc[i] = word(data + 8u + 2u * i);
+    }
+    return GC_OK;
+}
+
+static int reset(gc_lsm6dso_t *imu) {
+    const gc_port_t *port = imu->port;
+    int error = write_reg(imu, GC_LSM6DSO_CTRL3_C, GC_LSM6DSO_CTRL3_SW_RESET | GC_LSM6DSO_CTRL3_IF_INC);
+    const uint64_t start = port->now_us(port->context);
+    uint8_t ctrl3 = GC_LSM6DSO_CTRL3_SW_RESET;
+    while (error == GC_OK && (ctrl3 & GC_LSM6DSO_CTRL3_SW_RESET)) {
+        const uint64_t now = port->now_us(port->context);
+        if (now - start > GC_LSM6DSO_RESET_TIMEOUT_US) {
+            return GC_E_RESET_TIMEOUT;
+        }
+        port->wait_until_us(port->context, now + 50u);
+        error = read_regs(imu, GC_LSM6DSO_CTRL3_C, &ctrl3, 1);
+    }
+    return error;
+}
+
+static int check_config(gc_lsm6dso_t *imu, int error_if_other) {
+    uint8_t ctrl[3];
+    const int error = read_regs(imu, GC_LSM6DSO_CTRL1_XL, ctrl, sizeof ctrl);
+    if (error != GC_OK) {
+        return error;
+    }
+    return memcmp(ctrl, imu->ctrl, sizeof ctrl) == 0 ? GC_OK : error_if_other;
+}
+
+int gc_lsm6dso_init(gc_lsm6dso_t *imu, const gc_port_t *port, uint8_t address, double odr_hz, double full_scale_dps) {
+    const int range = range_of(full_scale_dps);
+    uint8_t odr_code = 0;
+    for (size_t i = 1; i < ODR_CODES; i++) {
+        if (odr_hz_of_code[i] == odr_hz) {
+            odr_code = (uint8_t)i;
+        }
+    }
+    if (range < 0 || odr_code == 0u) {
+        return GC_E_ARGUMENT;
+    }
+    imu->port = port;
+    imu->address = address;
+    imu->odr_hz = odr_hz;
+    imu->full_scale_dps = full_scale_dps;
+    imu->lsb_dps = ranges[range].lsb_dps;
+    imu->ctrl[0] = (uint8_t)(odr_code << 4); /* 2 g */
+    imu->ctrl[1] = (uint8_t)(odr_code << 4 | ranges[range].bits);
+    imu->ctrl[2] = GC_LSM6DSO_CTRL3_BDU | GC_LSM6DSO_CTRL3_IF_INC;
+
+    port->wait_until_us(port->context, port->now_us(port->context) + GC_LSM6DSO_BOOT_US);
+    uint8_t id = 0;
+    int error = read_regs(imu, GC_LSM6DSO_WHO_AM_I, &id, 1);
+    if (error == GC_OK && id != GC_LSM6DSO_ID) {
+        error = GC_E_WRONG_ID;
+    }
+    if (error == GC_OK) {
+        error = reset(imu);
+    }
+    uint8_t ctrl9 = 0;
+    if (error == GC_OK) {
+        error = read_regs(imu, GC_LSM6DSO_CTRL9_XL, &ctrl9, 1);
+    }
+    if (error == GC_OK) { /* an I3C master is not there; its bus would take noise for its own start condition */
+        error = write_reg(imu, GC_LSM6DSO_CTRL9_XL, (uint8_t)(ctrl9 | GC_LSM6DSO_CTRL9_I3C_DISABLE));
+    }
+    const uint8_t order[] = {2, 0, 1}; /* BDU first: no word may tear once data flow */
+    for (size_t i = 0; i < sizeof order && error == GC_OK; i++) {
+        error = write_reg(imu, (uint8_t)(GC_LSM6DSO_CTRL1_XL + order[i]), imu->ctrl[order[i]]);
+    }
+    if (error == GC_OK) {
+        error = check_config(imu, GC_E_CONFIG_REFUSED);
+    }
+    if (error == GC_OK) {
+        port->wait_until_us(port->context, port->now_us(port->context) + GC_LSM6DSO_TURN_ON_US);
+        gc_sample_t discarded;
+        error = burst(imu, &discarded);
+    }
+    imu->config_checked_us = port->now_us(port->context);
+    imu->fresh_us = imu->config_checked_us;
+    return error;
+}
+
+int gc_lsm6dso_ready(gc_lsm6dso_t *imu) {
+    uint8_t status = 0;
+    const int error = read_regs(imu, GC_LSM6DSO_STATUS, &status, 1);
+    if (error != GC_OK) {
+        return error;
+    }
+    return (status & GC_LSM6DSO_STATUS_GDA) != 0u ? 1 : 0;
+}
+
+int gc_lsm6dso_read(gc_lsm6dso_t *imu, gc_sample_t *sample) {
+    const uint64_t now = imu->port->now_us(imu->port->context);
+    const int ready = gc_lsm6dso_ready(imu);
+    if (ready < 0) {
+        return ready;
+    }
+    sample->fresh = ready == 1;
+    if (sample->fresh) {
+        imu->fresh_us = now;
+    } else if ((double)(now - imu->fresh_us) > STALE_PERIODS * 1e6 / imu->odr_hz) {
+        const int error = check_config(imu, GC_E_CONFIG_LOST);
+        return error != GC_OK ? error : GC_E_STALE;
+    }
+    int error = burst(imu, sample);
+    if (error == GC_OK && now - imu->config_checked_us >= GC_LSM6DSO_CONFIG_CHECK_US) {
+        error = check_config(imu, GC_E_CONFIG_LOST);
+        imu->config_checked_us = now;
+    }
+    return error;
+}

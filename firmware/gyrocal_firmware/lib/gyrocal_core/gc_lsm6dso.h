@@ -1,0 +1,81 @@
+/* Driver of ST's LSM6DSO gyroscope and accelerometer. Registers and figures: datasheet DS12140, application note AN5192. */
+#ifndef GC_LSM6DSO_H
+#define GC_LSM6DSO_H
+
+#include "gc_port.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_LSM6DSO_ADDRESS 0x6B /* 0x6A with SDO/SA0 low */
+
+#define GC_LSM6DSO_CTRL1_XL 0x10
+#define GC_LSM6DSO_CTRL2_G 0x11
+#define GC_LSM6DSO_CTRL3_C 0x12
+#define GC_LSM6DSO_WHO_AM_I 0x0F
+#define GC_LSM6DSO_CTRL9_XL 0x18
+#define GC_LSM6DSO_STATUS 0x1E
+#define GC_LSM6DSO_OUT_TEMP_L 0x20
+
+#define GC_LSM6DSO_ID 0x6C /* of the LSM6DSOX and LSM6DSO32 too */
+#define GC_LSM6DSO_CTRL3_BDU 0x40u
+#define GC_LSM6DSO_CTRL3_IF_INC 0x04u
+#define GC_LSM6DSO_CTRL3_SW_RESET 0x01u
+#define GC_LSM6DSO_CTRL9_I3C_DISABLE 0x02u
+#define GC_LSM6DSO_STATUS_XLDA 0x01u
+#define GC_LSM6DSO_STATUS_GDA 0x02u
+#define GC_LSM6DSO_STATUS_TDA 0x04u
+
+#define GC_LSM6DSO_BOOT_US 10000u
+#define GC_LSM6DSO_RESET_TIMEOUT_US 10000u /* the datasheet says 50 us */
+#define GC_LSM6DSO_TURN_ON_US 80000u /* from power-down until the gyroscope's readings can be used */
+#define GC_LSM6DSO_CONFIG_CHECK_US 500000u
+
+#define GC_LSM6DSO_LSB_G 0.000061 /* at 2 g */
+#define GC_LSM6DSO_LSB_C (1.0 / 256.0)
+#define GC_LSM6DSO_ZERO_C 25.0
+
+/* A reading in raw counts. */
+typedef struct {
+    int16_t temp;
+    int16_t gyro[3];
+    int16_t acc[3];
+    bool fresh; /* the gyroscope's data-ready flag was set */
+} gc_sample_t;
+
+typedef struct {
+    const gc_port_t *port;
+    uint8_t address;
+    double odr_hz;
+    double full_scale_dps;
+    double lsb_dps;
+    uint8_t ctrl[3]; /* CTRL1_XL, CTRL2_G, CTRL3_C as written */
+    uint64_t config_checked_us;
+    uint64_t fresh_us; /* when data were last ready */
+} gc_lsm6dso_t;
+
+/* The output data rate that serves `rate_hz`: the rate itself if it is one, else 416 Hz or the next above; 0 = none. */
+double gc_lsm6dso_odr_for(double rate_hz);
+bool gc_lsm6dso_full_scale_ok(double full_scale_dps);
+
+/* Resets and configures the part and waits until its readings can be used (about 0.1 s).
+   odr_hz and full_scale_dps as the two functions above allow, else GC_E_ARGUMENT. */
+int gc_lsm6dso_init(gc_lsm6dso_t *imu, const gc_port_t *port, uint8_t address, double odr_hz, double full_scale_dps);
+
+/* 1: new gyroscope data wait; 0: none. */
+int gc_lsm6dso_ready(gc_lsm6dso_t *imu);
+
+/* Reads flag and sample. Every 0.5 s, and when data stay away, also checks that the part still has its settings.
+   Errors: those of the bus, GC_E_CONFIG_LOST (call init again), GC_E_STALE (no data for three output periods). */
+int gc_lsm6dso_read(gc_lsm6dso_t *imu, gc_sample_t *sample);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,43 @@
+/* What a board offers to the core. Callbacks marked optional may be NULL. */
+#ifndef GC_PORT_H
+#define GC_PORT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum { GC_LED_IDLE, GC_LED_RECORDING, GC_LED_FLIP, GC_LED_DONE, GC_LED_MISFIT } gc_led_t;
+
+typedef struct {
+    void *context; /* handed to every callback */
+
+    /* Registers of the part at a 7-bit address. 0 or negative; bytes read or negative. */
+    int (*bus_write)(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
+    int (*bus_read)(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n);
+
+    /* Microseconds since power-on; never goes back. */
+    uint64_t (*now_us)(void *context);
+    void (*wait_until_us)(void *context, uint64_t t_us);
+    /* Optional: returns when the next sample should be read, at due_us or when an interrupt line says so.
+       NULL: wait_until_us. */
+    void (*wait_sample_us)(void *context, uint64_t due_us);
+
+    /* Takes all n bytes and returns n, or takes none and returns anything else: it must not block sampling. */
+    int (*send)(void *context, const char *data, size_t n);
+
+    /* Optional: settings that survive power-off. 0 or negative; bytes loaded or negative. */
+    int (*store)(void *context, const char *key, const void *data, size_t n);
+    int (*load)(void *context, const char *key, void *data, size_t n);
+
+    /* Optional. */
+    void (*led)(void *context, gc_led_t state);
+} gc_port_t;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,40 @@
+/* An LSM6DSO as its bus sees it: a register file that obeys what is written to it. Facts from the datasheet, written
+   apart from the driver, so that each checks the other. */
+#ifndef EMUL_LSM6DSO_H
+#define EMUL_LSM6DSO_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define EMUL_WORDS 7 /* temperature, gyroscope x y z, accelerometer x y z */
+
+typedef struct {
+    uint8_t reg[128];
+    int16_t world[EMUL_WORDS]; /* what there is to measure, in counts at world_full_scale_dps and 2 g */
+    double world_full_scale_dps;
+    int16_t out[EMUL_WORDS];
+    int16_t next[EMUL_WORDS]; /* waits while a word is half read (BDU) */
+    bool half_read[EMUL_WORDS];
+    bool waiting[EMUL_WORDS];
+    uint64_t boot_us;    /* no answer before */
+    uint64_t reset_us;   /* SW_RESET reads 1 until then */
+    uint64_t settled_us; /* the gyroscope reads 0 before: its turn-on time */
+    double tick_us;      /* next sample by its own clock */
+
+    /* misbehaviour */
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset;
+} emul_lsm6dso_t;
+
+void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_full_scale_dps);
+/* Registers fall back to their defaults, as in a dip of the supply. */
+void emul_lsm6dso_brown_out(emul_lsm6dso_t *chip);
+/* What there is to measure from now on; sampled at once, so that a row is read at its own time. */
+void emul_lsm6dso_feed(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t world[EMUL_WORDS]);
+/* Samples by the chip's own clock until now. */
+void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us);
+/* Bytes transferred, or -1 where the chip does not acknowledge. */
+int emul_lsm6dso_write(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
+int emul_lsm6dso_read(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);
+
+#endif
