@@ -53,6 +53,8 @@ class Comparison:
     held_out: str
     """What was left out in turn: ``day``, ``scenario``, ``run``, ``time`` or, where nothing could be, ``none``."""
     spectra: dict[str, Spectrum] = field(repr=False)
+    white_power: dict[str, float] = field(repr=False)
+    """Mean square of white noise and quantisation, dps^2, by axis: the floor's fast part."""
 
     @property
     def floors(self) -> dict[str, float]:
@@ -97,13 +99,14 @@ def compare(
     residuals = {axis: [p.residual_dps for p in heldout.fitted(fitted) if AXES[p.axis] == axis] for axis in fitted.axes}
     spectra = {axis: spectrum_of(fitted, r) for axis, r in residuals.items()}
     where = find_misfit(session, fitted, spectra, progress)
-    floors = {axis: _floor(fitted, axis, where) for axis in fitted.axes} if floor_from is None else floor_from
+    white = {axis: _white_power(fitted, axis) for axis in fitted.axes}
+    floors = floor_from or {axis: _floor(fitted, axis, where, white[axis]) for axis in fitted.axes}
     per_axis = {axis: _level([p for p in held if AXES[p.axis] == axis], floors[axis]) for axis in fitted.axes}
     pooled = _level(held, float(np.sqrt(np.mean([f**2 for f in floors.values()]))))
-    return Comparison(fitted, pooled, per_axis, where, _kind(session, folds), spectra)
+    return Comparison(fitted, pooled, per_axis, where, _kind(session, folds), spectra, white)
 
 
-def _floor(fitted: Fit, axis: str, where: list[Finding]) -> float:
+def _floor(fitted: Fit, axis: str, where: list[Finding], white_power: float) -> float:
     """The rms that white noise, quantisation, drift and turn-on bias predict, deg/s.
 
     Where probes found something, drift and turn-on bias are those that are left beside it: else they would swallow it.
@@ -112,25 +115,23 @@ def _floor(fitted: Fit, axis: str, where: list[Finding]) -> float:
     kinds = [f.kind for f in where if f.axis == axis and f.kind is not None]
     if kinds:
         found = beside(found, axis, kinds)
-    residuals = [p for p in heldout.fitted(fitted) if AXES[p.axis] == axis]
-    white = _white_power(fitted, residuals) - spectrum_of(fitted, [p.residual_dps for p in residuals]).line_power(1e-3)
-    return float(np.sqrt(max(white, 0.0) + found.noise.ou_sd_dps**2 + found.turn_on_sd_dps**2))
+    return float(np.sqrt(white_power + found.noise.ou_sd_dps**2 + found.turn_on_sd_dps**2))
 
 
-def _white_power(fitted: Fit, residuals: list[Prediction]) -> float:
-    """Mean square of one sample's noise: the scatter of residuals within blocks."""
-    by_run = {p.run.index: p.residual_dps for p in residuals}
+def _white_power(fitted: Fit, axis: str) -> float:
+    """Mean square of one sample's noise, dps^2: the scatter of residuals within blocks, lines taken out."""
+    by_run = {p.run.index: p.residual_dps for p in heldout.fitted(fitted) if AXES[p.axis] == axis}
     total, count = 0.0, 0
     for b in fitted.blocks:
         if b.run.index not in by_run or b.within_n == 0:
             continue
-        rows = b.start[:, None] + np.arange(int(b.n[0]))
-        grouped = by_run[b.run.index][rows]
+        grouped = by_run[b.run.index][b.start[:, None] + np.arange(int(b.n[0]))]
         total += float(((grouped - grouped.mean(axis=1, keepdims=True)) ** 2).sum())
         count += b.within_n
-    if count < 10:  # slower than a sample a block: the fit's own white level
-        return float(np.mean([a.noise.white_sd_dps**2 for a in fitted.axes.values()]))
-    return total / count
+    if count < 10:  # a sample a block: the fit's own white level
+        return fitted.axes[axis].noise.white_sd_dps ** 2
+    lines = spectrum_of(fitted, list(by_run.values())).line_power(1e-3)
+    return max(total / count - lines, 0.0)
 
 
 def spectrum_of(fitted: Fit, residuals: list[Array]) -> Spectrum:

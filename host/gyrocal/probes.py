@@ -22,19 +22,23 @@ ORDERS = 6
 
 
 class Steps(Effect):
-    """Indicator columns: the variable in steps. The first step is left out, the bias stands for it."""
+    """Indicator columns: the variable in steps, alone or times the true rate. The first step is left to the bias or scale."""
 
     id, title, cause, equation, looks_like, measure_next = "steps", "", "", "", "", ""
     parameters = ()
 
-    def __init__(self, variable: Callable[[Run], Array], edges: Array) -> None:
+    def __init__(self, variable: Callable[[Run], Array], edges: Array, times_rate: bool = False) -> None:
         self.variable = variable
         self.edges = edges
+        self.times_rate = times_rate
         self.linear = tuple(f"step_{k}" for k in range(1, edges.size + 1))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         step = np.searchsorted(self.edges, self.variable(run), side="right")
-        return (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
+        columns = (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
+        if not self.times_rate:
+            return columns
+        return columns * run.rate_dps[:, None] if axis == run.axis_index else np.zeros_like(columns)
 
 
 class Linear(Effect):
@@ -49,6 +53,21 @@ class Linear(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return self.variable(run)
+
+
+class Transient(Effect):
+    """A start-up transient of a size and sign of its own in each run."""
+
+    id, title, cause, equation, looks_like, measure_next = "transient", "", "", "", "", ""
+    parameters = ()
+    linear = ("size",)
+    scope = "run"
+
+    def __init__(self, tau_s: float) -> None:
+        self.tau_s = tau_s
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return np.exp(-elapsed_s(run) / self.tau_s)[:, None]
 
 
 class Wave(Effect):
@@ -113,25 +132,30 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
         return []
     probes: list[tuple[str, list[Effect]]] = []
     longest_s = max(r.duration_s for r in runs)
-    probes.append(("time", [Steps(elapsed_s, time_edges(longest_s))]))
+    turning = any(r.axis_index == axis and np.any(r.rate_dps) for r in runs)
+
+    def steps(variable: Callable[[Run], Array], edges: Array) -> list[Effect]:
+        return [Steps(variable, edges), *([Steps(variable, edges, times_rate=True)] if turning else [])]
+
+    probes.append(("time", [*steps(elapsed_s, time_edges(longest_s)), Transient(1.0), Transient(4.0)]))
     if all(r.power_on_s is not None for r in runs):
         p_s = np.array([r.power_on_s for r in runs])
         if np.ptp(p_s) > 1.0:  # else it is the time in the run again
             last_s = float(p_s.max()) + longest_s
             edges = np.linspace(float(p_s.min()), last_s, 12)[1:-1]
-            probes.append(("power_on_time", [Steps(lambda r: (r.power_on_s or 0.0) + elapsed_s(r), edges)]))
+            probes.append(("power_on_time", steps(lambda r: (r.power_on_s or 0.0) + elapsed_s(r), edges)))
     if all(r.temp_c is not None and np.all(np.isfinite(r.temp_c)) for r in runs):
         pooled = np.concatenate([r.temp_c for r in runs if r.temp_c is not None])
         edges = quantile_edges(pooled, 0.05)
         if edges.size:
-            probes.append(("temperature", [Steps(_temperature, edges)]))
+            probes.append(("temperature", steps(_temperature, edges)))
     rates = np.unique(np.round([float(np.mean(r.rate_dps)) if r.axis_index == axis else 0.0 for r in runs], 2))
     if rates.size >= 3:
         edges = (rates[1:] + rates[:-1]) / 2
         probes.append(("rate", [Steps(lambda r: r.rate_dps if r.axis_index == axis else np.zeros(len(r)), edges)]))
     if all(r.acc_g is not None and np.all(np.isfinite(r.acc_g)) for r in runs):
         probes.append(("acceleration", [Linear(_acceleration, 3)]))
-    if any(np.any(r.rate_dps) for r in runs):
+    if turning:
         if all(r.column("table_angle_deg") is not None for r in runs):
             probes.append(("table_angle", [Linear(_angle_waves, 2 * ORDERS)]))
         else:
@@ -174,8 +198,8 @@ def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float)
         gain = max(0.0, fitted.loglik - current.loglik)
         sd = float(fitted.spreads.run[-1])
         amplitude = sd * float(np.sqrt(2))
-        order = kind.order if isinstance(kind, Wave) else 0
-        note = f"{amplitude * 1e3:.3g} mdps, {order} a turn, of another phase in each run"
+        shape = f"{kind.order} a turn, of another phase" if isinstance(kind, Wave) else "dying away from the start, of another size"
+        note = f"{amplitude * 1e3:.3g} mdps, {shape} in each run"
         chance = float(0.5 * chi2.sf(2 * gain, 1)) if sd > 0 else 1.0
         return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, kind)
     columns = [j for j, (i, _) in enumerate(design.layout.fixed) if i == mine]
@@ -197,13 +221,14 @@ def _where(kind: Effect, fit: AxisFit, columns: Sequence[int], amplitude_dps: fl
     size = f"{amplitude_dps * 1e3:.3g} mdps"
     if not isinstance(kind, Steps):
         return f"{size} in all"
+    unit, scaled = ("1e-6 of the rate", 1e6) if kind.times_rate else ("mdps", 1e3)
     names = [fit.design.layout.fixed[c][1] for c in columns]
     values = dict(zip(names, fit.solution.beta[list(columns)], strict=True))
     centred = {k: v - float(np.mean(list(values.values()) or [0.0])) for k, v in values.items()}
     k = max(centred, key=lambda j: abs(centred[j]))
     low = f"{kind.edges[k]:.4g}"
     high = f" to {kind.edges[k + 1]:.4g}" if k + 1 < kind.edges.size else " and more"
-    return f"{size} in all; most, {centred[k] * 1e3:+.3g} mdps, from {low}{high}"
+    return f"{size} in all; most, {centred[k] * scaled:+.3g} {unit}, from {low}{high}"
 
 
 def _wald(fit: AxisFit, columns: Sequence[int]) -> float:

@@ -1,0 +1,338 @@
+"""Which physical effect is the model missing, with evidence on data the fit never saw.
+
+Two tiers. *suggest*: the effect improves the fit beyond chance, false-discovery rate below 5 % over all candidates
+(Benjamini-Hochberg). *add*: also its predictions of held-out runs are better by more than two standard errors, its parameters
+are in physical range, and it explains at least a tenth of the excess error. Candidates whose signal is the same on this session
+form a group; the measurement that parts them is named instead of a cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from gyrocal import heldout
+from gyrocal.compare import Comparison, compare
+from gyrocal.effects import base
+from gyrocal.effects.base import Effect, Values
+from gyrocal.fit import AxisFit, choose_variant, finish, refine
+from gyrocal.model import BASE, RANDOM, Model, Term
+from gyrocal.session import AXES, Array, Session
+
+FDR = 0.05
+FAMILY_ALARM = 0.01
+"""Chance that any candidate of a session without effects is named (the contract allows 0.02 for all tests together)."""
+SMALLEST_PART = 0.01
+"""A candidate with less than this left of its norm beside the model cannot be measured with the session."""
+SAME_SHAPE = 0.9
+LEAST_EXPLAINED = 0.10
+RANGE_FACTOR = 10.0
+
+Decision = Literal["add", "suggest", "reject", "not_measurable"]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect on one axis, judged."""
+
+    effect: Effect
+    axis: str
+    decision: Decision
+    values: Values = field(default_factory=dict)
+    se: Values = field(default_factory=dict)
+    explained: float | None = None
+    gain: float | None = None
+    gain_se: float | None = None
+    chance: float = 1.0
+    q_value: float | None = None
+    group: tuple[str, ...] = ()
+    next_measurement: str = ""
+    parameters: int = 0
+    signal: Array | None = field(default=None, repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        units = {p.name: p.unit for p in self.effect.parameters}
+        return {
+            "effect": self.effect.id,
+            "axis": self.axis,
+            "parameters": {
+                name: {"value": value, "se": _finite(self.se.get(name)), "unit": units.get(name, units.get(name.removesuffix("_sd"), ""))}
+                for name, value in self.values.items()
+            },
+            "explained": self.explained,
+            "heldout_gain": self.gain,
+            "heldout_gain_se": self.gain_se,
+            "q_value": self.q_value,
+            "group": list(self.group),
+            "decision": self.decision,
+            "next_measurement": self.next_measurement,
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Candidates best first, and the verdict: add, ambiguous, unknown or adequate."""
+
+    verdict: str
+    candidates: list[Candidate]
+    unknown: dict[str, Any] | None
+    comparison: Comparison = field(repr=False)
+
+    @property
+    def best(self) -> Candidate | None:
+        return next((c for c in self.candidates if c.decision == "add"), None)
+
+    def to_json(self) -> dict[str, Any]:
+        return {"verdict": self.verdict, "candidates": [c.to_json() for c in self.candidates], "unknown": self.unknown}
+
+
+def diagnose(session: Session, model: Model | str | Path | None = None, *, progress: Progress | None = None) -> Diagnosis:
+    """Rank every effect of the library on every axis as the one that the model lacks."""
+    comparison = compare(session, model, progress=progress)
+    judged = [
+        candidate
+        for axis in comparison.fit.axes
+        for candidate in _candidates_on(session, comparison, axis, progress)
+    ]
+    judged = _decide(_q_values(judged), comparison)
+    order = {"add": 0, "suggest": 1, "reject": 2, "not_measurable": 3}
+    judged = _groups(judged, session)
+    judged.sort(key=lambda c: (order[c.decision], -(c.gain if c.gain is not None else -np.inf)))
+    verdict = "adequate"
+    best = next((c for c in judged if c.decision == "add"), None)
+    unknown = None
+    if best is not None:
+        verdict = "ambiguous" if len(best.group) > 1 else "add"
+    elif comparison.where and not any(c.decision == "suggest" for c in judged):
+        verdict = "unknown"
+        finding = comparison.where[0]
+        unknown = {
+            "axis": finding.axis, "against": finding.against, "shape": finding.note, "amplitude_dps": finding.amplitude_dps,
+        }  # fmt: skip
+    return Diagnosis(verdict, judged, unknown, comparison)
+
+
+def _candidates_on(session: Session, comparison: Comparison, axis: str, progress: Progress | None) -> list[Candidate]:
+    current = comparison.fit.axes[axis]
+    present = {t.effect_id for t in current.terms}
+    out = []
+    for kind in base.effects().values():
+        if kind.id in present or kind.id in BASE or kind.id in RANDOM:
+            continue
+        if progress is not None:
+            progress(f"trying {kind.id} on {axis}")
+        lacking = kind.missing(session.runs, AXES.index(axis))
+        if lacking is not None:
+            out.append(Candidate(kind, axis, "not_measurable", next_measurement=f"needs {lacking}"))
+        else:
+            out.append(_judge(comparison, current, axis, kind))
+    return out
+
+
+def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) -> Candidate:
+    """Fit one candidate beside the model, noise and all; measure what it gains in and out of sample."""
+    from scipy.stats import chi2
+
+    tried = choose_variant(current, Term(kind.id, axis))
+    if not _measurable(current, tried):
+        return Candidate(kind, axis, "not_measurable", next_measurement=kind.measure_next)
+    fitted = finish(refine(tried))
+    term = fitted.terms[-1]
+    count = len(fitted.design.layout.fixed) - len(current.design.layout.fixed)
+    spreads = fitted.design.layout.n_groups - current.design.layout.n_groups
+    nonlinear = len(kind.nonlinear)
+    looks = len(kind.variants([b.run for b in current.design.blocks], current.design.axis))
+    gain_ml = max(0.0, 2 * (profile_loglik(fitted) - profile_loglik(current)))
+    chance = min(1.0, looks * float(chi2.sf(gain_ml, max(1, count + spreads + nonlinear))))
+    folds = heldout.folds(comparison.fit)
+    gains = held_out_gain(current, fitted, folds)
+    total = float(np.sum(gains)) if gains.size else None
+    se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
+    return Candidate(
+        kind, axis, "reject", term.values, term.se, gain=total, gain_se=se, chance=chance,
+        parameters=count + spreads + nonlinear, next_measurement=kind.measure_next,
+        signal=_signal(fitted), explained=_explained(comparison, axis, current, fitted, folds),
+    )  # fmt: skip
+
+
+def profile_loglik(fitted: AxisFit) -> float:
+    """Log-likelihood at the fitted noise, shared parameters at their best: comparable between models (REML's is not)."""
+    chol = np.linalg.slogdet(np.linalg.inv(fitted.solution.cov))[1] if fitted.solution.beta.size else 0.0
+    return fitted.loglik + 0.5 * float(chol) - 0.5 * fitted.solution.beta.size * float(np.log(2 * np.pi))
+
+
+def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) -> Array:
+    """Gain in predictive log-likelihood of each held-out scenario (run, time block), shape [units]."""
+    gains: list[float] = []
+    for before, after in zip(heldout.steps(current, folds), heldout.steps(fitted, folds), strict=True):
+        gains += [after.gain[name] - before.gain[name] for name in before.gain]
+    return np.array(gains)
+
+
+def _measurable(current: AxisFit, tried: AxisFit) -> bool:
+    """Does anything of the candidate's columns stand out of the model's own?"""
+    mine = len(tried.design.terms) - 1
+    layout = tried.design.layout
+    own = [1 + len(layout.fixed) + j for j, (i, _) in enumerate(layout.run) if i == mine]
+    shared = [1 + j for j, (i, _) in enumerate(layout.fixed) if i == mine]
+    if not own and not shared:
+        return False
+    columns = own or shared
+    others = [1 + j for j, (i, _) in enumerate(layout.fixed) if i != mine]
+    total = tried.grams.sum(axis=0)
+    for c in columns:
+        norm = total[c, c]
+        if norm <= 0:
+            continue
+        left = norm - total[c, others] @ np.linalg.lstsq(total[np.ix_(others, others)], total[others, c], rcond=None)[0] if others else norm
+        if left > SMALLEST_PART * norm:
+            return True
+    return False
+
+
+def _signal(fitted: AxisFit) -> Array:
+    """The candidate's fitted part at every block, weighted by the white noise, shared model columns projected out, shape [blocks]."""
+    mine = len(fitted.design.terms) - 1
+    layout = fitted.design.layout
+    p = len(layout.fixed)
+    parts, rests = [], []
+    for i, _ in enumerate(fitted.design.blocks):
+        index, matrices, _, n = next(s for s in fitted.design.stacks if i in s[0])
+        matrix = matrices[index.index(i)]
+        u = fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
+        weight = np.sqrt(n)
+        part = sum((fitted.solution.beta[j] * matrix[1 + j] for j, (t, _) in enumerate(layout.fixed) if t == mine), np.zeros(n.size))
+        part = part + sum((u[j] * matrix[1 + p + j] for j, (t, _) in enumerate(layout.run) if t == mine), np.zeros(n.size))
+        parts.append(part * weight)
+        rests.append((matrix[[1 + j for j, (t, _) in enumerate(layout.fixed) if t != mine]] * weight).T)
+    part, rest = np.concatenate(parts), np.concatenate(rests)
+    return np.asarray(part - rest @ np.linalg.lstsq(rest, part, rcond=None)[0])
+
+
+def _explained(comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) -> float | None:
+    """1 - (excess after / excess before)^2 on this axis, held out, the floor the richer model's in both."""
+    if not folds:
+        return None
+    before, after = (_mean_square(comparison, axis, f, folds) for f in (current, fitted))
+    floor = comparison.white_power[axis] + _slow_power(fitted)
+    if before <= floor:
+        return None
+    return float(1 - max(0.0, after - floor) / (before - floor))
+
+
+def _slow_power(fitted: AxisFit) -> float:
+    return fitted.noise.ou_sd_dps**2 + fitted.turn_on_sd_dps**2
+
+
+def _mean_square(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> float:
+    alone = replace(comparison.fit, axes={axis: fitted})
+    total, count = 0.0, 0
+    for p in heldout.predictions(alone, folds):
+        total += float(np.sum(p.residual_dps**2))
+        count += p.residual_dps.size
+    return total / max(count, 1)
+
+
+def _q_values(candidates: list[Candidate]) -> list[Candidate]:
+    """Benjamini-Hochberg q-values over everything that could be measured."""
+    tested = [i for i, c in enumerate(candidates) if c.decision != "not_measurable"]
+    order = sorted(tested, key=lambda i: candidates[i].chance)
+    q, smallest = {}, 1.0
+    for rank in range(len(order), 0, -1):
+        i = order[rank - 1]
+        smallest = min(smallest, candidates[i].chance * len(order) / rank)
+        q[i] = smallest
+    return [replace(c, q_value=q[i]) if i in q else c for i, c in enumerate(candidates)]
+
+
+def _decide(candidates: list[Candidate], comparison: Comparison) -> list[Candidate]:
+    tested = sum(c.decision != "not_measurable" for c in candidates)
+    out = []
+    for c in candidates:
+        if c.decision != "not_measurable" and c.q_value is not None and c.q_value < FDR:
+            held = c.gain is not None and c.gain_se is not None and c.gain > 2 * c.gain_se
+            named = held and c.chance * tested < FAMILY_ALARM and in_range(c) and (c.explained or 0.0) >= LEAST_EXPLAINED
+            c = replace(c, decision="add" if named else "suggest")
+        out.append(c)
+    return out
+
+
+def in_range(candidate: Candidate) -> bool:
+    """Every linear parameter at most ten times its typical size."""
+    for parameter in candidate.effect.parameters:
+        value = candidate.values.get(parameter.name)
+        if value is not None and parameter.unit not in ("deg", "s", "Hz") and abs(value) > RANGE_FACTOR * parameter.typical[1]:
+            return False
+    return True
+
+
+def _groups(candidates: list[Candidate], session: Session) -> list[Candidate]:
+    """Who cannot be told from the best: the same shape, or held-out gains within two standard errors. Simpler wins if nested."""
+    passing = [c for c in candidates if c.decision == "add"]
+    out = []
+    for c in candidates:
+        if c.decision != "add" or c.signal is None or c.gain is None or c.gain_se is None:
+            out.append(c)
+            continue
+        same = [c]
+        for other in passing:
+            if other is c or other.axis != c.axis or other.signal is None or other.gain is None:
+                continue
+            norm = float(np.linalg.norm(c.signal) * np.linalg.norm(other.signal))
+            cosine = abs(float(c.signal @ other.signal)) / norm if norm > 0 else 0.0
+            if cosine > SAME_SHAPE and abs(c.gain - other.gain) < 2 * c.gain_se:
+                same.append(other)
+        same.sort(key=lambda x: -(x.gain or 0.0))
+        out.append(replace(c, group=tuple(dict.fromkeys(x.effect.id for x in same))))
+    return out
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
+
+
+def add(
+    session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
+    progress: Progress | None = None,
+) -> tuple[Comparison, Comparison, Model]:  # fmt: skip
+    """Add an effect on every axis where it can be measured and improves the fit; both comparisons held out, one floor.
+
+    Returns (before, after, the model with parameters fitted on all data).
+    """
+    kind = base.effect(effect_id)
+    start = Model.open(model)
+    before = compare(session, start, only_day=only_day, progress=progress)
+    axes = [a for a in before.fit.axes if start.term(kind.id, a) is None and kind.missing(session.runs, AXES.index(a)) is None]
+    judged = {a: _judge(before, before.fit.axes[a], a, kind) for a in axes}
+    chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and c.chance * max(1, len(judged)) < FDR]
+    if not chosen:  # nothing gains: on the axis that gains most, so that the person sees that it does not help
+        measurable = [a for a, c in judged.items() if c.decision != "not_measurable"]
+        chosen = sorted(measurable, key=lambda a: judged[a].chance)[:1]
+    richer = start
+    for axis in chosen:
+        structure = {n: 0.0 for n in kind.used(judged[axis].values)} | {
+            n: judged[axis].values[n] for n in kind.nonlinear if n in judged[axis].values
+        }
+        richer = richer.with_term(Term(kind.id, axis, structure))
+    after = compare(session, richer, only_day=only_day, progress=progress)
+    before = compare_again(before, after)
+    return before, after, after.fit.model
+
+
+def compare_again(before: Comparison, after: Comparison) -> Comparison:
+    """The poorer model's comparison with the richer one's floor."""
+
+    def level(old: Any, floor: float) -> Any:
+        if old.rms_dps is None:
+            return replace(old, floor_dps=floor)
+        return replace(old, floor_dps=floor, excess_dps=float(np.sqrt(max(0.0, old.rms_dps**2 - floor**2))))
+
+    per_axis = {a: level(v, after.per_axis[a].floor_dps) for a, v in before.per_axis.items()}
+    return replace(before, pooled=level(before.pooled, after.pooled.floor_dps), per_axis=per_axis)
+
+
