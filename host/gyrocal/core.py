@@ -201,6 +201,7 @@ class CoreNetwork:
     """
 
     def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
+        self.source = str(header)
         try:
             text = header.read_text()
         except (OSError, UnicodeDecodeError) as error:

@@ -1,0 +1,34 @@
+"""``gyrocal verify``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from gyrocal.errors import GyrocalError
+
+
+def run(
+    net: Annotated[
+        Path | None, typer.Option(help="Quantised ONNX (model.int8.onnx); the shipped one by default.")
+    ] = None,
+    header: Annotated[Path | None, typer.Option(help="The weights.h made from it; the shipped one by default.")] = None,
+    windows: Annotated[int, typer.Option(help="How many pairs of windows.", min=12)] = 1200,
+    seed: Annotated[int, typer.Option(help="Of the windows.", min=0)] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Run the C core and onnxruntime on the same windows; exit 1 if they differ by more than rounding."""
+    from gyrocal_export.verify import verify
+
+    found = verify(net, header, seed, windows)
+    if as_json:
+        print(json.dumps(found))
+    else:
+        print(
+            f"{found['windows']} windows: C and onnxruntime differ by at most {found['max_abs_diff']:.3g}, "
+            f"{found['max_diff_of_range']:.2g} of the output's range (allowed {found['tolerance']:g})"
+        )
+    if not found["ok"]:
+        raise GyrocalError("the C core does not give the numbers of the graph: export both together")

@@ -1,0 +1,124 @@
+"""Windows and labels to train on: from the simulator, or from recorded sessions as the paper cuts them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from gyrocal.errors import InputError
+from gyrocal.network import image
+from gyrocal.session import Run, Session
+from gyrocal.simulate import paper_windows
+from torch import Tensor
+
+SIMULATED_SECONDS = 6.0
+RECORDED_SECONDS = 50.0  # what follows is for the labels alone
+STRIDE = 0.6  # of a window, between windows of a recorded run
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of each scenario's two runs and what a network should make of them.
+
+    Attributes:
+        up, down: measured - true rate (dps), [n, per_run, window].
+        label: scale, bias_dps, [n, 2].
+    """
+
+    up: Tensor
+    down: Tensor
+    label: Tensor
+    table_dps: float
+    rate_hz: float
+
+    def pairs(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Both faces' images [m, 1, 2, window] and the labels [m, 2], a row a window."""
+        per_run, window = self.up.shape[1:]
+        images = [
+            torch.from_numpy(image(x.reshape(-1, window).numpy(), w))
+            for x, w in ((self.up, self.table_dps), (self.down, -self.table_dps))
+        ]
+        return images[0], images[1], self.label.repeat_interleave(per_run, 0)
+
+    def largest_dps(self) -> float:
+        """The training range: the largest |measured - true rate|."""
+        return float(max(self.up.abs().max(), self.down.abs().max()))
+
+
+def simulated(n: int, seed: int, window: int) -> Windows:
+    """``n`` scenarios of the paper's campaign, the windows of their first 6 s; the labels are the truth."""
+    data = paper_windows(n, seed, SIMULATED_SECONDS)
+    label = np.stack([data["scale"], data["bias_dps"]], axis=1)
+    per_run = data["up"].shape[1] // window
+    up, down = (
+        torch.from_numpy(data[f][:, : per_run * window].reshape(n, per_run, window).copy()) for f in ("up", "down")
+    )
+    return Windows(up, down, torch.from_numpy(label.astype(np.float32)), data["w_up_dps"], data["rate_hz"])
+
+
+def recorded(paths: Iterable[Path], window: int) -> Windows:
+    """Every up/down pair of the sessions: windows of the first 50 s; the labels are the baseline of the whole runs.
+
+    Raises:
+        InputError: no pair, runs that are too short, or table or sample rates that differ.
+    """
+    ups, downs, labels, rates = [], [], [], set()
+    for path in paths:
+        for scenario, runs in Session.open(path).by_scenario():
+            pair = {np.sign(run.table_rate_dps * run.face_sign): run for run in runs if run.table_rate_dps}
+            if set(pair) != {1.0, -1.0}:
+                continue
+            up, down = pair[1.0], pair[-1.0]
+            rates.add((abs(float(up.rate_dps[0])), abs(float(down.rate_dps[0])), up.sample_rate_hz))
+            cut = [_cut(run, window) for run in (up, down)]
+            n = min(map(len, cut))
+            if n == 0:
+                raise InputError(f"{path}: scenario {scenario} is shorter than a window of {window} samples")
+            ups.append(cut[0][:n])
+            downs.append(cut[1][:n])
+            labels.append(_baseline(up, down))
+    if not labels:
+        raise InputError("no scenario has an up and a down run at one table rate: nothing to train on")
+    if len(rates) > 1 or len(set(next(iter(rates))[:2])) > 1:
+        raise InputError(f"one network takes one table rate and one sample rate; the sessions have {sorted(rates)}")
+    n = min(map(len, ups))
+    table_dps, _, rate_hz = rates.pop()
+    first, second = (torch.from_numpy(np.stack([x[:n] for x in face])) for face in (ups, downs))
+    return Windows(first, second, torch.tensor(labels, dtype=torch.float32), table_dps, rate_hz)
+
+
+def split(data: Windows, seed: int, share: float = 0.2) -> tuple[Windows, Windows]:
+    """Training and validation scenarios, at least one each.
+
+    Raises:
+        InputError: fewer than two scenarios.
+    """
+    n = len(data.label)
+    if n < 2:
+        raise InputError("training needs two scenarios at least, one of them for validation: record more, or simulate")
+    order = torch.randperm(n, generator=torch.Generator().manual_seed(seed))
+    held = max(1, round(share * n))
+    return _take(data, order[held:]), _take(data, order[:held])
+
+
+def _take(data: Windows, rows: Tensor) -> Windows:
+    return Windows(data.up[rows], data.down[rows], data.label[rows], data.table_dps, data.rate_hz)
+
+
+def _residual(run: Run) -> np.ndarray:
+    return run.gyro_dps[:, run.axis_index] - run.rate_dps
+
+
+def _cut(run: Run, window: int) -> np.ndarray:
+    x = _residual(run)[: round(RECORDED_SECONDS * run.sample_rate_hz)].astype(np.float32)
+    starts = range(0, len(x) - window + 1, round(STRIDE * window))
+    return np.array([x[i : i + window] for i in starts], np.float32).reshape(-1, window)
+
+
+def _baseline(up: Run, down: Run) -> tuple[float, float]:
+    """Eq. (9)-(10) on the residuals: mean(up) = scale w + bias, mean(down) = -scale w + bias."""
+    high, low = float(np.mean(_residual(up))), float(np.mean(_residual(down)))
+    return (high - low) / float(up.rate_dps[0] - down.rate_dps[0]), (high + low) / 2

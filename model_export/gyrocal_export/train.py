@@ -1,0 +1,195 @@
+"""Training: a run folder with config.json, history.csv, metrics.json and the best epoch's net.pt."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import platform
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gyrocal import __version__
+from gyrocal.errors import InputError
+from torch import Tensor
+
+from gyrocal_export.data import Windows, recorded, simulated, split
+from gyrocal_export.nets.paper import PaperNet, Shape, loss
+
+
+@dataclass(frozen=True)
+class Config:
+    """All that a training depends on. ``scenarios`` are simulated afresh for every epoch, unless there are sessions."""
+
+    net: str = "paper"
+    sessions: tuple[str, ...] = ()
+    seed: int = 0
+    epochs: int = 40
+    patience: int = 15
+    scenarios: int = 8000
+    validation_scenarios: int = 4000
+    batch: int = 256
+    learning_rate: float = 3e-3
+    shape: Shape = field(default_factory=Shape)
+
+
+def train(config: Config, out: Path, report: Callable[[int, float, float], None]) -> dict[str, Any]:
+    """Train a network and write its run folder.
+
+    Args:
+        config: what to train, and how.
+        out: the folder; it must not be there.
+        report: called after each epoch with its number, training loss and validation loss.
+
+    Returns:
+        The metrics, as in metrics.json.
+
+    Raises:
+        InputError: ``out`` is there already, or the sessions cannot be used.
+    """
+    if out.exists():
+        raise InputError(f"{out}: is there already; choose another --out or remove it")
+    torch.manual_seed(config.seed)
+    torch.use_deterministic_algorithms(True)
+    seeds = np.random.SeedSequence(config.seed).generate_state(config.epochs + 2).tolist()
+    window = config.shape.window
+    if config.sessions:
+        fixed, validation = split(recorded(map(Path, config.sessions), window), config.seed)
+        epoch_data = lambda _: fixed  # noqa: E731
+    else:
+        fixed, validation = (
+            simulated(n, s, window) for n, s in ((config.scenarios, seeds[0]), (config.validation_scenarios, seeds[1]))
+        )
+        epoch_data = lambda epoch: simulated(config.scenarios, seeds[2 + epoch], window)  # noqa: E731
+    sd = fixed.label.std(0, correction=0).clamp(min=1e-6)
+    net = PaperNet(config.shape, _two_digits_up(fixed.largest_dps()), fixed.label.mean(0), sd)
+
+    out.mkdir(parents=True)
+    _write_json(out / "config.json", asdict(config))
+    optimiser = torch.optim.Adam(net.parameters(), lr=config.learning_rate)
+    steps = config.epochs * math.ceil(fixed.up.shape[0] * fixed.up.shape[1] / config.batch)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.learning_rate, total_steps=steps)
+    checks = validation.pairs()
+    best, best_epoch = math.inf, 0
+    with (out / "history.csv").open("w", newline="") as handle:
+        history = csv.writer(handle)
+        history.writerow(["epoch", "train_loss", "validation_loss"])
+        for epoch in range(config.epochs):
+            trained = _epoch(net, epoch_data(epoch).pairs(), config.batch, optimiser, schedule)
+            checked = float(loss(predict(net, *checks[:2]), checks[2]))
+            history.writerow([epoch, f"{trained:.6f}", f"{checked:.6f}"])
+            handle.flush()
+            report(epoch, trained, checked)
+            if checked < best:
+                best, best_epoch = checked, epoch
+                save(net, out / "net.pt", validation)
+            elif epoch - best_epoch >= config.patience:
+                break
+    net, _ = load(out)
+    metrics = {"best_epoch": best_epoch, "validation_loss": best, **evaluate(net, fixed, validation)}
+    _write_json(out / "metrics.json", metrics)
+    _write_json(out / "made_by.json", made_by(config, out, fixed, validation, metrics))
+    return metrics
+
+
+def _epoch(net: PaperNet, data: tuple[Tensor, Tensor, Tensor], batch: int, optimiser: Any, schedule: Any) -> float:
+    net.train()
+    total = 0.0
+    up, down, label = data
+    batches = torch.randperm(len(label)).split(batch)
+    for rows in batches:
+        value = loss(net(up[rows], down[rows]), label[rows])
+        optimiser.zero_grad()
+        value.backward()
+        optimiser.step()
+        schedule.step()
+        total += float(value.detach())
+    return total / len(batches)
+
+
+def predict(net: PaperNet, up: Tensor, down: Tensor) -> Tensor:
+    """[n, 2] of images [n, 1, 2, window], the network at rest (running statistics, no dropout)."""
+    net.eval()
+    with torch.no_grad():
+        return net(up, down)
+
+
+def evaluate(net: PaperNet, training: Windows, validation: Windows) -> dict[str, Any]:
+    """Mean absolute errors on the validation scenarios after 1, 2, 3 windows (the mean of their answers).
+
+    Beside the network: the training mean, which knows nothing of the run, and the baseline, eq. (9)-(10).
+    """
+    up, down, _ = validation.pairs()
+    n, per_run, _ = validation.up.shape
+    answers = predict(net, up, down).reshape(n, per_run, 2)
+    means = validation.up.mean(2), validation.down.mean(2)
+    baseline = torch.stack([(means[0] - means[1]) / (2 * validation.table_dps), (means[0] + means[1]) / 2], dim=2)
+    rows = []
+    for method, y in (("net", answers), ("mean", training.label.mean(0).expand(n, per_run, 2)), ("baseline", baseline)):
+        for k in range(1, min(per_run, 3) + 1):
+            error = (y[:, :k].mean(1) - validation.label).abs().mean(0).tolist()
+            seconds = round(k * validation.up.shape[2] / validation.rate_hz, 3)
+            rows.append({"method": method, "seconds": seconds, "scale_mae": error[0], "bias_mae_dps": error[1]})
+    return {"errors": rows}
+
+
+def made_by(
+    config: Config, out: Path, training: Windows, validation: Windows, metrics: dict[str, Any]
+) -> dict[str, Any]:
+    """What a reader needs to make the network again."""
+    options = [f"--seed {config.seed}", f"--epochs {config.epochs}", f"--out {out.name}"]
+    data = {
+        "source": [Path(s).name for s in config.sessions] or "gyrocal.simulate.paper_windows, afresh for every epoch",
+        "labels": "baseline over the whole runs" if config.sessions else "the simulated truth",
+        "training_scenarios": len(training.label),
+        "validation_scenarios": len(validation.label),
+        "windows_a_run": training.up.shape[1],
+    }
+    versions = {
+        "gyrocal": __version__,
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "numpy": np.__version__,
+    }
+    command = " ".join(["gyrocal train", *(Path(s).name for s in config.sessions), *options])
+    return {"command": command, "config": asdict(config), "data": data, "metrics": metrics, "versions": versions}
+
+
+def save(net: PaperNet, path: Path, data: Windows) -> None:
+    """Write a checkpoint: weights, shape, training range and the rates that it holds for."""
+    metadata = {"name": "paper", "rate_hz": f"{data.rate_hz:.9g}", "table_dps": f"{data.table_dps:.9g}"}
+    torch.save(
+        {"state": net.state_dict(), "shape": asdict(net.shape), "clip_dps": net.clip_dps, "metadata": metadata}, path
+    )
+
+
+def load(run: Path) -> tuple[PaperNet, dict[str, str]]:
+    """The network of a run folder, and its metadata (name, rate_hz, table_dps).
+
+    Raises:
+        InputError: no such folder, or no checkpoint in it.
+    """
+    path = run / "net.pt"
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; make a run folder with `gyrocal train --out {run}`")
+    try:
+        checkpoint = torch.load(path, weights_only=True)
+        net = PaperNet(Shape(**checkpoint["shape"]), checkpoint["clip_dps"], torch.zeros(2), torch.ones(2))
+        net.load_state_dict(checkpoint["state"])
+    except Exception as error:  # torch.load raises whatever its unpickler met
+        reason = str(error).splitlines()[0][:120]
+        raise InputError(f"{path}: not a checkpoint of network paper ({reason}); train it again") from error
+    return net.eval(), checkpoint["metadata"]
+
+
+def _two_digits_up(value: float) -> float:
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return round(math.ceil(value / step) * step, 9)
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2) + "\n")
