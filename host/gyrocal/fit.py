@@ -33,6 +33,9 @@ UNIDENTIFIED = 1e-7
 SLOW_S = 4.0
 """Drift is slower than this: a bias wanders over many seconds. Anything faster is a signal for the tests of whiteness."""
 
+LEAST_SCENARIOS = 3
+"""Fewer power cycles say nothing of their spread."""
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -96,7 +99,7 @@ class Design:
         for b in self.blocks:
             on_axis = b.run.axis_index == self.axis
             rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
-        return len(rates) > 2 and all(len(r) > 1 for r in rates.values())
+        return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
 
     def _matrix(self, b: Blocks, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
         per_term = self.sample_columns(b)
@@ -253,7 +256,7 @@ class AxisFit:
     def _scenario_sd(self, of: Array, effect_id: str) -> float:
         for k, j in enumerate(self.design.layout.scenario):
             if self.design.terms[self.design.layout.fixed[j][0]].effect_id == effect_id:
-                return float(of[k])
+                return float(np.nan_to_num(of[k]))
         return 0.0
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
@@ -556,7 +559,7 @@ def finish(current: AxisFit) -> AxisFit:
             groups = [layout.run_group[j] for j in own]
             values.update(kind.named_spread(current.spreads.run[groups], term.values))
             se.update(kind.named_spread(run_se[groups], term.values))
-        if term.effect_id == "turn_on_bias":
+        if term.effect_id == "turn_on_bias" and np.unique(design.scenarios).size >= LEAST_SCENARIOS:
             values["sd_dps"], se["sd_dps"] = current.turn_on_sd_dps, current._scenario_sd(scenario_se, "bias")
         if term.effect_id == "scale" and len(layout.scenario) > 1:
             sd = current._scenario_sd(current.spreads.scenario, "scale")

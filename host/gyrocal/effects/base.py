@@ -94,6 +94,10 @@ class Effect(ABC):
         """For each column the number of the spread that it shares with others (a cosine and its sine)."""
         return list(range(len(self.used(values))))
 
+    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
+        """For each column the arguments that ``effects/<id>.c`` takes (``on_device`` effects only)."""
+        return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))
+
     def bounds(self, name: str) -> tuple[float, float]:
         """Where a nonlinear parameter is searched."""
         low, high = self.parameter(name).typical

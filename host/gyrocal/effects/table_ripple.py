@@ -76,3 +76,6 @@ class TableRipple(Effect):
 
     def groups(self, values: Mapping[str, float]) -> list[int]:
         return [i for i in range(len(self.orders(values))) for _ in range(2)]
+
+    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
+        return [(float(k), wave) for k in self.orders(values) for wave in (0.0, 1.0)]

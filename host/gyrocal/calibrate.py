@@ -1,0 +1,189 @@
+"""Scale and bias from the first seconds of a session's runs: by baseline, network and model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.estimator import Answer, calibration_of, estimate
+from gyrocal.model import Model
+from gyrocal.session import AXES, Array, Run, Session
+
+METHODS = ("baseline", "cnn", "model")
+DEFAULT_SECONDS = (2.0, 4.0, 6.0)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One answer; an error that the method does not give is None."""
+
+    scenario: str
+    method: str
+    seconds: float
+    axis: str
+    scale: float
+    scale_se: float | None
+    bias_dps: float
+    bias_se_dps: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def calibrate(
+    session: Session, seconds: Sequence[float] | None = None, methods: Iterable[str] | None = None,
+    model: Model | str | Path | None = None,
+) -> list[Estimate]:  # fmt: skip
+    """Scale and bias of every scenario, from the first ``seconds`` of each run.
+
+    ``seconds`` None: 2, 4 and 6 where there are up/down pairs, else whole runs. Baseline and network need a pair, two runs of
+    opposite true rate about one axis; the model method takes whatever fixes both terms (runs at rest and known turns, say).
+    ``methods`` None: those that the session allows, ``model`` if a model is given or there is no pair.
+    """
+    found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
+    paired = bool(found_pairs)
+    if methods is None:
+        suits = paired and all(_suits_network(run) for pair in found_pairs for run in pair)
+        methods = ["baseline"] * paired + ["cnn"] * suits + ["model"] * (model is not None or not paired)
+    methods = list(methods)
+    for method in methods:
+        if method not in METHODS:
+            raise InputError(f"--method {method}: there are {', '.join(METHODS)}")
+    if not paired and set(methods) - {"model"}:
+        where = session.path or "the session"
+        raise InputError(
+            f"{where}: no scenario has two runs of opposite true rate (face up and face down) that baseline and cnn need; "
+            "record the other face, or use --method model"
+        )
+    spans: Sequence[float | None] = seconds if seconds is not None else (DEFAULT_SECONDS if paired else (None,))
+    found: list[Estimate] = []
+    for span in spans:
+        if span is not None and not span > 0:
+            raise InputError(f"--seconds {span}: must be positive")
+        for scenario, runs in session.by_scenario():
+            for method in methods:
+                found += _estimates(session, scenario, runs, span, method, model)
+    if not found:
+        longest = max(run.duration_s for run in session.runs)
+        told = "" if seconds is None else f" from the first {', '.join(f'{s:g}' for s in seconds)} s (the longest run lasts {longest:.3g} s)"
+        raise InputError(f"{session.path or 'the session'}: scale and bias cannot be told{told}; record both faces, or rest and a known turn")
+    return found
+
+
+def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
+    """The first two runs of opposite true rate about each axis: (up, down)."""
+    out = []
+    for axis in AXES:
+        steady = [r for r in runs if r.axis == axis and r.table_rate_dps and r.column("rate_ref_dps") is None]
+        ups = [r for r in steady if r.face == "up"]
+        downs = [r for r in steady if r.face == "down"]
+        match = next(((u, d) for u in ups for d in downs if u.table_rate_dps == d.table_rate_dps), None)
+        if match is not None:
+            out.append(match)
+    return out
+
+
+def _estimates(
+    session: Session, scenario: str, runs: Sequence[Run], span: float | None, method: str, model: Model | str | Path | None
+) -> list[Estimate]:  # fmt: skip
+    out: list[Estimate] = []
+
+    def keep(axis: str, answer: Answer | None, used: Sequence[Run], se: bool = True) -> None:
+        if answer is None:
+            return
+        seconds = span if span is not None else max(r.duration_s for r in used)
+        errors = (answer.scale_se, answer.bias_se_dps) if se else (None, None)
+        out.append(Estimate(scenario, method, float(seconds), axis, answer.scale, errors[0], answer.bias_dps, errors[1]))
+
+    if method == "model":
+        cut = [r if r.rate_is_mean else (r if span is None else r.first(span)) for r in runs]
+        parts = [r for r in cut if r is not None]
+        opened = Model.open(model)
+        for axis in AXES:
+            if opened.on(axis) and _informed(parts, axis):
+                white = white_sd_dps(parts, axis)
+                keep(axis, estimate(calibration_of(opened, axis, white), parts), parts)
+        return out
+    for up, down in pairs(runs):
+        first = [up, down] if span is None else [up.first(span), down.first(span)]
+        halves = [r for r in first if r is not None]
+        if len(halves) < 2:
+            continue
+        if method == "baseline":
+            keep(up.axis, baseline(halves[0], halves[1]), halves)
+        else:
+            keep(up.axis, network(up, down, span or min(up.duration_s, down.duration_s)), halves, se=False)
+    return out
+
+
+def _informed(runs: Sequence[Run], axis: str) -> bool:
+    """Do these runs fix both scale and bias of an axis: two true rates about it at least, one of them not zero?"""
+    rates = {round(float(np.mean(r.rate_dps)), 6) if r.axis == axis else 0.0 for r in runs}
+    return len(rates) > 1
+
+
+def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
+    """White noise of one sample as successive differences show it, pooled over runs."""
+    i = AXES.index(axis)
+    total = sum(float(np.sum(np.diff(r.gyro_dps[:, i]) ** 2)) for r in runs)
+    # motion by hand is no noise: only runs whose true rate is known at each sample count, if there are any
+    steady = [r for r in runs if not r.rate_is_mean]
+    if steady:
+        total = sum(float(np.sum(np.diff(r.gyro_dps[:, i] - (r.rate_dps if r.axis == axis else 0.0)) ** 2)) for r in steady)
+        runs = steady
+    return max(float(np.sqrt(total / (2 * sum(len(r) - 1 for r in runs)))), 1e-9)
+
+
+def baseline(up: Run, down: Run) -> Answer:
+    """The paper's eq. (9)-(10) from two runs; standard errors from the white noise that successive differences show."""
+    w_up, w_down = float(np.mean(up.rate_dps)), float(np.mean(down.rate_dps))
+    (mean_up, var_up), (mean_down, var_down) = _mean(up), _mean(down)
+    scale = (mean_up - mean_down) / (w_up - w_down) - 1
+    span = abs(w_up - w_down)
+    return Answer(
+        scale, float(np.sqrt(var_up + var_down)) / span,
+        mean_up - (1 + scale) * w_up, float(np.sqrt(w_down**2 * var_up + w_up**2 * var_down)) / span, None,
+    )  # fmt: skip
+
+
+def _mean(run: Run) -> tuple[float, float]:
+    y: Array = run.gyro_dps[:, run.axis_index]
+    white = float(np.sum(np.diff(y) ** 2)) / (2 * (y.size - 1))
+    return float(np.mean(y)), white / y.size
+
+
+def network(up: Run, down: Run, seconds: float) -> Answer | None:
+    """The shipped network: the mean of its answers over whole windows; None where the runs are too short for one."""
+    from gyrocal.network import Network
+
+    net = Network.shipped()
+    if not _suits_network(up):
+        raise InputError(
+            f"{up.file}: the network was trained at {net.rate_hz:g} Hz and {net.table_dps:g} dps, this run has "
+            f"{up.sample_rate_hz:g} Hz and {abs(float(up.rate_dps[0])):g} dps; leave cnn out of --method or train a network for it"
+        )
+    windows = int(seconds * net.rate_hz / net.window + 1e-9)
+    n = windows * net.window
+    if windows == 0 or min(len(up), len(down)) < n:
+        return None
+    w_dps = abs(float(up.rate_dps[0]))
+    images = [
+        (r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n]).astype(np.float32).reshape(windows, net.window)
+        for r in sorted((up, down), key=lambda r: -float(r.rate_dps[0]))  # the net's first head sees the positive rate
+    ]
+    scale, bias_dps = net.estimate(*images, w_dps, -w_dps).mean(axis=0)
+    return Answer(float(scale), np.nan, float(bias_dps), np.nan, None)
+
+
+def _suits_network(run: Run) -> bool:
+    """Is the run at the sample rate and the table rate that the shipped network was trained for?"""
+    from gyrocal.network import RATE_TOLERANCE, Network
+
+    net = Network.shipped()
+    near = abs(abs(run.table_rate_dps or 0.0) - net.table_dps) <= RATE_TOLERANCE * net.table_dps
+    return near and abs(run.sample_rate_hz - net.rate_hz) <= 1e-3 * net.rate_hz
