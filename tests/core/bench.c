@@ -1,0 +1,200 @@
+/* A bench for the device: a script on stdin, what the device says on stdout.
+ *
+ *     > TEXT                     a command to the device
+ *     world T GX GY GZ AX AY AZ  what there is to measure, raw counts at 250 dps and 2 g
+ *     noise SD                   white noise on the gyroscope, counts
+ *     run SECONDS                steps of the device until so much virtual time has passed
+ *     sync SECONDS               the same until the device's clock stands at SECONDS
+ *     power                      a fresh device; what it stored is still there
+ *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset; brownout happens once
+ *     drop N                     the next N sentences find no room
+ *     store on|off|fails
+ */
+#include "calibration.h"
+#include "emul_lsm6dso.h"
+#include "gc_device.h"
+#include "weights.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static uint64_t now;
+static emul_lsm6dso_t chip;
+static gc_device_t device;
+static int16_t world[EMUL_WORDS];
+static double noise;
+static int drop;
+static bool short_reads;
+static char store_mode = 'o';
+static char stored[256];
+static size_t stored_n;
+static uint32_t lcg = 1;
+
+static double gaussian(void) {
+    double sum = -6.0;
+    for (int i = 0; i < 12; i++) {
+        lcg = lcg * 1664525u + 1013904223u;
+        sum += (double)lcg / 4294967296.0;
+    }
+    return sum;
+}
+
+static void stir(void) {
+    memcpy(chip.world, world, sizeof world);
+    for (int i = 1; i <= 3 && noise > 0.0; i++) {
+        chip.world[i] = (int16_t)(world[i] + (int)(noise * gaussian() + (world[i] >= 0 ? 0.5 : -0.5)));
+    }
+}
+
+static void wait_until_us(void *context, uint64_t t_us) {
+    (void)context;
+    now = t_us > now ? t_us : now;
+    stir();
+    emul_lsm6dso_advance(&chip, now);
+}
+
+static uint64_t now_us(void *context) {
+    (void)context;
+    return now;
+}
+
+static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+    (void)context;
+    now += 70;
+    return address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_write(&chip, now, reg, data, n) : -1;
+}
+
+static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+    (void)context;
+    now += 30 + 23 * n;
+    const int got = address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_read(&chip, now, reg, data, n) : -1;
+    return got > 1 && short_reads ? got - 1 : got;
+}
+
+static int send(void *context, const char *data, size_t n) {
+    (void)context;
+    if (drop > 0) {
+        drop--;
+        return 0;
+    }
+    fwrite(data, 1, n, stdout);
+    return (int)n;
+}
+
+static int store(void *context, const char *key, const void *data, size_t n) {
+    (void)context;
+    if (store_mode == 'f' || strcmp(key, "settings") != 0 || n > sizeof stored) {
+        return -1;
+    }
+    memcpy(stored, data, n);
+    stored_n = n;
+    return 0;
+}
+
+static int load(void *context, const char *key, void *data, size_t n) {
+    (void)context;
+    if (strcmp(key, "settings") != 0 || stored_n == 0 || stored_n > n) {
+        return -1;
+    }
+    memcpy(data, stored, stored_n);
+    return (int)stored_n;
+}
+
+static void led(void *context, gc_led_t state) {
+    static const char *const names[] = {"idle", "recording", "flip", "done", "misfit"};
+    (void)context;
+    printf("# led %s\n", names[state]);
+}
+
+static const gc_port_t port = {
+    .bus_write = bus_write,
+    .bus_read = bus_read,
+    .now_us = now_us,
+    .wait_until_us = wait_until_us,
+    .send = send,
+    .store = store,
+    .load = load,
+    .led = led,
+};
+
+static void power_on(void) {
+    static const gc_device_config_t config = {
+        .port = &port, .address = GC_LSM6DSO_ADDRESS, .calibration = &gc_calibration, .net = &gc_net};
+    const emul_lsm6dso_t before = chip;
+    now = 0;
+    emul_lsm6dso_power_on(&chip, now, 250.0);
+    chip.wrong_id = before.wrong_id;
+    chip.stuck_reset = before.stuck_reset;
+    chip.stuck_bit = before.stuck_bit;
+    stir();
+    gc_device_init(&device, &config);
+}
+
+static bool set_fault(const char *name, bool on) {
+    struct {
+        const char *name;
+        bool *flag;
+    } const flags[] = {{"nack", &chip.nack},   {"short", &short_reads},         {"wrong_id", &chip.wrong_id},
+                       {"stale", &chip.stale}, {"stuck_bit", &chip.stuck_bit}, {"stuck_reset", &chip.stuck_reset}};
+    for (size_t i = 0; i < sizeof flags / sizeof flags[0]; i++) {
+        if (strcmp(name, flags[i].name) == 0) {
+            *flags[i].flag = on;
+            return true;
+        }
+    }
+    if (strcmp(name, "brownout") == 0) {
+        emul_lsm6dso_brown_out(&chip);
+        return true;
+    }
+    return false;
+}
+
+static bool obey(char *line) {
+    char word[32], flag[8];
+    double number;
+    int w[EMUL_WORDS];
+    if (line[0] == '>') {
+        gc_device_receive(&device, line + 1, strlen(line + 1));
+        return true;
+    }
+    if (sscanf(line, "world %d %d %d %d %d %d %d", &w[0], &w[1], &w[2], &w[3], &w[4], &w[5], &w[6]) == 7) {
+        for (int i = 0; i < EMUL_WORDS; i++) {
+            world[i] = (int16_t)w[i];
+        }
+        return true;
+    }
+    if (sscanf(line, "noise %lf", &noise) == 1 || sscanf(line, "drop %d", &drop) == 1) {
+        return true;
+    }
+    if (sscanf(line, "run %lf", &number) == 1 || sscanf(line, "sync %lf", &number) == 1) {
+        const uint64_t end = (line[0] == 'r' ? now : 0) + (uint64_t)(number * 1e6);
+        while (now < end) {
+            gc_device_step(&device);
+        }
+        return true;
+    }
+    if (sscanf(line, "store %7s", word) == 1) {
+        store_mode = word[0];
+        return true;
+    }
+    if (sscanf(line, "fault %31s %7s", word, flag) == 2) {
+        return set_fault(word, strcmp(flag, "on") == 0);
+    }
+    if (strncmp(line, "power", 5) == 0) {
+        power_on();
+        return true;
+    }
+    return false;
+}
+
+int main(void) {
+    char line[4096];
+    while (fgets(line, sizeof line, stdin) != NULL) {
+        if (!obey(line)) {
+            fprintf(stderr, "bench: cannot read: %s", line);
+            return 2;
+        }
+    }
+    return 0;
+}

@@ -1,0 +1,202 @@
+/* The driver against the emulated part: each check prints its name if it fails. */
+#include "emul_lsm6dso.h"
+#include "gc_error.h"
+#include "gc_lsm6dso.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static uint64_t now;
+static emul_lsm6dso_t chip;
+static int short_by;
+static int refuse_writes_to = -1;
+static int failures;
+
+#define CHECK(condition)                                       \
+    do {                                                       \
+        if (!(condition)) {                                    \
+            printf("line %d: %s\n", __LINE__, #condition);     \
+            failures++;                                        \
+        }                                                      \
+    } while (0)
+
+static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+    (void)context;
+    if (address != GC_LSM6DSO_ADDRESS) {
+        return -1;
+    }
+    now += 100;
+    return reg == refuse_writes_to ? 0 : emul_lsm6dso_write(&chip, now, reg, data, n);
+}
+
+static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+    (void)context;
+    now += 100;
+    const int got = address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_read(&chip, now, reg, data, n) : -1;
+    return got >= 0 && short_by > 0 && n > 1 ? got - short_by : got;
+}
+
+static uint64_t now_us(void *context) {
+    (void)context;
+    return now;
+}
+
+static void wait_until_us(void *context, uint64_t t_us) {
+    (void)context;
+    now = t_us > now ? t_us : now;
+}
+
+static const gc_port_t port = {.bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us};
+
+static const int16_t pattern[EMUL_WORDS] = {-256, 0x1234, -0x1234, 28571, 16393, -16393, 255};
+
+static int fresh_chip(gc_lsm6dso_t *imu, double odr_hz, double full_scale_dps) {
+    now = 0;
+    emul_lsm6dso_power_on(&chip, now, 250.0);
+    emul_lsm6dso_feed(&chip, now, pattern);
+    return gc_lsm6dso_init(imu, &port, GC_LSM6DSO_ADDRESS, odr_hz, full_scale_dps);
+}
+
+static void check_registers_and_words(void) {
+    gc_lsm6dso_t imu;
+    gc_sample_t s;
+    CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_OK);
+    CHECK(chip.reg[0x10] == 0x60 && chip.reg[0x11] == 0x60 && chip.reg[0x12] == 0x44);
+    CHECK((chip.reg[0x18] & 0x02) && (chip.reg[0x18] & 0xE0) == 0xE0);
+    CHECK(now >= 10000u + 80000u && now < 120000u);
+    emul_lsm6dso_feed(&chip, now, pattern); /* the chip's next own sample is 2.4 ms away */
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK);
+    CHECK(s.fresh && s.temp == pattern[0]);
+    CHECK(memcmp(s.gyro, pattern + 1, sizeof s.gyro) == 0 && memcmp(s.acc, pattern + 4, sizeof s.acc) == 0);
+    now += 500;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK && !s.fresh);
+    CHECK(gc_lsm6dso_ready(&imu) == 0);
+    now += 3000;
+    CHECK(gc_lsm6dso_ready(&imu) == 1);
+}
+
+static void check_ranges(void) {
+    const double scales[] = {125, 250, 500, 1000, 2000};
+    const double lsb[] = {0.004375, 0.00875, 0.0175, 0.035, 0.070};
+    const double rates[] = {12.5, 26, 52, 104, 208, 416, 833, 1666};
+    gc_lsm6dso_t imu;
+    gc_sample_t s;
+    for (int i = 0; i < 5; i++) {
+        CHECK(fresh_chip(&imu, 416.0, scales[i]) == GC_OK);
+        CHECK(imu.lsb_dps == lsb[i]);
+        now += 3000;
+        CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK);
+        CHECK(fabs(s.gyro[0] * imu.lsb_dps - 0x1234 * 0.00875) <= 0.5 * imu.lsb_dps + 1e-9);
+    }
+    CHECK(fresh_chip(&imu, 416.0, 125.0) == GC_OK);
+    now += 3000;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK && s.gyro[2] == 32767);
+    for (int i = 0; i < 8; i++) {
+        CHECK(fresh_chip(&imu, rates[i], 250.0) == GC_OK);
+        const uint64_t start = now;
+        emul_lsm6dso_feed(&chip, now, pattern);
+        CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK && s.fresh);
+        CHECK(gc_lsm6dso_ready(&imu) == 0);
+        while (gc_lsm6dso_ready(&imu) == 0) {
+            now += 10;
+        }
+        CHECK(fabs((double)(now - start) - 1e6 / rates[i]) < 220.0);
+        CHECK(gc_lsm6dso_odr_for(rates[i]) == rates[i]);
+    }
+    CHECK(gc_lsm6dso_odr_for(145.0) == 416.0 && gc_lsm6dso_odr_for(500.0) == 833.0 && gc_lsm6dso_odr_for(2000.0) == 0.0);
+    CHECK(gc_lsm6dso_odr_for(0.0) == 0.0 && gc_lsm6dso_odr_for(-1.0) == 0.0 && gc_lsm6dso_odr_for(NAN) == 0.0);
+    CHECK(fresh_chip(&imu, 145.0, 250.0) == GC_E_ARGUMENT && fresh_chip(&imu, 416.0, 300.0) == GC_E_ARGUMENT);
+}
+
+/* Without BDU a word tears when a sample comes between its bytes; with it, it does not. */
+static void check_tearing(void) {
+    for (int bdu = 0; bdu < 2; bdu++) {
+        gc_lsm6dso_t imu;
+        uint8_t low, high;
+        int16_t other[EMUL_WORDS];
+        const uint8_t ctrl3 = bdu ? 0x44 : 0x04;
+        CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_OK);
+        now += 100000;
+        (void)emul_lsm6dso_write(&chip, now, 0x12, &ctrl3, 1);
+        emul_lsm6dso_feed(&chip, now, pattern);
+        (void)emul_lsm6dso_read(&chip, now, 0x22, &low, 1);
+        memcpy(other, pattern, sizeof other);
+        other[1] = 0x4321;
+        emul_lsm6dso_feed(&chip, now, other);
+        (void)emul_lsm6dso_read(&chip, now, 0x23, &high, 1);
+        const int word = high << 8 | low;
+        CHECK(word == (bdu ? 0x1234 : 0x4334));
+        (void)emul_lsm6dso_read(&chip, now, 0x22, &low, 1);
+        (void)emul_lsm6dso_read(&chip, now, 0x23, &high, 1);
+        CHECK((high << 8 | low) == 0x4321);
+    }
+}
+
+static void check_faults(void) {
+    gc_lsm6dso_t imu;
+    gc_sample_t s;
+
+    now = 0;
+    emul_lsm6dso_power_on(&chip, now, 250.0);
+    CHECK(gc_lsm6dso_init(&imu, &port, 0x6A, 416.0, 250.0) == GC_E_BUS_NACK);
+
+    emul_lsm6dso_power_on(&chip, now, 250.0);
+    chip.wrong_id = true;
+    CHECK(gc_lsm6dso_init(&imu, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_E_WRONG_ID);
+
+    emul_lsm6dso_power_on(&chip, now, 250.0);
+    chip.stuck_reset = true;
+    const uint64_t start = now;
+    CHECK(gc_lsm6dso_init(&imu, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_E_RESET_TIMEOUT);
+    CHECK(now - start < 30000u);
+
+    refuse_writes_to = 0x11;
+    CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_E_CONFIG_REFUSED);
+    refuse_writes_to = -1;
+
+    CHECK(fresh_chip(&imu, 416.0, 250.0) == GC_OK);
+    now += 3000;
+    chip.nack = true;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_E_BUS_NACK);
+    chip.nack = false;
+    short_by = 1;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_E_BUS_SHORT);
+    short_by = 0;
+
+    /* Frozen: a reading that is there already is not fresh, then stale after three periods of 2.4 ms. */
+    emul_lsm6dso_feed(&chip, now, pattern);
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK && s.fresh);
+    chip.stale = true;
+    now += 2500;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK && !s.fresh);
+    now += 5500;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_E_STALE);
+    chip.stale = false;
+    now += 3000;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_OK && s.fresh);
+
+    /* A brown-out shows at once as missing data, not after half a second. */
+    emul_lsm6dso_brown_out(&chip);
+    now += 8000;
+    CHECK(gc_lsm6dso_read(&imu, &s) == GC_E_CONFIG_LOST);
+    CHECK(gc_lsm6dso_init(&imu, &port, GC_LSM6DSO_ADDRESS, 416.0, 250.0) == GC_OK);
+
+    /* One register only, data still coming: seen within half a second. */
+    chip.reg[0x11] = 0x6C;
+    int error = GC_OK;
+    uint64_t changed = now;
+    while (error == GC_OK && now - changed < 1000000u) {
+        now += 3000;
+        error = gc_lsm6dso_read(&imu, &s);
+    }
+    CHECK(error == GC_E_CONFIG_LOST && now - changed <= 510000u);
+}
+
+int main(void) {
+    check_registers_and_words();
+    check_ranges();
+    check_tearing();
+    check_faults();
+    return failures == 0 ? 0 : 1;
+}

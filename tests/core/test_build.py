@@ -1,0 +1,48 @@
+"""The core is portable C99: clean under both compilers, and free of what a microcontroller lacks."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from .conftest import WARNINGS
+from gyrocal_firmware import CORE, INCLUDE, SIM
+
+SOURCES = sorted(CORE.rglob("*.c"))
+HEADERS = sorted(CORE.rglob("*.h"))
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_compiles_without_a_warning(compiler: str, require_tool: Callable[[str], str], tmp_path: Path) -> None:
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", *WARNINGS, "-c", f"-I{INCLUDE}", f"-I{CORE}"]
+    sources = [*SOURCES, *sorted(SIM.glob("*.c"))]
+    done = subprocess.run([require_tool(compiler), *flags, *map(str, sources)], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_headers_stand_alone_in_c_and_cplusplus(require_tool: Callable[[str], str], tmp_path: Path) -> None:
+    for header in HEADERS:
+        for name, language in (("one.c", "-std=c99"), ("one.cpp", "-std=c++11")):
+            (tmp_path / name).write_text(f'#include "{header.name}"\n#include "{header.name}"\nextern int unused;\n')
+            command = [require_tool("gcc"), language, "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{CORE}", name]
+            done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+            assert done.returncode == 0, (header.name, done.stderr)
+
+
+def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(require_tool: Callable[[str], str], tmp_path: Path) -> None:
+    flags = ["-std=c99", "-O2", "-fno-pic", "-c", f"-I{CORE}"]  # without it, tables of pointers are writable until linked
+    subprocess.run([require_tool("gcc"), *flags, *map(str, SOURCES)], cwd=tmp_path, check=True)
+    allowed = {"memcpy", "memset", "memcmp", "memmove", "memchr", "strchr", "strlen", "sqrt", "fabs", "floor", "fmin", "fmax"}
+    for unit in sorted(tmp_path.glob("*.o")):
+        symbols = subprocess.run([require_tool("nm"), unit], capture_output=True, text=True, check=True).stdout
+        for line in symbols.splitlines():
+            kind, name = line.split()[-2:]
+            assert kind not in "BbDdCc", f"{unit.name} keeps {name} in writable memory"
+            assert kind != "U" or name.startswith("gc_") or name in allowed, f"{unit.name} needs {name}"
+
+
+def test_an_effect_is_one_file_that_no_list_names() -> None:
+    for effect in sorted((CORE / "effects").glob("*.c")):
+        assert f"GC_EFFECT({effect.stem}) {{" in effect.read_text()
+        others = [p for p in (*SOURCES, *HEADERS) if p != effect and effect.stem in p.read_text()]
+        assert not others, f"{effect.stem} is named in {others}"
