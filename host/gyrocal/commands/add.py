@@ -1,0 +1,30 @@
+"""``gyrocal add``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect's id, e.g. table_ripple.")],
+    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
+    model: Annotated[Path, typer.Option(help="The model file that gains the effect; made from `default` if it is not there.")],
+    heldout_day: Annotated[int | None, typer.Option(help="Judge on this day alone.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""
+    from gyrocal.diagnose import add
+    from gyrocal.output import emit, working
+    from gyrocal.report import print_before_after
+    from gyrocal.session import Session
+
+    with working(as_json) as say:
+        before, after, fitted = add(
+            Session.open(session), model if model.exists() else None, effect, only_day=heldout_day, progress=say
+        )
+    fitted.save(model)
+    if as_json:
+        emit({"before": before.to_json(), "after": after.to_json()})
+    else:
+        print_before_after(before, after, model)

@@ -1,0 +1,36 @@
+"""``gyrocal calibrate``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
+    seconds: Annotated[str | None, typer.Option(help="From the first seconds of each run: 2, or 2,4,6.")] = None,
+    method: Annotated[str | None, typer.Option(help="baseline, cnn, model, or several with commas.")] = None,
+    model: Annotated[str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Estimate scale and bias of each scenario from the first seconds of its runs."""
+    from gyrocal.calibrate import calibrate
+    from gyrocal.errors import InputError
+    from gyrocal.output import emit, mdps, table
+    from gyrocal.session import Session
+
+    try:
+        spans = None if seconds is None else [float(s) for s in seconds.split(",")]
+    except ValueError:
+        raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
+    methods = None if method is None else [m.strip() for m in method.split(",")]
+    found = calibrate(Session.open(session), spans, methods, model)
+    if as_json:
+        emit({"estimates": [e.to_json() for e in found]})
+        return
+    rows = [
+        [e.scenario, e.axis, e.method, f"{e.seconds:g}", f"{e.scale * 100:.4f}", "-" if e.scale_se is None else f"{e.scale_se * 100:.4f}",
+         mdps(e.bias_dps), mdps(e.bias_se_dps)]
+        for e in found
+    ]  # fmt: skip
+    table("", ["scenario:", "axis:", "method:", "seconds", "scale %", "± %", "bias mdps", "± mdps"], rows)

@@ -1,0 +1,36 @@
+"""``gyrocal compare``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
+    model: Annotated[str | None, typer.Option(help="paper, default, or a model file.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write a page with pictures.")] = None,
+    residuals: Annotated[Path | None, typer.Option(help="Write file,t_s,axis,measured_dps,modelled_dps as CSV or Parquet.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Hold the model against the measurements: the error left beyond the noise, and where it shows."""
+    from gyrocal.compare import compare, residual_table
+    from gyrocal.output import emit, working
+    from gyrocal.report import print_comparison, write_page
+    from gyrocal.session import Session
+
+    with working(as_json) as say:
+        found = compare(Session.open(session), model, progress=say)
+        if residuals is not None:
+            frame = residual_table(found)
+            if residuals.suffix == ".parquet":
+                frame.write_parquet(residuals)
+            else:
+                frame.write_csv(residuals)
+        if html is not None:
+            say("drawing")
+            write_page(html, found)
+    if as_json:
+        emit(found.to_json())
+    else:
+        print_comparison(found)

@@ -1,0 +1,25 @@
+"""``gyrocal diagnose``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
+    model: Annotated[str | None, typer.Option(help="paper, default, or a model file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Find the physical effect that the model is missing, with evidence on held-out data."""
+    from gyrocal.diagnose import diagnose
+    from gyrocal.output import emit, working
+    from gyrocal.report import print_diagnosis
+    from gyrocal.session import Session
+
+    with working(as_json) as say:
+        found = diagnose(Session.open(session), model, progress=say)
+    if as_json:
+        emit(found.to_json())
+    else:
+        print_diagnosis(found, session, model)

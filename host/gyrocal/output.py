@@ -1,0 +1,65 @@
+"""What commands print: one JSON object, a table, progress on stderr."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+PIPE_WIDTH = 140
+stdout = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else PIPE_WIDTH)
+stderr = Console(stderr=True, highlight=False)
+
+
+def emit(value: Any) -> None:
+    """One JSON object alone on stdout; numbers that are not finite become null, as JSON has none."""
+    print(json.dumps(_plain(value), indent=1))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@contextmanager
+def working(quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """A line on stderr that says what is being done, while it is done; nothing where nobody looks."""
+    if quiet or not stderr.is_terminal:
+        yield lambda _: None
+        return
+    with stderr.status("") as status:
+        yield lambda text: status.update(text)
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table on stdout; columns whose names end in a colon are text, the others numbers."""
+    grid = Table(title=title or None, title_justify="left", title_style="bold", header_style="bold")
+    for name in columns:
+        grid.add_column(name.rstrip(":"), justify="left" if name.endswith(":") else "right", overflow="fold")
+    for row in rows:
+        grid.add_row(*row)
+    stdout.print(grid)
+
+
+def mdps(value_dps: float | None, digits: int = 1) -> str:
+    """deg/s as thousandths of it."""
+    return "-" if value_dps is None else f"{value_dps * 1e3:.{digits}f}"
+
+
+def plus_minus(value: float, se: float | None, unit: str = "") -> str:
+    """A value with its standard error, to the error's first two digits."""
+    if se is None or not math.isfinite(se) or se <= 0:
+        return f"{value:.4g} {unit}".strip()
+    places = max(0, 1 - math.floor(math.log10(se)))
+    return f"{value:.{places}f} ± {se:.{places}f} {unit}".strip()

@@ -1,0 +1,157 @@
+"""Comparison and diagnosis in words: on the terminal, and as a page that stands alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gyrocal import __version__
+from gyrocal.compare import Comparison
+from gyrocal.diagnose import Candidate, Diagnosis
+from gyrocal.errors import InputError
+from gyrocal.output import mdps, plus_minus, stdout, table
+
+PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>gyrocal: {{ name }}</title><style>
+:root { color-scheme: light dark; --line: #8884; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+table { border-collapse: collapse; margin: 1rem 0; } th, td { padding: .3rem .8rem; border-bottom: 1px solid var(--line); text-align: right; }
+th:first-child, td:first-child, td.text, th.text { text-align: left; }
+img { max-width: 100%; background: #fff; border-radius: 6px; } figure { margin: 1.5rem 0; }
+.verdict { font-size: 1.3rem; padding: .6rem 1rem; border-left: 6px solid {{ '#009E73' if adequate else '#D55E00' }}; background: #8881; }
+</style></head><body>
+<h1>{{ name }}</h1>
+<p class="verdict">{{ headline }}</p>
+<p>Model: {{ model }}. Held out: {{ held_out }}.</p>
+<table><tr><th>axis</th><th>rms, mdps</th><th>floor, mdps</th><th>excess, mdps</th></tr>
+{% for row in levels %}<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table>
+{% if where %}<h2>Where it fails</h2>
+<table><tr><th>axis</th><th class="text">against</th><th>strength, σ</th><th class="text">what</th></tr>
+{% for f in where %}<tr><td>{{ f.axis }}</td><td class="text">{{ f.against }}</td><td>{{ '%.1f' % f.strength }}</td><td class="text">{{ f.note }}</td></tr>{% endfor %}</table>{% endif %}
+{% for title, image in pictures %}<figure><img alt="{{ title }}" src="{{ image }}"></figure>{% endfor %}
+<h2>Parameters</h2>
+<table><tr><th>effect</th><th>axis</th><th class="text">parameter</th><th>value</th><th>± se</th><th class="text">unit</th></tr>
+{% for row in parameters %}<tr>{% for cell in row %}<td{% if loop.index in (3, 6) %} class="text"{% endif %}>{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table>
+<p>gyrocal {{ version }}</p>
+</body></html>
+"""
+
+
+def headline(c: Comparison) -> str:
+    """The verdict in a sentence."""
+    if c.verdict == "adequate":
+        return "The model is adequate: what is left over is noise."
+    first = c.where[0]
+    return f"The model does not fit: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
+
+
+def level_rows(c: Comparison) -> list[list[str]]:
+    rows = [[axis, mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2)] for axis, v in c.per_axis.items()]
+    return [*rows, ["all", mdps(c.pooled.rms_dps, 2), mdps(c.pooled.floor_dps, 2), mdps(c.pooled.excess_dps, 2)]]
+
+
+def print_comparison(c: Comparison) -> None:
+    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps"], level_rows(c))
+    stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
+    if c.where:
+        rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
+        table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+    stdout.print(headline(c), style="bold")
+
+
+def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
+    shown = [c for c in d.candidates if c.decision != "not_measurable"]
+    rows = [
+        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+         "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
+        for c in shown
+    ]  # fmt: skip
+    table("", ["effect:", "axis:", "decision:", "explained", "held-out gain", "size:"], rows)
+    hidden = [f"{c.effect.id} on {c.axis}" for c in d.candidates if c.decision == "not_measurable"]
+    if hidden:
+        stdout.print(f"not measurable with this session: {', '.join(hidden)}")
+    stdout.print(verdict_text(d), style="bold")
+    if d.verdict == "add" and d.best is not None:
+        target = model if model and model.endswith(".toml") else "model.toml"
+        stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
+
+
+def verdict_text(d: Diagnosis) -> str:
+    """The diagnosis in a sentence or two."""
+    best = d.best
+    if d.verdict == "add" and best is not None:
+        return f"Missing: {best.effect.title.lower()} on {best.axis}. {best.effect.cause.split('. ')[0]}."
+    if d.verdict == "ambiguous" and best is not None:
+        return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
+    if d.verdict == "unknown" and d.unknown is not None:
+        u = d.unknown
+        return f"Something is there that no effect of the library explains: on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}."
+    return "Nothing is missing: what is left over is noise."
+
+
+def sizes(c: Candidate) -> str:
+    """A candidate's parameters with their errors."""
+    units = {p.name: p.unit for p in c.effect.parameters}
+    parts = []
+    for name, value in c.values.items():
+        unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
+        parts.append(f"{name} {plus_minus(value, c.se.get(name), '' if unit == 'fraction' else unit)}")
+    return ", ".join(parts)
+
+
+def explained(before: Comparison, after: Comparison) -> float | None:
+    """1 - (excess after / excess before)^2."""
+    if not before.pooled.excess_dps or after.pooled.excess_dps is None:
+        return None
+    return 1 - (after.pooled.excess_dps / before.pooled.excess_dps) ** 2
+
+
+def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
+    rows = []
+    for axis in after.per_axis:
+        old, new = before.per_axis[axis], after.per_axis[axis]
+        rows.append([axis, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
+    rows.append(["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)])
+    table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
+    part = explained(before, after)
+    told = "" if part is None else f"; {part:.1%} of the excess explained"
+    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}{told}")
+    stdout.print(headline(after), style="bold")
+
+
+def write_page(path: Path, c: Comparison) -> None:
+    """One self-contained HTML page."""
+    import jinja2
+
+    from gyrocal import pictures
+
+    drawn = [
+        ("Excess over the floor", pictures.png_data(pictures.levels(c))),
+        ("Residual against time", pictures.png_data(pictures.residual_against_time(c))),
+        ("Spectrum", pictures.png_data(pictures.spectra(c))),
+        ("Allan deviation", pictures.png_data(pictures.allan(c))),
+    ]
+    page = jinja2.Environment(autoescape=True).from_string(PAGE)
+    text = page.render(
+        name=c.fit.session.path.name if c.fit.session.path else "session", adequate=c.verdict == "adequate", headline=headline(c),
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
+        parameters=_parameters(c), version=__version__,
+    )  # fmt: skip
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+
+
+def _parameters(c: Comparison) -> list[list[Any]]:
+    rows = []
+    for term in c.fit.model.terms:
+        units = {p.name: p.unit for p in term.effect.parameters}
+        for name, value in term.values.items():
+            se = term.se.get(name)
+            unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
+            rows.append([term.effect_id, term.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
+    return rows
