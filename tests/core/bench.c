@@ -154,8 +154,8 @@ static bool obey(char *line) {
     char word[32], flag[8];
     double number;
     int w[EMUL_WORDS];
-    if (line[0] == '>') {
-        gc_device_receive(&device, line + 1, strlen(line + 1));
+    if (strncmp(line, "> ", 2) == 0) {
+        gc_device_receive(&device, line + 2, strlen(line + 2));
         return true;
     }
     if (sscanf(line, "world %d %d %d %d %d %d %d", &w[0], &w[1], &w[2], &w[3], &w[4], &w[5], &w[6]) == 7) {

@@ -1,4 +1,4 @@
-"""The C core, the simulated device and small C programs of this folder, built with address and undefined-behaviour sanitizers."""
+"""The core, the simulated device and small C programs of this folder, built with address and UB sanitizers."""
 
 import binascii
 import subprocess
@@ -34,7 +34,7 @@ def objects(cc: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def build(cc: str, objects: Path, tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """`build(source, include)` links a program with the core; `include` is searched for headers before the shipped ones."""
+    """`build(source, include)` links a program with the core; `include` comes before the shipped headers."""
     built: dict[tuple[Path, Path | None], Path] = {}
 
     def make(source: Path, include: Path | None = None) -> Path:
@@ -99,7 +99,12 @@ def write_rows(path: Path, runs: list[dict], rate_hz: float = 145.0, full_scale_
 
 
 def make_run(
-    rng: np.random.Generator, rate_dps: NDArray[np.float64], t_us: NDArray[np.int64], face: int = 1, axis: int = 2, **more: object
+    rng: np.random.Generator,
+    rate_dps: NDArray[np.float64],
+    t_us: NDArray[np.int64],
+    face: int = 1,
+    axis: int = 2,
+    **more: object,
 ) -> dict:
     """Counts of a rate about one axis, with the sensor's white noise on all three."""
     counts = np.zeros((len(t_us), 7))

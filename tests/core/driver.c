@@ -104,7 +104,7 @@ static void check_ranges(void) {
         CHECK(fabs((double)(now - start) - 1e6 / rates[i]) < 220.0);
         CHECK(gc_lsm6dso_odr_for(rates[i]) == rates[i]);
     }
-    CHECK(gc_lsm6dso_odr_for(145.0) == 416.0 && gc_lsm6dso_odr_for(500.0) == 833.0 && gc_lsm6dso_odr_for(2000.0) == 0.0);
+    CHECK(gc_lsm6dso_odr_for(145.0) == 416.0 && gc_lsm6dso_odr_for(400.0) == 833.0 && gc_lsm6dso_odr_for(340.0) == 416.0 && gc_lsm6dso_odr_for(2000.0) == 0.0);
     CHECK(gc_lsm6dso_odr_for(0.0) == 0.0 && gc_lsm6dso_odr_for(-1.0) == 0.0 && gc_lsm6dso_odr_for(NAN) == 0.0);
     CHECK(fresh_chip(&imu, 145.0, 250.0) == GC_E_ARGUMENT && fresh_chip(&imu, 416.0, 300.0) == GC_E_ARGUMENT);
 }

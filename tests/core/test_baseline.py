@@ -66,7 +66,9 @@ def test_against_numpy_with_noise_gaps_and_jitter(estimate: Path, rate_hz: float
         keep[0] = True
         t = t[keep]
         ripple = 0.2 * np.sin(2 * np.pi * t / 4.6e6)
-        runs.append((t, np.rint((1.004 * rate - 0.05 + ripple + rng.normal(0, 0.0448, len(t))) / LSB_DPS).astype(np.int64)))
+        runs.append(
+            (t, np.rint((1.004 * rate - 0.05 + ripple + rng.normal(0, 0.0448, len(t))) / LSB_DPS).astype(np.int64))
+        )
     got = baseline(estimate, runs[0], runs[1], w, rate_hz)
     assert len(got) == 3
     for seconds, answer in zip((2, 4, 6), got, strict=True):

@@ -5,8 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from .conftest import WARNINGS
 from gyrocal_firmware import CORE, INCLUDE, SIM
+
+from .conftest import WARNINGS
 
 SOURCES = sorted(CORE.rglob("*.c"))
 HEADERS = sorted(CORE.rglob("*.h"))
@@ -16,7 +17,8 @@ HEADERS = sorted(CORE.rglob("*.h"))
 def test_compiles_without_a_warning(compiler: str, require_tool: Callable[[str], str], tmp_path: Path) -> None:
     flags = ["-std=c99", "-O2", "-ffp-contract=off", *WARNINGS, "-c", f"-I{INCLUDE}", f"-I{CORE}"]
     sources = [*SOURCES, *sorted(SIM.glob("*.c"))]
-    done = subprocess.run([require_tool(compiler), *flags, *map(str, sources)], cwd=tmp_path, capture_output=True, text=True)
+    command = [require_tool(compiler), *flags, *map(str, sources)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
@@ -29,10 +31,14 @@ def test_headers_stand_alone_in_c_and_cplusplus(require_tool: Callable[[str], st
             assert done.returncode == 0, (header.name, done.stderr)
 
 
-def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(require_tool: Callable[[str], str], tmp_path: Path) -> None:
-    flags = ["-std=c99", "-O2", "-fno-pic", "-c", f"-I{CORE}"]  # without it, tables of pointers are writable until linked
+def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(
+    require_tool: Callable[[str], str], tmp_path: Path
+) -> None:
+    # position-independent code would keep tables of pointers writable until it is linked
+    flags = ["-std=c99", "-O2", "-fno-pic", "-c", f"-I{CORE}"]
     subprocess.run([require_tool("gcc"), *flags, *map(str, SOURCES)], cwd=tmp_path, check=True)
-    allowed = {"memcpy", "memset", "memcmp", "memmove", "memchr", "strchr", "strlen", "sqrt", "fabs", "floor", "fmin", "fmax"}
+    allowed = {"memcpy", "memset", "memcmp", "memmove", "memchr", "strchr", "strlen"}
+    allowed |= {"sqrt", "fabs", "floor", "fmin", "fmax"}
     for unit in sorted(tmp_path.glob("*.o")):
         symbols = subprocess.run([require_tool("nm"), unit], capture_output=True, text=True, check=True).stdout
         for line in symbols.splitlines():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from .conftest import HERE, Build, run
 
 VECTORS = json.loads((HERE.parent / "vectors" / "wire.json").read_text())
@@ -38,7 +39,8 @@ def test_crc(codec: Path) -> None:
 
 def test_good_sentences(codec: Path) -> None:
     lines = [v["sentence"] for v in VECTORS["good"]]
-    for line, vector, answer in zip(lines, VECTORS["good"], ask(codec, [f"parse {line}" for line in lines]), strict=True):
+    answers = ask(codec, [f"parse {line}" for line in lines])
+    for line, vector, answer in zip(lines, VECTORS["good"], answers, strict=True):
         head, *fields = answer.split("\x1e")
         assert head == f"ok {vector['tag']} {vector['seq']} {vector['t_us']} {vector['imu']}", line
         assert [field.split("\x1f") for field in fields] == vector["fields"], line

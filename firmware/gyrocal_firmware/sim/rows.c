@@ -94,7 +94,7 @@ static const char *parse(rows_t *rows, const uint8_t *data, size_t size) {
         return "it holds no run";
     }
     if (!(rows->sample_rate_hz >= 1.0f) || gc_lsm6dso_odr_for((double)rows->sample_rate_hz) == 0.0) {
-        return "sample_rate_hz must be within 1 and 1666";
+        return "sample_rate_hz must be within 1 and 1388, or 1666";
     }
     if (!gc_lsm6dso_full_scale_ok((double)rows->full_scale_dps)) {
         return "full_scale_dps must be 125, 250, 500, 1000 or 2000";

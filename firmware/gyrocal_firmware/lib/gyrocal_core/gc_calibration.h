@@ -14,7 +14,7 @@ extern "C" {
 typedef struct {
     float t_s;        /* time since the run's first sample */
     float rate_dps;   /* true rate about the sensed axis */
-    float theta_turn; /* angle that this rate has turned since the run's first sample, in turns */
+    float theta_turn; /* the table's angle since the run's first sample, in turns, from its rate */
     float temp_c;
     float power_on_s; /* time since power-on */
     float acc_g[3];

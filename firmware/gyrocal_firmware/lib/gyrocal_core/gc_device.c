@@ -428,7 +428,7 @@ static void add_to_estimator(gc_device_t *d, const gc_run_t *run, uint64_t t_us,
     gc_effect_input_t in = {
         .t_s = (float)t_s,
         .rate_dps = (float)run->w_dps,
-        .theta_turn = (float)(run->w_dps * t_s / 360.0),
+        .theta_turn = (float)(run->settings.table_dps * t_s / 360.0),
         .temp_c = (float)(GC_LSM6DSO_ZERO_C + GC_LSM6DSO_LSB_C * sample->temp),
         .power_on_s = (float)(1e-6 * (double)t_us),
     };

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #define STALE_PERIODS 3.0
+#define POLL_MARGIN 1.2 /* polled at nearly its own rate, the part often has nothing new */
 
 static const double odr_hz_of_code[] = {0.0, 12.5, 26.0, 52.0, 104.0, 208.0, 416.0, 833.0, 1666.0};
 #define ODR_CODES (sizeof odr_hz_of_code / sizeof odr_hz_of_code[0])
@@ -26,7 +27,7 @@ double gc_lsm6dso_odr_for(double rate_hz) {
         }
     }
     for (size_t i = ODR_CODE_416; i < ODR_CODES; i++) {
-        if (odr_hz_of_code[i] >= rate_hz && rate_hz > 0.0) {
+        if (odr_hz_of_code[i] >= POLL_MARGIN * rate_hz && rate_hz > 0.0) {
             return odr_hz_of_code[i];
         }
     }

@@ -59,7 +59,8 @@ typedef struct {
     uint64_t fresh_us; /* when data were last ready */
 } gc_lsm6dso_t;
 
-/* The output data rate that serves `rate_hz`: the rate itself if it is one, else 416 Hz or the next above; 0 = none. */
+/* The output data rate that serves `rate_hz`: the rate itself if it is one, else the first from 416 Hz on that is a fifth
+   above it; 0 = none. */
 double gc_lsm6dso_odr_for(double rate_hz);
 bool gc_lsm6dso_full_scale_ok(double full_scale_dps);
 
