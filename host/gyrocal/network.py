@@ -88,7 +88,8 @@ class Network:
             raise InputError(
                 f"network {self.name} takes two [n, {self.window}] windows, not {up.shape} and {down.shape}"
             )
-        if max(abs(w_up_dps - self.table_dps), abs(w_down_dps + self.table_dps)) > RATE_TOLERANCE * self.table_dps:
+        off = (w_up_dps - self.table_dps, w_down_dps + self.table_dps)
+        if not all(abs(x) <= RATE_TOLERANCE * self.table_dps for x in off):
             raise InputError(
                 f"network {self.name} was trained at true rates {self.table_dps:g} and {-self.table_dps:g} dps, "
                 f"not {w_up_dps:g} and {w_down_dps:g}; train one for this table"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from gyrocal.calibrate import baseline
 from gyrocal.errors import InputError
 from gyrocal.network import image
 from gyrocal.session import Run, Session
@@ -79,7 +80,8 @@ def recorded(paths: Iterable[Path], window: int) -> Windows:
                 raise InputError(f"{path}: scenario {scenario} is shorter than a window of {window} samples")
             ups.append(cut[0][:n])
             downs.append(cut[1][:n])
-            labels.append(_baseline(up, down))
+            whole = baseline(up, down)
+            labels.append((whole.scale, whole.bias_dps))
     if not labels:
         raise InputError("no scenario has an up and a down run at one table rate: nothing to train on")
     if len(rates) > 1 or len(set(next(iter(rates))[:2])) > 1:
@@ -116,9 +118,3 @@ def _cut(run: Run, window: int) -> np.ndarray:
     x = _residual(run)[: round(RECORDED_SECONDS * run.sample_rate_hz)].astype(np.float32)
     starts = range(0, len(x) - window + 1, round(STRIDE * window))
     return np.array([x[i : i + window] for i in starts], np.float32).reshape(-1, window)
-
-
-def _baseline(up: Run, down: Run) -> tuple[float, float]:
-    """Eq. (9)-(10) on the residuals: mean(up) = scale w + bias, mean(down) = -scale w + bias."""
-    high, low = float(np.mean(_residual(up))), float(np.mean(_residual(down)))
-    return (high - low) / float(up.rate_dps[0] - down.rate_dps[0]), (high + low) / 2

@@ -42,14 +42,14 @@ def quantize(float_graph: Graph) -> onnx.ModelProto:
     """
     writer = _Writer()
     joined = []
-    for name in ("up", "down"):
+    for name, sign in (("up", 1.0), ("down", -1.0)):
         limit, _, *block, concat = float_graph.chain(name, ("Clip", "Transpose", *CONV, "Concat"))
         bounds = [float_graph.constant(limit, i) for i in (1, 2)]
         inputs = [writer.constant(f"{name}.clip_{end}", b) for end, b in zip(("low", "high"), bounds, strict=True)]
         clipped = writer.node("Clip", [name, *inputs], f"{name}.clipped")
         row = [writer.constant(f"{name}.row_{k}", np.array([v])) for k, v in (("start", 0), ("end", 1), ("axis", 2))]
         residual = writer.node("Slice", [clipped, *row], f"{name}.residual")
-        rate = bounds[1] if name == "up" else bounds[0]
+        rate = np.clip(sign * float(float_graph.metadata["table_dps"]), *bounds)
         joined.append(_convolution(writer, float_graph, block, residual, name, constant_row=rate.item()))
     block = float_graph.chain(concat.output[0], CONV)
     x = writer.node("Concat", joined, "joined", axis=1)

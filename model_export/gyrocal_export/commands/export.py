@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from gyrocal.errors import GyrocalError
+
+Axis = Literal["x", "y", "z"]
 
 
 def run(
     run_folder: Annotated[Path | None, typer.Option("--run", help="Run folder of `gyrocal train`.")] = None,
     model: Annotated[str | None, typer.Option(help="Error model (name or TOML) to write as calibration.h.")] = None,
+    axis: Annotated[Axis, typer.Option(help="The sensor's axis that calibration.h is for.")] = "z",
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -31,9 +34,6 @@ def run(
         from gyrocal import calibration_header
         from gyrocal.model import Model
 
-        calibration = Model.open(model)
-    written = write_all(out, contents)
-    if model is not None:
-        written.append(out / "calibration.h")
-        calibration_header.write(calibration, written[-1])
-    print(json.dumps({"files": [str(p) for p in written]}) if as_json else "\n".join(map(str, written)))
+        contents["calibration.h"] = calibration_header.render(Model.open(model), axis).encode()
+    written = [str(path) for path in write_all(out, contents)]
+    print(json.dumps({"files": written}) if as_json else "\n".join(written))

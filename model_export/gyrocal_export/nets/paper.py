@@ -8,6 +8,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+EPS = 1e-5
+INPUT_EPS = 0.01
+"""dps^2, about a reading's noise: the true rate, which never changes, is not to be blown up by 1/sqrt(EPS)."""
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -25,7 +29,7 @@ class Shape:
     combined_kernel: int = 5
     combined_pool: int = 2
     hidden: int = 16
-    leak: float = 0.01
+    leak: float = 0.2
     dropout: float = 0.0
 
     @property
@@ -40,9 +44,9 @@ class Shape:
 class Block(nn.Sequential):
     """BatchNorm, convolution over time, average pooling, LeakyReLU."""
 
-    def __init__(self, channels_in: int, channels: int, kernel: int, pool: int, leak: float) -> None:
+    def __init__(self, channels_in: int, channels: int, kernel: int, pool: int, leak: float, eps: float) -> None:
         super().__init__(
-            nn.BatchNorm2d(channels_in),
+            nn.BatchNorm2d(channels_in, eps),
             nn.Conv2d(channels_in, channels, (1, kernel)),
             nn.AvgPool2d((1, pool)),
             nn.LeakyReLU(leak),
@@ -77,14 +81,15 @@ class PaperNet(nn.Module):
         super().__init__()
         self.shape = shape
         self.clip_dps = clip_dps
-        self.up = Block(2, shape.head_channels, shape.head_kernel, shape.head_pool, shape.leak)
-        self.down = Block(2, shape.head_channels, shape.head_kernel, shape.head_pool, shape.leak)
+        head = (2, shape.head_channels, shape.head_kernel, shape.head_pool, shape.leak, INPUT_EPS)
+        self.up, self.down = Block(*head), Block(*head)
         self.combined = Block(
             2 * shape.head_channels,
             shape.combined_channels,
             shape.combined_kernel,
             shape.combined_pool,
             shape.leak,
+            EPS,
         )
         self.fc1 = nn.Linear(shape.combined_channels * shape.combined_columns, shape.hidden)
         self.dropout = nn.Dropout(shape.dropout)
