@@ -23,6 +23,7 @@ from gyrocal.model import Model
 from gyrocal.probes import Finding, beside, probe, slow_probes
 from gyrocal.session import AXES, Array, Session
 from gyrocal.spectrum import Spectrum, spectrum
+from gyrocal.threads import one_thread
 
 ALARM = 0.01
 """Chance of crying misfit on a session that holds none, all tests together (the contract allows 0.02)."""
@@ -78,6 +79,7 @@ class Comparison:
         }
 
 
+@one_thread
 def compare(
     session: Session, model: Model | str | Path | None = None, *, floor_from: dict[str, float] | None = None, only_day: int | None = None,
     progress: Progress | None = None,

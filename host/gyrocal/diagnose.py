@@ -22,6 +22,7 @@ from gyrocal.effects.base import Effect, Values
 from gyrocal.fit import AxisFit, choose_variant, finish, refine
 from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.session import AXES, Array, Session
+from gyrocal.threads import one_thread
 
 FDR = 0.05
 FAMILY_ALARM = 0.01
@@ -91,6 +92,7 @@ class Diagnosis:
         return {"verdict": self.verdict, "candidates": [c.to_json() for c in self.candidates], "unknown": self.unknown}
 
 
+@one_thread
 def diagnose(session: Session, model: Model | str | Path | None = None, *, progress: Progress | None = None) -> Diagnosis:
     """Rank every effect of the library on every axis as the one that the model lacks."""
     comparison = compare(session, model, progress=progress)
@@ -296,6 +298,7 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
+@one_thread
 def add(
     session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
     progress: Progress | None = None,

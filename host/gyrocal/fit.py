@@ -23,6 +23,7 @@ from gyrocal.errors import InputError
 from gyrocal.model import Model, Term
 from gyrocal.noise import Noise, normal_equations
 from gyrocal.session import AXES, Array, Session
+from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -33,6 +34,8 @@ UNIDENTIFIED = 1e-7
 SLOW_S = 4.0
 """Drift is slower than this: a bias wanders over many seconds. Anything faster is a signal for the tests of whiteness."""
 
+TOLERANCE = 1e-3
+"""Log-likelihood to which noise and spreads are found, about: the optimiser stops at this over the number of blocks."""
 LEAST_SCENARIOS = 3
 """Fewer power cycles say nothing of their spread."""
 
@@ -314,6 +317,7 @@ class Fit:
         return sum(a.loglik for a in self.axes.values())
 
 
+@one_thread
 def fit(
     session: Session, model: Model, *, blocks: list[Blocks] | None = None, axes: Iterable[str] = AXES,
     progress: Progress | None = None,
@@ -431,7 +435,7 @@ def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Array, n
         value = -solve(design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:])).loglik
         return value if np.isfinite(value) else 1e300
 
-    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)), options={"maxiter": 60, "ftol": 1e-8})
+    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1)})
     sd = np.exp(np.minimum(found.x, high))
     sd[found.x < low + 1.0] = 0.0
     return Spreads(sd[:k], sd[k:])
@@ -490,7 +494,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         return value if np.isfinite(value) else 1e300
 
     x0 = np.clip(x0, lows, highs)
-    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(lows, highs, strict=True)), options={"maxiter": 60, "ftol": 1e-8})
+    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(lows, highs, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1)})
     x = found.x
     noise, spreads = unpack(x)
     if drift and x[1] < lows[1] + 1.0:
