@@ -75,6 +75,16 @@ def test_against_numpy_with_noise_gaps_and_jitter(estimate: Path, rate_hz: float
         np.testing.assert_allclose(answer, closed_form(*runs, w, seconds, rate_hz), rtol=1e-10, atol=1e-12)
 
 
+def test_a_sample_at_two_seconds_belongs_to_what_follows(estimate: Path) -> None:
+    t = ticks(700, 100.0)
+    counts = np.arange(700) % 11
+    assert [a[5:] for a in baseline(estimate, (t, counts), (t, counts), (78.0, -78.0), 100.0)] == [
+        [200] * 2,
+        [400] * 2,
+        [600] * 2,
+    ]
+
+
 def test_a_checkpoint_needs_a_later_sample_or_an_end_within_one_and_a_half_periods(estimate: Path) -> None:
     def checkpoints(n: int) -> int:
         t = ticks(n)

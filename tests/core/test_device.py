@@ -1,5 +1,6 @@
 """The device's states and commands, on a bench: the emulated sensor, a script, what the device says and shows."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -49,19 +50,23 @@ def test_up_then_down_makes_a_pair(bench: Path) -> None:
 
 
 def test_answers_wait_for_a_pair_of_equal_rate_about_one_axis(bench: Path) -> None:
-    def second(*commands: str) -> str:
-        script = "".join(f"> {c}\n" for c in commands)
-        return run(bench, f"{UP}noise 5\npower\n> start up\nrun 2.5\n> stop\n{script}run 2.5\n> stop\n> status\n")
+    first = f"{UP}noise 5\npower\n> start up\nrun 2.5\n> stop\n"
+    down = "world 0 -8960 0 -8960 0 0 -16393\n"
 
-    assert not sentences(second("start up"), "CAL")
-    assert states(second("start up")) == ["flip"]
-    for setting in ("axis x", "table_dps -77", "full_scale_dps 500", "rate_hz 104"):
-        assert not sentences(second(f"set {setting}", "start down"), "CAL")
-    # a table that turns the other way is the other direction, too
-    assert errors(second("set table_dps -78", "start up"))[0] == "wrong_direction"
-    text = second("set table_dps -78", "start down")
-    assert not sentences(text, "CAL")
-    assert states(text) == ["flip"]
+    def second(world: str, *commands: str) -> str:
+        return run(bench, f"{first}{world}" + "".join(f"> {c}\n" for c in commands) + "run 2.5\n> stop\n> status\n")
+
+    assert sentences(second(down, "start down"), "CAL")
+    for setting in ("axis x", "table_dps 77", "full_scale_dps 500", "rate_hz 104"):
+        text = second(down, f"set {setting}", "start down")
+        assert not sentences(text, "CAL"), setting
+        assert not errors(text)
+    # what counts is the sense of rotation about the sensed axis, not the face
+    assert sentences(second(down, "set table_dps -78", "start up"), "CAL")
+    for world, *commands in ((UP, "start up"), (UP, "set table_dps -78", "start down")):
+        text = second(world, *commands)
+        assert not sentences(text, "CAL")
+        assert states(text) == ["flip"]
 
 
 def test_a_second_run_that_is_too_short_keeps_the_first(bench: Path) -> None:
@@ -222,7 +227,9 @@ def test_a_sensor_that_fails_for_long_is_set_up_again(bench: Path) -> None:
 
 def test_readings_that_are_not_new_are_no_samples(bench: Path) -> None:
     frozen = "fault stale on\nrun 0.3\nfault stale off\n"
-    text = run(bench, f"{UP}noise 5\npower\n> start up\nrun 1\n{frozen}run 1\n> status\n> stop\n")
+    text = run(bench, f"{UP}noise 5\npower\n> stream raw\n> start up\nrun 1\n{frozen}run 1\n> status\n> stop\n")
+    readings = [(s["1"], s["2"], s["3"]) for s in sentences(text, "RAW")]
+    assert all(a != b for a, b in pairwise(readings))
     n = int(sentences(text, "RUN")[1]["n"])
     assert n == pytest.approx(2 * 145, abs=3)
     assert int(sentences(text, "STA")[0]["stale"]) == pytest.approx(0.3 * 145, abs=3)
