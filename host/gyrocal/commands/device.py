@@ -1,0 +1,48 @@
+"""``gyrocal device``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    session: Annotated[
+        Path | None, typer.Option(help="Replay this session; without it one up/down scenario is simulated.")
+    ] = None,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option("--effect", metavar="ID[:name=value,...]", help="Plant an effect in the simulated scenario."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the simulated scenario.")] = 0,
+    speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
+    stream: Annotated[str, typer.Option(help="raw or off: what it sends until told otherwise.")] = "raw",
+    fault: Annotated[str | None, typer.Option(help="Make the sensor misbehave; `list` names the faults.")] = None,
+    tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
+    link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
+    hold: Annotated[bool, typer.Option("--hold", help="Stay when all is replayed, answering commands.")] = False,
+) -> None:
+    """A simulated device: the firmware's own C core behind a virtual serial port.
+
+    Prints the port's path. The replay begins when the port is first opened, and the device ends when all of it was
+    read. It starts and stops its runs by itself: `gyrocal record` takes them as they come.
+    """
+    import contextlib
+    import signal
+
+    from gyrocal import device
+    from gyrocal.errors import InputError
+
+    if fault == "list":
+        print(device.faults(), end="")
+        return
+    if session is not None and effects:
+        raise InputError("--effect is for a simulated scenario; it does not go with --session")
+    if stream not in ("raw", "off"):
+        raise InputError(f"--stream {stream}: want raw or off")
+    source = session if session is not None else device.simulated_scenario(effects or (), seed)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    simulated = device.SimulatedDevice(source, speed, stream=stream, fault=fault, tcp=tcp, symlink=link, hold=hold)
+    with contextlib.suppress(KeyboardInterrupt), simulated:
+        print(simulated.port, flush=True)
+        simulated.wait()

@@ -1,0 +1,57 @@
+"""``gyrocal record``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The session's folder: new, or one to add a run to.")],
+    port: Annotated[str, typer.Option(help="A serial device, a pseudo terminal or socket://host:port.")],
+    face: Annotated[str | None, typer.Option(help="up or down.")] = None,
+    rate: Annotated[float | None, typer.Option(help="The table's true rate, deg/s, signed; 0 = at rest.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="How long.")] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Every run that the device announces, until it ends.")
+    ] = False,
+    axis: Annotated[str | None, typer.Option(help="The sensor's axis along the table's: x, y or z.")] = None,
+    turn_deg: Annotated[float | None, typer.Option(help="The run's known net angle instead of --rate, deg.")] = None,
+    scenario: Annotated[str, typer.Option(help="Runs of one power cycle share it.")] = "s000",
+    day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
+    imu: Annotated[int, typer.Option(min=0, help="Which sensor of the board.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Record a run from a device into a session folder.
+
+    What was received is on disk at once. Ctrl-C ends the run; if the device goes away, what came is kept (exit 3).
+    """
+    import json
+
+    from rich.console import Console
+
+    from gyrocal import record
+    from gyrocal.port import Link
+
+    wanted = None if follow else record.wanted(face, rate, seconds, turn_deg, axis)
+    console = Console(stderr=True)
+    with Link(port) as link, console.status(f"{port}: waiting for the device") as status:
+        recorder = record.Recorder(
+            link,
+            out,
+            wanted=wanted,
+            scenario=scenario,
+            day=day,
+            imu=imu,
+            progress=lambda run: status.update(
+                f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost"
+            ),
+        )
+        report = recorder.record()
+    if as_json:
+        print(json.dumps(report.to_json()))
+        return
+    for r in report.runs:
+        print(f"{out}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {r.samples} samples, {r.lost} lost")
+    for error in report.errors:
+        print(f"device: {error}")
