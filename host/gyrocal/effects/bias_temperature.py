@@ -1,0 +1,51 @@
+"""The bias moves with temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.quantities import MOVING_TEMPERATURE, temperature_moves, warming_c
+from gyrocal.session import Array, Run
+
+POWERS = {"k1_dps_per_c": 1, "k2_dps_per_c2": 2, "k3_dps_per_c3": 3}
+
+
+class BiasTemperature(Effect):
+    id = "bias_temperature"
+    title = "Bias over temperature"
+    cause = (
+        "Silicon, glue and board expand differently, and the amplifiers' offsets drift, so the bias follows the "
+        "temperature of the die: along a line over a few degrees, along a curve over tens. A part that warms by 5 "
+        "degC after power-on, or is calibrated in a cooler room than it is used in, reads a rate that is not "
+        "there."
+    )
+    equation = "k1_dps_per_c·(T-25) + k2_dps_per_c2·(T-25)^2 + k3_dps_per_c3·(T-25)^3"
+    looks_like = (
+        "warmup and drift, where the part warms up in the same way after each power-on; turn_on_bias, where the "
+        "room differs"
+    )
+    measure_next = (
+        "the part at rest over a wide range of temperature, warming and cooling: only temperature comes back to "
+        "where it was"
+    )
+    parameters = (
+        Parameter("k1_dps_per_c", "dps/degC", (0.001, 0.03), "LSM6DSO datasheet, table 2: +-0.010 dps/degC", 0.01),
+        Parameter("k2_dps_per_c2", "dps/degC^2", (1e-5, 1e-3), "as much as k1 at 30-100 degC from 25", 0.0),
+        Parameter("k3_dps_per_c3", "dps/degC^3", (1e-7, 1e-5), "as much as k2 at 100 degC from 25", 0.0),
+    )
+    linear = tuple(POWERS)
+    on_device = True
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if temperature_moves(runs) else MOVING_TEMPERATURE
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        return [dict.fromkeys(self.linear[:order], 0.0) for order in (1, 2, 3)]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        above_c = warming_c(run)
+        return stack(*(above_c ** POWERS[name] for name in self.used(values)))
+
+    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
+        return [(float(POWERS[name]),) for name in self.used(values)]

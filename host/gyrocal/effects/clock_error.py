@@ -1,0 +1,36 @@
+"""The recorder's clock runs fast or slow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from gyrocal.effects.base import Effect, Parameter, elapsed_s, stack
+from gyrocal.effects.quantities import VARYING_RATE, rate_slope_dps_s, rate_varies
+from gyrocal.session import Array, Run
+
+
+class ClockError(Effect):
+    id = "clock_error"
+    title = "Error of the clock"
+    cause = (
+        "The clock that stamps the samples runs fast or slow against the table's, so the reading and the "
+        "reference slide apart as the run goes on. It is often a chip's own oscillator, off by a percent, when "
+        "time is made by counting its samples. At constant rate nothing shows; an angle integrated with that "
+        "clock is wrong all the same."
+    )
+    equation = "e·t·dw/dt"
+    looks_like = "lag (constant over the run); scale, where only the net angle of a turn is known"
+    measure_next = (
+        "swing the table for some minutes with its encoder as rate_ref_dps; or compare the recorder's clock with "
+        "a watch over an hour"
+    )
+    parameters = (
+        Parameter("e", "fraction", (2e-5, 0.02), "crystals +-20 ppm; MEMS gyroscopes' own oscillators +-1-2 %", 0.001),
+    )
+    linear = ("e",)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if rate_varies(runs, axis) else VARYING_RATE
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return stack(elapsed_s(run) * rate_slope_dps_s(run, axis))

@@ -1,0 +1,36 @@
+"""The bias runs away steadily within a power cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gyrocal.effects.base import Effect, Parameter, elapsed_s, stack
+from gyrocal.effects.quantities import power_on_time_s
+from gyrocal.session import Array, Run
+
+
+class Drift(Effect):
+    id = "drift"
+    title = "Drift of the bias"
+    cause = (
+        "The bias moves at a steady pace from power-on, alike in each power cycle: slow charging of the sense "
+        "electrodes, or a warm-up that takes much longer than the recording. Noise wanders too, but another way "
+        "each time."
+    )
+    equation = "k_dps_per_s·p"
+    looks_like = (
+        "warmup (dies away where drift goes on); bias_temperature while the part warms up; colored_noise in a "
+        "single run"
+    )
+    measure_next = "one run at rest of ten minutes or more from power-on: a warm-up flattens, a drift does not"
+    parameters = (
+        Parameter(
+            "k_dps_per_s", "dps/s", (2e-5, 1e-3), "consumer MEMS gyroscopes: 5-50 mdps over the first minutes", 2e-4
+        ),
+    )
+    linear = ("k_dps_per_s",)
+    on_device = True
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        p_s = power_on_time_s(run)
+        return stack(elapsed_s(run) if p_s is None else p_s)

@@ -1,0 +1,44 @@
+"""The Earth turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter
+from gyrocal.session import Array, Run
+
+EARTH_DPS = 15.041067 / 3600
+
+
+class EarthRate(Effect):
+    id = "earth_rate"
+    title = "The Earth's rate"
+    cause = (
+        "A gyroscope reads its rotation against the stars, and the laboratory turns with the Earth, 15.04 degrees "
+        "an hour. About a vertical axis that is 4.18 mdps times the sine of the latitude, plus face up, minus "
+        "face down. It is no error, and known: computed from latitude_deg, never fitted."
+    )
+    equation = "±15.041067 deg/h·sin(latitude), + face up, - face down, about the table's vertical axis"
+    looks_like = "g_sensitivity of 0.004 dps/g, or bias where only one face is up"
+    measure_next = "give latitude_deg in session.toml: a map is enough, 1 degree changes it by 0.07 mdps at most"
+    parameters = (Parameter("latitude_deg", "deg", (0.0, 90.0), "where the table stands; north is positive", 45.0),)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return "latitude_deg in session.toml: it is computed from that, never fitted"
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return np.zeros((len(run), 0))
+
+    def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return known_dps(run, axis, values["latitude_deg"])
+
+
+def known_dps(run: Run, axis: int, latitude_deg: float) -> Array:
+    """The Earth's rate about an axis of the sensor, shape [n], deg/s; ``latitude_deg`` north positive.
+
+    Zero for the axes in the table's plane: their part goes round with the table and depends on its unknown heading.
+    """
+    vertical_dps = EARTH_DPS * np.sin(np.deg2rad(latitude_deg)) * run.face_sign
+    return np.full(len(run), vertical_dps if axis == run.axis_index else 0.0)

@@ -1,0 +1,39 @@
+"""The reading comes late."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.quantities import VARYING_RATE, rate_slope_dps_s, rate_varies
+from gyrocal.session import Array, Run
+
+
+class Lag(Effect):
+    id = "lag"
+    title = "Lag of the reading"
+    cause = (
+        "The reading is of a moment ago: the chip's low-pass filter, the wait until it is polled and the "
+        "transport each take milliseconds, and the reference's clock may be off. While the rate changes, the "
+        "reading trails it; at constant rate nothing shows. For a rate that is slow against tau_s a delay and a "
+        "first-order lag are the same."
+    )
+    equation = "-tau_s·dw/dt"
+    looks_like = "clock_error within a short run (it grows with time, a lag does not)"
+    measure_next = "swing the table, or let it start and stop, for a minute, with its encoder recorded as rate_ref_dps"
+    parameters = (
+        Parameter(
+            "tau_s",
+            "s",
+            (0.0005, 0.02),
+            "LSM6DSO datasheet: low-pass of 33-136 Hz is 1-5 ms, and polling at 145 Hz up to 7 ms",
+            0.005,
+        ),
+    )
+    linear = ("tau_s",)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if rate_varies(runs, axis) else VARYING_RATE
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return stack(-rate_slope_dps_s(run, axis))

@@ -1,0 +1,57 @@
+"""An axis sees part of the rotation about another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.session import AXES, Array, Run
+
+ABOUT = {"m": AXES, **{f"m_{axis}": (axis,) for axis in AXES}}
+
+
+class Misalignment(Effect):
+    id = "misalignment"
+    title = "Misalignment of the axes"
+    cause = (
+        "The sensing axes are not at right angles to each other, or the chip does not sit square on its board or "
+        "on the table: each axis reads a small part of a rotation about another. It is a fixed fraction of the "
+        "table's rate, on the axes that should read nothing. One term an axis the table turns about makes the "
+        "off-diagonal elements of the calibration matrix."
+    )
+    equation = "m·w, with w the rate about another axis (m_x, m_y, m_z where the session turns about several)"
+    looks_like = "g_sensitivity of that axis, where face and direction of rotation are turned over together"
+    measure_next = "both directions of the table with the same face up, or a second rate"
+    parameters = tuple(
+        Parameter(
+            name,
+            "fraction",
+            (0.001, 0.02),
+            "consumer MEMS gyroscopes: cross-axis sensitivity of 1-2 %",
+            0.005 if name == "m" else 0.0,
+        )
+        for name in ABOUT
+    )
+    linear = tuple(ABOUT)
+
+    def axes(self, run: Run) -> tuple[int, ...]:
+        return tuple(i for i in range(3) if i != run.axis_index)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if self._others(runs, axis) else "a run in which the table turns about another axis at a known rate"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        others = self._others(runs, axis) if runs else [name for name in AXES if name != AXES[axis]]
+        each = {f"m_{name}": 0.0 for name in others}
+        return [{"m": 0.0}, each] if len(others) > 1 else [{"m": 0.0}]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        rate_dps = np.zeros(len(run)) if axis == run.axis_index else run.rate_dps
+        return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
+
+    def _others(self, runs: Sequence[Run], axis: int) -> list[str]:
+        """The other axes that the table turns about."""
+        turning = {r.axis for r in runs if r.axis_index != axis and not r.rate_is_mean and np.any(r.rate_dps)}
+        return sorted(turning)

@@ -1,0 +1,128 @@
+"""What effects depend on: temperature and its slope, time since power-on, acceleration, the true rate and its slope.
+
+Not an effect. A quantity that a run lacks is None; cells that are missing within a column are interpolated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import elapsed_s
+from gyrocal.session import Array, Run
+
+REFERENCE_C = 25.0
+"""Bias and scale are stated at this temperature."""
+
+TURNING = "a run in which the table turns about this axis at a known rate"
+VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
+MOVING_TEMPERATURE = "a temp_c column in every run, moving by 1 degC or more over the session"
+
+LEAST_RANGE_C = 1.0
+TEMPERATURE_WINDOW_S = 10.0
+"""Shortest time over which the slope of the temperature is taken: heat moves through a package in seconds."""
+RATE_WINDOW_S = 0.2
+"""Time over which the slope of the true rate is taken: encoders are noisy, tables slow."""
+LEAST_ACCELERATION_DPS_S = 0.5
+"""A reference that changes less (rms) is a constant rate with an encoder's noise."""
+
+
+def rate_about(run: Run, axis: int) -> Array:
+    """True rate about an axis, shape [n], deg/s: zero for the axes that are not the table's."""
+    return run.rate_dps if axis == run.axis_index else np.zeros(len(run))
+
+
+def turns(runs: Sequence[Run], axis: int) -> bool:
+    """Whether the table turns about this axis at a rate known at each moment."""
+    return any(r.axis_index == axis and not r.rate_is_mean and bool(np.any(r.rate_dps)) for r in runs)
+
+
+def power_on_time_s(run: Run) -> Array | None:
+    """Time since power-on, shape [n], s."""
+    return None if run.power_on_s is None else run.power_on_s + elapsed_s(run)
+
+
+def temperature_c(run: Run) -> Array | None:
+    """Temperature, shape [n], degC."""
+    return None if run.temp_c is None else _filled(run.temp_c, run.t_s)
+
+
+def warming_c(run: Run) -> Array:
+    """Temperature above 25 degC, shape [n], degC; zero where the run has no thermometer."""
+    temp_c = temperature_c(run)
+    return np.zeros(len(run)) if temp_c is None else temp_c - REFERENCE_C
+
+
+def acceleration_g(run: Run) -> Array | None:
+    """Acceleration, shape [n, 3], g."""
+    if run.acc_g is None:
+        return None
+    return np.column_stack([_filled(run.acc_g[:, i], run.t_s) for i in range(3)])
+
+
+def temperature_moves(runs: Sequence[Run]) -> bool:
+    """Whether every run has a thermometer and the temperature moves by 1 degC or more over all of them."""
+    if not runs or any(r.temp_c is None for r in runs):
+        return False
+    means = np.concatenate([temperature_by_second(r)[1] for r in runs])
+    return bool(np.ptp(means) >= LEAST_RANGE_C)
+
+
+def temperature_by_second(run: Run) -> tuple[Array, Array]:
+    """Mean time (s) and temperature (degC) of each second of a run that has samples, shape [m] each."""
+    temp_c = temperature_c(run)
+    assert temp_c is not None
+    first = np.flatnonzero(np.diff(np.floor(elapsed_s(run)), prepend=-1.0))
+    count = np.diff(first, append=len(run))
+    return np.add.reduceat(run.t_s, first) / count, np.add.reduceat(temp_c, first) / count
+
+
+def temperature_slope_c_s(run: Run) -> Array:
+    """Rate of change of the temperature, shape [n], degC/s; zero without a thermometer or where the run is too short.
+
+    The slope of a parabola fitted to means of a second, over 10 s; over longer where the thermometer's noise and steps
+    would make more than a tenth of the run's mean slope: a line's slope over L points has variance 12·sd^2/L^3.
+    """
+    if run.temp_c is None:
+        return np.zeros(len(run))
+    t_s, temp_c = temperature_by_second(run)
+    if t_s.size < 5:
+        return np.zeros(len(run))
+    steps = np.abs(np.diff(run.temp_c))
+    resolution_c = float(np.min(steps, where=steps > 0, initial=np.inf))
+    if not np.isfinite(resolution_c):
+        return np.zeros(len(run))
+    variance = float(np.mean(np.diff(temp_c, 2) ** 2)) / 6 + resolution_c**2 / 12
+    spacing_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    wanted = 0.1 * float(np.ptp(temp_c)) / t_s.size
+    needed = (12 * variance / max(wanted, 1e-12) ** 2) ** (1 / 3)
+    points = max(TEMPERATURE_WINDOW_S / spacing_s, needed)
+    return np.interp(run.t_s, t_s, slope(temp_c, t_s, points))
+
+
+def rate_slope_dps_s(run: Run, axis: int) -> Array:
+    """Rate of change of the true rate about an axis, shape [n], deg/s^2; zero where the rate is constant."""
+    if axis != run.axis_index or run.column("rate_ref_dps") is None or len(run) < 5:
+        return np.zeros(len(run))
+    return slope(run.rate_dps, run.t_s, RATE_WINDOW_S * run.sample_rate_hz)
+
+
+def rate_varies(runs: Sequence[Run], axis: int) -> bool:
+    """Whether the true rate about this axis changes within some run."""
+    return any(float(np.sqrt(np.mean(rate_slope_dps_s(r, axis) ** 2))) > LEAST_ACCELERATION_DPS_S for r in runs)
+
+
+def slope(values: Array, t_s: Array, points: float) -> Array:
+    """Slope of a parabola fitted to ``points`` neighbours (Savitzky and Golay), shape [n]; times may jitter."""
+    from scipy.signal import savgol_filter
+
+    size = values.size
+    window = min(2 * round(max(points, 5) / 2) + 1, size - 1 + size % 2)
+    per_sample, step_s = (savgol_filter(x, window, 2, deriv=1) for x in (values, t_s))
+    return np.asarray(per_sample / step_s)
+
+
+def _filled(values: Array, t_s: Array) -> Array:
+    known = np.isfinite(values)
+    return values if known.all() else np.interp(t_s, t_s[known], values[known])

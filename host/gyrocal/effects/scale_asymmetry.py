@@ -1,0 +1,37 @@
+"""The scale clockwise is not the scale anticlockwise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.quantities import TURNING, rate_about, turns
+from gyrocal.session import Array, Run
+
+
+class ScaleAsymmetry(Effect):
+    id = "scale_asymmetry"
+    title = "Asymmetry of the scale"
+    cause = (
+        "The gain for one direction of rotation differs from that for the other, as where two electrodes that "
+        "pull against each other are not alike. The reading is two straight lines with a kink at rest. At one "
+        "speed it is just a wrong bias."
+    )
+    equation = "k·abs(w)"
+    looks_like = "bias, where the table turns at one speed only; centripetal, where it turns at rest and one speed"
+    measure_next = "a run at rest and two different speeds in both directions"
+    parameters = (
+        Parameter(
+            "k", "fraction", (1e-4, 0.002), "MEMS gyroscopes' scale asymmetry, 0.01-0.2 % (IEEE Std 1431)", 0.001
+        ),
+    )
+    linear = ("k",)
+    on_device = True
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if turns(runs, axis) else TURNING
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return stack(np.abs(rate_about(run, axis)))

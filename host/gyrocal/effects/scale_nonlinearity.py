@@ -1,0 +1,39 @@
+"""The scale depends on the size of the rate, alike in both directions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.quantities import TURNING, rate_about, turns
+from gyrocal.session import Array, Run
+
+
+class ScaleNonlinearity(Effect):
+    id = "scale_nonlinearity"
+    title = "Nonlinearity of the scale"
+    cause = (
+        "The capacitors that sense the mass and the amplifiers behind them are not quite straight: towards full "
+        "scale the reading falls short of the rate, or runs ahead of it, by the same in both directions. A scale "
+        "taken at one rate is wrong at another."
+    )
+    equation = "k3·w^3"
+    looks_like = "scale, where there is one rate and its opposite; saturation, where only the fastest run bends"
+    measure_next = "two rates at least in both directions, one near full scale"
+    parameters = (
+        Parameter(
+            "k3",
+            "1/dps^2",
+            (3e-9, 1e-7),
+            "consumer MEMS gyroscopes: 0.01-0.2 % of full scale at 250 dps (IEEE Std 1431: linearity)",
+            3e-8,
+        ),
+    )
+    linear = ("k3",)
+    on_device = True
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if turns(runs, axis) else TURNING
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return stack(rate_about(run, axis) ** 3)

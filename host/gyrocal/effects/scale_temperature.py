@@ -1,0 +1,35 @@
+"""The scale moves with temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.quantities import MOVING_TEMPERATURE, TURNING, rate_about, temperature_moves, turns, warming_c
+from gyrocal.session import Array, Run
+
+
+class ScaleTemperature(Effect):
+    id = "scale_temperature"
+    title = "Scale over temperature"
+    cause = (
+        "The springs of the vibrating mass soften as they warm and the drive's amplitude and the reference "
+        "voltage move with them, so the sensitivity follows the temperature. At rest nothing shows; the faster "
+        "the part turns, the larger the error."
+    )
+    equation = "k_per_c·(T-25)·w"
+    looks_like = (
+        "spin_up, where the part warms up in the same way in each run; scale, where the temperature hardly moves"
+    )
+    measure_next = "the same rate, warm and cold (a room and a fridge), both directions"
+    parameters = (Parameter("k_per_c", "1/degC", (1e-5, 3e-4), "LSM6DSO datasheet, table 2: +-0.007 %/degC", 7e-5),)
+    linear = ("k_per_c",)
+    on_device = True
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        if not turns(runs, axis):
+            return TURNING
+        return None if temperature_moves(runs) else MOVING_TEMPERATURE
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return stack(warming_c(run) * rate_about(run, axis))

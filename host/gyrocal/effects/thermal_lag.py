@@ -1,0 +1,51 @@
+"""The bias depends on how fast the temperature changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.quantities import TEMPERATURE_WINDOW_S, temperature_by_second, temperature_slope_c_s
+from gyrocal.session import Array, Run
+
+LEAST_CHANGE_C = 0.2
+
+
+class ThermalLag(Effect):
+    id = "thermal_lag"
+    title = "Thermal lag"
+    cause = (
+        "While the part warms or cools, the vibrating mass, the package and the thermometer are at different "
+        "temperatures, and the gradient between them bends the structure. The bias at 40 degC on the way up is "
+        "not that at 40 degC on the way down: a loop (hysteresis) that no curve over temperature removes."
+    )
+    equation = "k_dps_s_per_c·dT/dt"
+    looks_like = (
+        "warmup, where the part is only ever seen warming up after power-on; bias_temperature, where it moves one way"
+    )
+    measure_next = (
+        "heat the part and let it cool within one run: the slope changes its sign, the temperature comes back"
+    )
+    parameters = (
+        Parameter(
+            "k_dps_s_per_c",
+            "dps·s/degC",
+            (0.05, 1.0),
+            "0.010 dps/degC times 5-100 s that the thermometer is ahead or behind",
+            0.5,
+        ),
+    )
+    linear = ("k_dps_s_per_c",)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        measured = bool(runs) and all(r.temp_c is not None for r in runs)
+        if measured and any(
+            r.duration_s >= TEMPERATURE_WINDOW_S and np.ptp(temperature_by_second(r)[1]) >= LEAST_CHANGE_C for r in runs
+        ):
+            return None
+        return "a run of 10 s or more in which the temp_c column moves by 0.2 degC or more"
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return stack(temperature_slope_c_s(run))

@@ -1,0 +1,74 @@
+"""A vibration of one frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
+from gyrocal.session import Array, Run
+
+
+class VibrationTone(Effect):
+    id = "vibration_tone"
+    title = "A vibration's tone"
+    cause = (
+        "Something shakes at a fixed frequency: a motor, a fan, the mains' hum in the supply, a resonance of the "
+        "mount. It averages out over whole periods, but a fast one folds back (aliases) where the sampling is "
+        "slow, and may appear at a few hertz."
+    )
+    equation = "A_dps·sin(2π·f_hz·t + phase)"
+    looks_like = (
+        "table_ripple, where the table turns at one rate only (a tone keeps its frequency when the rate changes)"
+    )
+    measure_next = (
+        "a run at another table rate and one at rest with the motor on; at another sampling rate an alias moves, "
+        "a true tone stays"
+    )
+    parameters = (
+        Parameter("f_hz", "Hz", (1.0, 200.0), "fans and motors; up to half the sampling rate", 23.0),
+        Parameter("A_dps", "dps", (0.002, 0.2), "consumer MEMS gyroscopes near motors and fans", 0.03),
+        Parameter("phase_deg", "deg", (-180.0, 180.0), "unknown at the start of each run"),
+    )
+    linear = ("A_dps",)
+    nonlinear = ("f_hz",)
+    scope = "run"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        return [{}]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        if not self.used(values):
+            return np.zeros((len(run), 0))
+        angle = 2 * np.pi * values["f_hz"] * elapsed_s(run)
+        return stack(np.sin(angle), np.cos(angle))
+
+    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        """Nothing as long as the frequency is open: tones are looked for in the spectrum, not on a grid."""
+        return self.linear if {"A_dps", "f_hz"} <= values.keys() else ()
+
+    def coefficients(self, values: Mapping[str, float]) -> Array:
+        if not self.used(values):
+            return np.zeros(0)
+        phase = np.deg2rad(values.get("phase_deg", 0.0))
+        return values["A_dps"] * np.array([np.cos(phase), np.sin(phase)])
+
+    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
+        if not self.used(values):
+            return {}
+        a, b = coefficients
+        return {"A_dps": float(np.hypot(a, b)), "phase_deg": float(np.rad2deg(np.arctan2(b, a)))}
+
+    def spread(self, values: Mapping[str, float]) -> Array:
+        # Of unknown phase: sine and cosine each carry half of the wave's mean square.
+        return np.repeat([values[name] / np.sqrt(2) for name in self.used(values)], 2)
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        return {name: float(spread[0] * np.sqrt(2)) for name in self.used(values)}
+
+    def groups(self, values: Mapping[str, float]) -> list[int]:
+        return [0, 0] if self.used(values) else []
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        return self.parameter(name).typical

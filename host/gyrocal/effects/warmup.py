@@ -1,0 +1,47 @@
+"""The bias settles after power-on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.quantities import power_on_time_s
+from gyrocal.session import Array, Run
+
+
+class Warmup(Effect):
+    id = "warmup"
+    title = "Warm-up after power-on"
+    cause = (
+        "After power-on the part heats itself and its drive loop and charges settle, so the bias creeps to its "
+        "final value over some ten seconds to minutes. It begins anew with each power cycle, whatever the table "
+        "does and even at rest."
+    )
+    equation = "A_dps·exp(-p/tau_s)"
+    looks_like = (
+        "spin_up (the table, not the sensor: changes its sign with the rate, nothing at rest); drift, where tau_s "
+        "is long; bias_temperature, where the thermometer sees the same warming"
+    )
+    measure_next = (
+        "wait two minutes after power-on before the first run, or leave the part at rest from power-on for five minutes"
+    )
+    parameters = (
+        Parameter("A_dps", "dps", (0.005, 0.05), "consumer MEMS gyroscopes, the first minutes after power-on", 0.03),
+        Parameter("tau_s", "s", (10.0, 120.0), "thermal time constants of package and board", 20.0),
+    )
+    linear = ("A_dps",)
+    nonlinear = ("tau_s",)
+    on_device = True
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        known = bool(runs) and all(r.power_on_s is not None for r in runs)
+        return None if known else "power_on_s (from power-on to the first sample) of every run in session.toml"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        return [{"A_dps": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 160.0, 6)]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        p_s = power_on_time_s(run)
+        return stack(np.zeros(len(run)) if p_s is None else np.exp(-p_s / values["tau_s"]))
