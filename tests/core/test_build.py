@@ -50,5 +50,5 @@ def test_core_uses_neither_heap_nor_stdio_nor_writable_globals(
 def test_an_effect_is_one_file_that_no_list_names() -> None:
     for effect in sorted((CORE / "effects").glob("*.c")):
         assert f"GC_EFFECT({effect.stem}) {{" in effect.read_text()
-        others = [p for p in (*SOURCES, *HEADERS) if p != effect and effect.stem in p.read_text()]
+        others = [p for p in (*SOURCES, *HEADERS) if p != effect and f"effect_{effect.stem}" in p.read_text()]
         assert not others, f"{effect.stem} is named in {others}"
