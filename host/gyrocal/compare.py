@@ -1,8 +1,8 @@
 """The model held against the measurements: how much error is left beyond the noise, and where it shows.
 
 ``rms`` is of held-out samples. ``floor`` is what noise alone would leave: white noise and quantisation as the scatter within a
-tenth of a second shows them (lines taken out), drift, and the turn-on bias, which no model can know beforehand. ``excess`` is
-what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
+tenth of a second shows them (lines taken out), drift, and what a power cycle makes of the bias (and, where a session shows
+it, of the scale), which no model can know beforehand. ``excess`` is what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _floor(fitted: Fit, axis: str, where: list[Finding], white_power: float) -> 
     kinds = [f.kind for f in where if f.axis == axis and f.kind is not None]
     if kinds:
         found = beside(found, axis, kinds)
-    return float(np.sqrt(white_power + found.noise.ou_sd_dps**2 + found.turn_on_sd_dps**2))
+    return float(np.sqrt(white_power + found.slow_power))
 
 
 def _white_power(fitted: Fit, axis: str) -> float:

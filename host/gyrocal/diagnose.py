@@ -19,7 +19,7 @@ from gyrocal import heldout
 from gyrocal.compare import Comparison, compare
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
-from gyrocal.fit import AxisFit, choose_variant, finish, refine
+from gyrocal.fit import AxisFit, choose_variant, finish, refine, with_noise
 from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import one_thread
@@ -149,7 +149,7 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     spreads = fitted.design.layout.n_groups - current.design.layout.n_groups
     nonlinear = len(kind.nonlinear)
     looks = len(kind.variants([b.run for b in current.design.blocks], current.design.axis))
-    gain_ml = max(0.0, 2 * (profile_loglik(fitted) - profile_loglik(current)))
+    gain_ml = max(0.0, 2 * (profile_loglik(fitted) - null_loglik(current, fitted)))
     chance = min(1.0, looks * float(chi2.sf(gain_ml, max(1, count + spreads + nonlinear))))
     folds = heldout.folds(comparison.fit)
     gains = held_out_gain(current, fitted, folds)
@@ -160,6 +160,11 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
         parameters=count + spreads + nonlinear, next_measurement=kind.measure_next,
         signal=_signal(fitted), explained=_explained(comparison, axis, current, fitted, folds),
     )  # fmt: skip
+
+
+def null_loglik(current: AxisFit, fitted: AxisFit) -> float:
+    """The model's profile log-likelihood without the candidate: at its own noise or the candidate's, whichever suits it better."""
+    return max(profile_loglik(current), profile_loglik(with_noise(current.design, fitted.noise, current.spreads)))
 
 
 def profile_loglik(fitted: AxisFit) -> float:
@@ -221,14 +226,10 @@ def _explained(comparison: Comparison, axis: str, current: AxisFit, fitted: Axis
     if not folds:
         return None
     before, after = (_mean_square(comparison, axis, f, folds) for f in (current, fitted))
-    floor = comparison.white_power[axis] + _slow_power(fitted)
+    floor = comparison.white_power[axis] + fitted.slow_power
     if before <= floor:
         return None
     return float(1 - max(0.0, after - floor) / (before - floor))
-
-
-def _slow_power(fitted: AxisFit) -> float:
-    return fitted.noise.ou_sd_dps**2 + fitted.turn_on_sd_dps**2
 
 
 def _mean_square(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> float:

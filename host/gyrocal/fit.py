@@ -256,6 +256,15 @@ class AxisFit:
         """Spread of the bias over power cycles, deg/s."""
         return self._scenario_sd(self.spreads.scenario, "bias")
 
+    @property
+    def slow_power(self) -> float:
+        """Mean square, dps^2, of what no model can know of a power cycle beforehand: drift, its own bias and its own scale."""
+        scale_sd = self._scenario_sd(self.spreads.scenario, "scale")
+        rates = [np.mean(b.run.rate_dps**2) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks]
+        samples = [len(b.run) for b in self.design.blocks]
+        rate_power = float(np.average(rates, weights=samples))
+        return self.noise.ou_sd_dps**2 + self.turn_on_sd_dps**2 + scale_sd**2 * rate_power
+
     def _scenario_sd(self, of: Array, effect_id: str) -> float:
         for k, j in enumerate(self.design.layout.scenario):
             if self.design.terms[self.design.layout.fixed[j][0]].effect_id == effect_id:

@@ -195,7 +195,8 @@ def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float)
         if gain < 2.0 and current.noise.ou_sd_dps == 0:
             return None
         fitted = fit_noise(design, start=start) if gain > 0.5 else start
-        gain = max(0.0, fitted.loglik - current.loglik)
+        without = with_noise(current.design, fitted.noise, current.spreads).loglik
+        gain = max(0.0, fitted.loglik - max(current.loglik, without))
         sd = float(fitted.spreads.run[-1])
         amplitude = sd * float(np.sqrt(2))
         shape = f"{kind.order} a turn, of another phase" if isinstance(kind, Wave) else "dying away from the start, of another size"

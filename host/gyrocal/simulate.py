@@ -105,13 +105,14 @@ def simulate(
     *,
     scenarios: int | None = None,
     seconds: float | None = None,
+    vary: bool = False,
     parquet: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Session, dict[str, Any]]:
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. The campaign ``table2`` is ``paper`` with the ripple and the transient that make its baseline err as the
+    drawn for each run. With ``vary`` scale and bias are drawn for each scenario, as the paper's differ. The campaign ``table2`` is ``paper`` with the ripple and the transient that make its baseline err as the
     paper's Table 2. Returns the session and its truth; with ``out=None`` nothing is written.
     """
     if campaign not in PLANS:
@@ -133,7 +134,7 @@ def simulate(
         if planned.scenario != scenario:
             scenario = planned.scenario
             turn_on_dps = rng.normal(0.0, TURN_ON_SD_DPS, 3)
-            if campaign == "table2":  # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
+            if vary or campaign == "table2":  # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
                 scale = rng.normal(SCALE_MEAN, SCALE_SD, 3)
                 bias_dps = rng.normal(BIAS_MEAN_DPS, BIAS_SD_DPS, 3)
         truth = RunTruth(f"{i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())

@@ -1,0 +1,23 @@
+"""``gyrocal demo``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    out: Annotated[Path, typer.Option(help="Where recording, model, headers and picture go; made anew.")] = Path("demo-out"),
+    seed: Annotated[int, typer.Option(help="Another seed, another sensor.")] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """The whole story with no hardware: an effect hidden in a simulated device is found, added, and its error falls."""
+    from gyrocal.demo import demo, show
+    from gyrocal.output import emit, working
+
+    with working(as_json) as say:
+        story = demo(out, seed, say)
+    if as_json:
+        emit(story.to_json())
+    else:
+        show(story)

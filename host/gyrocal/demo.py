@@ -1,0 +1,237 @@
+"""The whole story with no hardware: a hidden effect is seen, named, added, and the device's error falls.
+
+A campaign is recorded from the simulated device through its virtual serial port. Its turntable ripples, which the device's
+calibration does not know. The recording is compared with the model, the effect is named and added, new headers are written, and
+the device, built anew with them, calibrates fresh scenarios that nothing was fitted on.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gyrocal import calibration_header
+from gyrocal.calibrate import Estimate
+from gyrocal.compare import Comparison
+from gyrocal.core import CoreNetwork
+from gyrocal.device import SimulatedDevice, replay
+from gyrocal.diagnose import Diagnosis, add, diagnose
+from gyrocal.errors import GyrocalError, InputError
+from gyrocal.model import Model
+from gyrocal.network import Network
+from gyrocal.port import Link
+from gyrocal.record import Recorder
+from gyrocal.session import Session
+from gyrocal.simulate import paper_windows, simulate
+from gyrocal.wire import Sentence
+
+HIDDEN = "table_ripple"
+MARK = ".gyrocal-demo"
+CAMPAIGN_SCENARIOS, CAMPAIGN_SECONDS = 9, 30.0
+TEST_SCENARIOS, TEST_SECONDS = 24, 7.0
+SECONDS = (2.0, 4.0, 6.0)
+PARITY_WINDOWS = 200
+PARITY_LIMIT = 2e-6
+"""Of the network's range of outputs: what C and onnxruntime may differ by."""
+
+Progress = Callable[[str], None]
+Errors = dict[str, dict[float, tuple[float, float]]]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What the device said of fresh scenarios: estimates, their misfit by method and seconds, errors against the truth."""
+
+    estimates: list[Estimate]
+    misfit: dict[str, dict[float, float]]
+    errors: Errors
+
+
+@dataclass(frozen=True)
+class Story:
+    """Everything the demo shows."""
+
+    truth: dict[str, float]
+    before: Answers
+    diagnosis: Diagnosis
+    compared: tuple[Comparison, Comparison]
+    after: Answers
+    parity: dict[str, Any]
+    model: Model
+    folder: Path = field(repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        def part(comparison: Comparison, answers: Answers) -> dict[str, Any]:
+            return {"compare": comparison.to_json(), "estimates": [e.to_json() for e in answers.estimates]}
+
+        return {
+            "truth": self.truth,
+            "before": part(self.compared[0], self.before),
+            "diagnosis": self.diagnosis.to_json(),
+            "after": part(self.compared[1], self.after),
+            "parity": self.parity,
+        }
+
+
+def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> Story:
+    """Run the story; recordings, model, headers and picture are left in ``folder``, which must be new."""
+    _fresh_folder(folder)
+    progress("simulating a campaign whose table ripples, which nobody is told")
+    hidden, _ = simulate(None, "paper", [HIDDEN], seed, scenarios=CAMPAIGN_SCENARIOS, seconds=CAMPAIGN_SECONDS, vary=True)
+    fresh, truth = simulate(None, "paper", [HIDDEN], seed + 1000, scenarios=TEST_SCENARIOS, seconds=TEST_SECONDS, vary=True)
+    truths = {run.scenario: t for run, t in zip(fresh.runs, truth["runs"], strict=True)}
+
+    progress("building the firmware's core as a simulated device, recording from its port")
+    recorded = record_from_port(hidden, folder / "recorded")
+
+    progress("what the device answers with the model it has: eq. (4)")
+    before = _answers(replay(fresh, stream="off"), fresh, truths)
+
+    diagnosis = diagnose(recorded, progress=progress)
+    best = diagnosis.best
+    if best is None:
+        raise GyrocalError(f"the demo's effect was not found: verdict {diagnosis.verdict}; try another --seed")
+    compared_before, compared_after, model = add(recorded, None, best.effect.id, progress=progress)
+    model.save(folder / "model.toml")
+
+    progress("writing headers, building the device with them, running it again")
+    include = folder / "include"
+    calibration_header.write(model, include / "calibration.h")
+    after = _answers(replay(fresh, stream="off", include_dir=include), fresh, truths)
+
+    progress("comparing the C network with onnxruntime")
+    story = Story(
+        {"scale": truth["runs"][0]["scale"][2], "bias_dps": truth["runs"][0]["bias_dps"][2]},
+        before, diagnosis, (compared_before, compared_after), after, network_parity(seed), model, folder,
+    )  # fmt: skip
+    draw(story)
+    return story
+
+
+def _fresh_folder(folder: Path) -> None:
+    """An empty folder; an earlier demo's is replaced, anything else is not touched."""
+    if folder.exists():
+        if not (folder / MARK).is_file():
+            raise InputError(f"{folder}: is there already and is no demo's; choose another with --out")
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    (folder / MARK).write_text("This folder is made anew by each `gyrocal demo`.\n", encoding="utf-8")
+
+
+def record_from_port(session: Session, out: Path) -> Session:
+    """Replay a session, day by day, through the device's virtual port, and record what comes."""
+    for day in session.days:
+        runs = [run for run in session.runs if run.day == day]
+        with SimulatedDevice(session.with_runs(runs)) as device, Link(device.port) as link:
+            Recorder(link, out, wanted=None, scenario=runs[0].scenario, day=day).record()
+    return Session.open(out)
+
+
+def _answers(sentences: Iterable[Sentence], fresh: Session, truths: dict[str, Any]) -> Answers:
+    """``$CAL`` sentences as estimates. The device calibrates a scenario when its second run is in."""
+    scenarios = iter(fresh.scenarios)
+    current = ""
+    estimates: list[Estimate] = []
+    misfit: dict[str, dict[float, list[float]]] = {}
+    for sentence in sentences:
+        if sentence.tag == "RUN" and sentence.fields["state"] == "start" and sentence.fields["face"] == "up":
+            current = next(scenarios)
+        if sentence.tag != "CAL":
+            continue
+        said = sentence.fields
+        seconds = float(said["seconds"])
+        scale, bias_dps = sentence.real("scale"), sentence.real("bias_dps")
+        assert scale is not None
+        assert bias_dps is not None
+        estimates.append(
+            Estimate(current, said["method"], seconds, said["axis"], scale, sentence.real("scale_se"), bias_dps, sentence.real("bias_se_dps"))
+        )
+        misfit.setdefault(said["method"], {}).setdefault(seconds, []).append(sentence.real("misfit") or np.nan)
+    return Answers(
+        estimates,
+        {m: {s: float(np.nanmedian(v)) for s, v in by.items()} for m, by in misfit.items()},
+        errors(estimates, truths),
+    )
+
+
+def errors(estimates: Iterable[Estimate], truths: dict[str, Any]) -> Errors:
+    """Mean absolute error of scale and bias (deg/s) by method and seconds."""
+    found: dict[str, dict[float, list[tuple[float, float]]]] = {}
+    for e in estimates:
+        truth = truths[e.scenario]
+        error = (abs(e.scale - truth["scale"][2]), abs(e.bias_dps - truth["bias_dps"][2]))
+        found.setdefault(e.method, {}).setdefault(e.seconds, []).append(error)
+    return {
+        m: {s: (float(np.mean([x[0] for x in v])), float(np.mean([x[1] for x in v]))) for s, v in by.items()}
+        for m, by in found.items()
+    }  # fmt: skip
+
+
+def network_parity(seed: int) -> dict[str, Any]:
+    """The shipped network in C against onnxruntime on simulated windows."""
+    c, onnx = CoreNetwork(), Network.shipped()
+    windows = paper_windows(PARITY_WINDOWS, seed, c.window / c.rate_hz)
+    inputs = windows["up"], windows["down"], windows["w_up_dps"], windows["w_down_dps"]
+    answers = c.run(*inputs), onnx.estimate(*inputs)
+    difference = float(np.max(np.abs(answers[0] - answers[1])))
+    return {"max_abs_diff": difference, "ok": difference <= PARITY_LIMIT * float(np.ptp(answers[1]))}
+
+
+def draw(story: Story) -> None:
+    """``errors.png``: the device's mean error before and after, against seconds."""
+    from gyrocal import pictures
+
+    lines = {f"{m}, before": story.before.errors[m] for m in ("baseline", "cnn") if m in story.before.errors}
+    lines |= {"model, with the effect added": story.after.errors["model"]}
+    figure = pictures.calibration_errors(lines, "The device's calibration error before and after the effect was added")
+    figure.savefig(story.folder / "errors.png")
+
+
+def show(story: Story) -> None:
+    """The story on the terminal."""
+    from gyrocal.output import mdps, stdout, table
+    from gyrocal.report import print_before_after, print_comparison, sizes, verdict_text
+
+    stdout.print("\n1. The device calibrates with eq. (4): scale, bias, white noise", style="bold")
+    rows = [
+        [m, f"{s:g}", f"{story.before.errors[m][s][0] * 100:.4f}", mdps(story.before.errors[m][s][1]), f"{story.before.misfit[m][s]:.1f}"]
+        for m in story.before.errors for s in SECONDS
+    ]  # fmt: skip
+    table(f"mean error of {TEST_SCENARIOS} scenarios against the truth", ["method:", "seconds", "scale %", "bias mdps", "misfit"], rows)
+    stdout.print("A misfit of 1 means that noise explains the readings. It does not.")
+
+    stdout.print("\n2. The recording compared with the model", style="bold")
+    print_comparison(story.diagnosis.comparison)
+
+    stdout.print("\n3. What is missing?", style="bold")
+    best = story.diagnosis.best
+    assert best is not None
+    stdout.print(verdict_text(story.diagnosis))
+    gain_se = "" if best.gain_se is None else f" ± {best.gain_se:.0f}"
+    stdout.print(f"Held-out gain in log-likelihood: {best.gain:.0f}{gain_se}; {sizes(best)}")
+
+    stdout.print("\n4. Added to the model", style="bold")
+    print_before_after(*story.compared, story.folder / "model.toml")
+
+    stdout.print("\n5. Headers written, the device run again on the same fresh scenarios", style="bold")
+    rows = []
+    for s in SECONDS:
+        old, new = story.before.errors["baseline"][s], story.after.errors["model"][s]
+        rows.append([
+            f"{s:g}", f"{old[0] * 100:.4f}", f"{new[0] * 100:.4f}", mdps(old[1]), mdps(new[1]),
+            f"{1 - np.mean([new[0] / old[0], new[1] / old[1]]):.0%}", f"{story.after.misfit['model'][s]:.1f}",
+        ])  # fmt: skip
+    table(
+        "mean error of the device's answer, baseline before and model after",
+        ["seconds", "scale % before", "after", "bias mdps before", "after", "less error", "misfit"], rows,
+    )  # fmt: skip
+    told = "agree" if story.parity["ok"] else "DISAGREE"
+    stdout.print(f"C network and onnxruntime {told}: largest difference {story.parity['max_abs_diff']:.1e}")
+    stdout.print(f"Recording, model, headers and errors.png are in {story.folder}/")
+
+
