@@ -215,16 +215,17 @@ static void command(sim_t *sim, const char *text) {
     gc_device_receive(&sim->device, "\n", 1);
 }
 
+/* The shortest decimal that is this float32: 77.3, as a person set it, not 77.3000031. */
 static void command_set(sim_t *sim, const char *name, float value, const char *if_nan) {
-    char text[GC_COMMAND_MAX] = "set ";
-    char *end = text + 4;
-    end += strlen(strcpy(end, name));
-    *end++ = ' ';
-    if (isnan(value)) {
-        strcpy(end, if_nan);
-    } else {
-        end[gc_format_real((double)value, end)] = '\0';
+    char number[32];
+    char text[GC_COMMAND_MAX];
+    for (int digits = 6; digits <= 9; digits++) {
+        snprintf(number, sizeof number, "%.*g", digits, (double)value);
+        if (strtof(number, NULL) == value) {
+            break;
+        }
     }
+    snprintf(text, sizeof text, "set %s %s", name, isnan(value) ? if_nan : number);
     command(sim, text);
 }
 
