@@ -14,7 +14,7 @@ import numpy as np
 from gyrocal.errors import DeviceError, InputError
 from gyrocal.port import Link, PortGone, describe_error
 from gyrocal.session import AXES, FORMAT, read_header, write_header
-from gyrocal.wire import Sentence, parse_real, raw_table
+from gyrocal.wire import Sentence, parse_real, parse_value, raw_table
 
 COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 SILENCE_S = 3.0
@@ -424,13 +424,9 @@ class Recorder:
 
     def _note(self, sentence: Sentence) -> None:
         if sentence.tag == "CAL":
-            self.report.results.append({k: _value(v) for k, v in sentence.fields.items()})
+            self.report.results.append({k: parse_value(v) for k, v in sentence.fields.items()})
         elif sentence.tag == "ERR":
             self.report.errors.append(describe_error(sentence))
-
-
-def _value(text: str) -> str | float | None:
-    return parse_real(text) if text == "" or parse_real(text) is not None else text
 
 
 def wanted(

@@ -121,6 +121,14 @@ def parse_real(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def parse_value(text: str) -> int | float | str | None:
+    """A field's text as what it looks like: a whole number, a real one, nothing, or a word."""
+    if re.fullmatch(r"-?[0-9]{1,18}", text):
+        return int(text)
+    number = parse_real(text)
+    return number if number is not None or not text else text
+
+
 def encode(tag: str, seq: int, t_us: int, imu: int, fields: Mapping[str, Field] | Iterable[Field]) -> bytes:
     """One sentence with its newline. A mapping gives ``name=value`` fields, anything else positional ones."""
     if isinstance(fields, Mapping):

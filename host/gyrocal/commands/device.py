@@ -41,7 +41,9 @@ def run(
     if stream not in ("raw", "off"):
         raise InputError(f"--stream {stream}: want raw or off")
     source = session if session is not None else device.simulated_scenario(effects or (), seed)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)
     simulated = device.SimulatedDevice(source, speed, stream=stream, fault=fault, tcp=tcp, symlink=link, hold=hold)
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(simulated.port, flush=True)

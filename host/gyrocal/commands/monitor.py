@@ -1,0 +1,51 @@
+"""``gyrocal monitor``."""
+
+from typing import Annotated, Any
+
+import typer
+
+
+def run(
+    port: Annotated[str, typer.Option(help="A serial device, a pseudo terminal or socket://host:port.")],
+    seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Stop after so long; else when the device ends.")
+    ] = None,
+    reconnect: Annotated[bool, typer.Option("--reconnect", help="Wait for a device that went away.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line, one an event.")] = False,
+) -> None:
+    """Watch a device live: state, samples, results with their standard errors, what was lost.
+
+    Ends with the device, with --seconds or with Ctrl-C.
+    """
+    import contextlib
+    import json
+    import sys
+    import time
+
+    from gyrocal.monitor import Monitor
+    from gyrocal.port import Link
+
+    with Link(port, reconnect=reconnect) as link, contextlib.suppress(KeyboardInterrupt):
+        monitor = Monitor(link)
+        if as_json:
+
+            def say(events: list[dict[str, Any]]) -> None:
+                sys.stdout.writelines(json.dumps(event) + "\n" for event in events)
+                sys.stdout.flush()
+
+            monitor.run(say, seconds)
+            return
+
+        from rich.live import Live
+
+        drawn_at = 0.0
+        with Live(auto_refresh=False) as live:
+
+            def draw(events: list[dict[str, Any]]) -> None:
+                nonlocal drawn_at
+                ended = any(event["event"] == "end" for event in events)
+                if ended or time.monotonic() - drawn_at > 0.1:
+                    drawn_at = time.monotonic()
+                    live.update(monitor.screen(), refresh=True)
+
+            monitor.run(draw, seconds)
