@@ -36,6 +36,8 @@ SLOW_S = 4.0
 
 TOLERANCE = 1e-3
 """Log-likelihood to which noise and spreads are found, about: the optimiser stops at this over the number of blocks."""
+STEP = 1e-4
+"""Of logarithms, for numerical gradients: far above the likelihood's rounding."""
 LEAST_SCENARIOS = 3
 """Fewer power cycles say nothing of their spread."""
 
@@ -436,7 +438,7 @@ def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Array, n
     if k + start.scenario.size == 0:
         return start
     rms = np.concatenate(_random_rms(design))
-    low, high = np.log(1e-6 / rms), np.log(1e2 / rms)
+    low, high = np.log(1e-6 / rms), np.log(_largest_dps(design) / rms)
     x0 = np.clip(np.log(np.maximum(np.concatenate([start.run, start.scenario]), 1e-300)), low + 3.0, high)
 
     def objective(x: Array) -> float:
@@ -444,10 +446,15 @@ def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Array, n
         value = -solve(design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:])).loglik
         return value if np.isfinite(value) else 1e300
 
-    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1)})
+    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP})
     sd = np.exp(np.minimum(found.x, high))
     sd[found.x < low + 1.0] = 0.0
     return Spreads(sd[:k], sd[k:])
+
+
+def _largest_dps(design: Design) -> float:
+    """Ten times what the readings themselves stray: no random term is larger."""
+    return 10 * float(design.column_rms()[0]) + 1e-3
 
 
 def white_start(design: Design) -> float:
@@ -481,7 +488,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     if drift:
         x0 += [np.log(max(begin.ou_sd_dps, white0 / 50)), np.log(begin.ou_tau_s)]
     lows += list(np.log(1e-6 / rms))
-    highs += list(np.log(1e2 / rms))
+    highs += list(np.log(_largest_dps(design) / rms))
     x0 += list(np.log(np.maximum(np.concatenate([spreads0.run, spreads0.scenario]), 1e-4 / np.maximum(rms, 1e-300))))
     m = 3 if drift else 1
     cache: dict[bytes, tuple[Array, Array]] = {}
@@ -503,7 +510,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         return value if np.isfinite(value) else 1e300
 
     x0 = np.clip(x0, lows, highs)
-    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(lows, highs, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1)})
+    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(lows, highs, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP})
     x = found.x
     noise, spreads = unpack(x)
     if drift and x[1] < lows[1] + 1.0:

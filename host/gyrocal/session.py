@@ -23,6 +23,8 @@ from gyrocal.errors import InputError
 
 FORMAT = "gyrocal-session/1"
 AXES = ("x", "y", "z")
+NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
+"""What a table's rows are made of; nan and inf are read, and then refused with their row."""
 REQUIRED = ("t_s", "gx_dps", "gy_dps", "gz_dps")
 OPTIONAL = ("ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg")
 
@@ -329,23 +331,23 @@ def read_table(path: Path, name: str | None = None) -> pl.DataFrame:
         except (OSError, pl.exceptions.PolarsError) as error:
             raise InputError(f"{label}: not a readable Parquet file: {_first_line(error)}") from None
     try:
-        with path.open("rb") as handle:
-            header = handle.readline().decode("utf-8-sig").strip().split(",")
+        content = path.read_bytes()
+        first, _, body = content.partition(b"\n")
+        header = [name.strip() for name in first.decode("utf-8-sig").strip().split(",")]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{label}: {_first_line(error)}") from None
-    _check_columns([h.strip() for h in header], label)
+    _check_columns(header, label)
+    if body.translate(None, NUMBERS):  # anything but numbers: name the row, before the fast reader meets it
+        _find_bad_row(path, label, len(header))
+        raise InputError(f"{label}: holds more than numbers and commas")
+    if not body.strip():
+        raise InputError(f"{label}: row 2: no samples")
     try:
-        table = pl.read_csv(
-            path, has_header=False, skip_rows=1, new_columns=[h.strip() for h in header],
-            schema_overrides=[pl.Float64] * len(header), truncate_ragged_lines=False,
-        )  # fmt: skip
-    except pl.exceptions.NoDataError:
-        raise InputError(f"{label}: row 2: no samples") from None
-    except (OSError, pl.exceptions.PolarsError) as error:
+        table = pl.read_csv(body, has_header=False, new_columns=header, schema_overrides=[pl.Float64] * len(header))
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         _find_bad_row(path, label, len(header))
         raise InputError(f"{label}: {_first_line(error)}") from None
-    last_known = [h.strip() for h in header][-1]
-    if table[last_known].null_count():
+    if table[header[-1]].null_count():
         _find_bad_row(path, label, len(header))
     return check_table(table, label)
 
