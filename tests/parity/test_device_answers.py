@@ -1,0 +1,89 @@
+"""`$CAL` over the serial port equals `calibrate` on the same rows, to float rounding; and would not with a broken sign."""
+
+from pathlib import Path
+
+import pytest
+
+from gyrocal import calibration_header
+from gyrocal.calibrate import Estimate, calibrate
+from gyrocal.device import SimulatedDevice
+from gyrocal.fit import fit
+from gyrocal.model import Model, Term
+from gyrocal.port import Link
+from gyrocal.record import Recorder
+from gyrocal.session import Run, Session
+from gyrocal.simulate import simulate
+
+ROUNDING = {"baseline": (1e-8, 1e-8), "model": (1e-7, 1e-7), "cnn": (1e-7, 1e-5)}
+"""Relative-ish limits on scale (fraction) and bias (deg/s): nine digits on the wire, the network in float32."""
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    campaign, _ = simulate(None, "table2", seed=5, scenarios=9, seconds=25.0)
+    start = Model.builtin("default").with_term(Term("table_ripple", "z", {"amplitude_1": 0.0}))
+    return fit(campaign, start.with_term(Term("spin_up", "z", {"A": 0.0, "tau_s": 2.0})), axes=["z"]).model
+
+
+@pytest.fixture(scope="module")
+def replayed(model: Model, tmp_path_factory: pytest.TempPathFactory, require_tool) -> tuple[Session, list[dict]]:  # noqa: ANN001
+    """A session as it came back over the port, and the `$CAL` sentences that came with it."""
+    require_tool("cc")
+    folder = tmp_path_factory.mktemp("replayed")
+    calibration_header.write(model, folder / "include" / "calibration.h")
+    session, _ = simulate(None, "table2", seed=6, scenarios=4, seconds=7.0)
+    with SimulatedDevice(session, include_dir=folder / "include") as device, Link(device.port) as link:
+        report = Recorder(link, folder / "s", wanted=None).record()
+    assert (report.lost_sentences, report.bad_sentences) == (0, 0)
+    return Session.open(folder / "s"), report.results
+
+
+def largest_difference(host: list[Estimate], device: list[dict], method: str) -> tuple[float, float]:
+    ours = [e for e in host if e.method == method]
+    theirs = sorted((c for c in device if c["method"] == method), key=lambda c: c["seconds"])
+    assert len(ours) == len(theirs) == 12
+    pairs = list(zip(ours, theirs, strict=True))
+    assert all(e.seconds == c["seconds"] and e.axis == c["axis"] for e, c in pairs)
+    return max(abs(e.scale - c["scale"]) for e, c in pairs), max(abs(e.bias_dps - c["bias_dps"]) for e, c in pairs)
+
+
+@pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
+def test_the_device_answers_as_the_host_does(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
+    session, said = replayed
+    scale, bias_dps = largest_difference(calibrate(session, None, [method], model), said, method)
+    assert scale <= ROUNDING[method][0]
+    assert bias_dps <= ROUNDING[method][1]
+
+
+@pytest.mark.parametrize("method", ["baseline", "model"])
+def test_standard_errors_agree_too(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
+    session, said = replayed
+    host = [e for e in calibrate(session, None, [method], model) if e.method == method]
+    device = sorted((c for c in said if c["method"] == method), key=lambda c: c["seconds"])
+    for e, c in zip(host, device, strict=True):
+        assert c["scale_se"] == pytest.approx(e.scale_se, rel=1e-6)
+        assert c["bias_se_dps"] == pytest.approx(e.bias_se_dps, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
+def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
+    session, said = replayed
+    turned = session.with_runs(
+        Run(
+            r.index, r.file, r.scenario, "down" if r.face == "up" else "up", r.axis, r.table_rate_dps, None, r.day, r.power_on_s,
+            r.sample_rate_hz, frame=r.table,
+        )
+        for r in session.runs
+    )  # fmt: skip
+    scale, bias_dps = largest_difference(calibrate(turned, None, [method], model), said, method)
+    assert scale > 100 * ROUNDING[method][0] or bias_dps > 100 * ROUNDING[method][1]
+
+
+def test_recording_is_what_was_replayed(replayed: tuple[Session, list[dict]], tmp_path: Path) -> None:
+    session, _ = replayed
+    original, _ = simulate(None, "table2", seed=6, scenarios=4, seconds=7.0)
+    for got, want in zip(session.runs, original.runs, strict=True):
+        assert (got.face, got.scenario, got.axis, got.table_rate_dps) == (want.face, want.scenario, want.axis, want.table_rate_dps)
+        assert abs(got.gyro_dps - want.gyro_dps).max() < 1e-6
+        assert abs(got.t_us - want.t_us).max() <= 1
+        assert abs(got.temp_c - want.temp_c).max() < 1e-5
