@@ -23,7 +23,11 @@ from gyrocal_export.nets.paper import PaperNet, Shape, loss
 
 @dataclass(frozen=True)
 class Config:
-    """All that a training depends on. ``scenarios`` are simulated afresh for every epoch, unless there are sessions."""
+    """All that a training depends on.
+
+    ``scenarios`` are simulated afresh for every epoch, unless there are sessions. ``weight_decay`` is there for float32:
+    smaller weights cancel less, which brings C and onnxruntime three times nearer for 0.4 % of loss.
+    """
 
     net: str = "paper"
     sessions: tuple[str, ...] = ()
@@ -34,6 +38,7 @@ class Config:
     validation_scenarios: int = 4000
     batch: int = 256
     learning_rate: float = 1e-2
+    weight_decay: float = 0.1
     shape: Shape = field(default_factory=Shape)
 
 
@@ -71,7 +76,7 @@ def train(config: Config, out: Path, report: Callable[[int, float, float], None]
 
     out.mkdir(parents=True)
     _write_json(out / "config.json", asdict(config))
-    optimiser = torch.optim.Adam(net.parameters(), lr=config.learning_rate)
+    optimiser = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     steps = config.epochs * math.ceil(fixed.up.shape[0] * fixed.up.shape[1] / config.batch)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.learning_rate, total_steps=steps)
     checks = validation.pairs()
