@@ -42,7 +42,8 @@ def calibrate(
     """Scale and bias of every scenario, from the first ``seconds`` of each run.
 
     ``seconds`` None: 2, 4 and 6 where there are up/down pairs, else whole runs. Baseline and network need a pair, two runs of
-    opposite true rate about one axis; the model method takes whatever fixes both terms (runs at rest and known turns, say).
+    opposite true rate about one axis; the model method takes whatever fixes both terms (runs at rest and known turns, say), and
+    where no power cycle does so by itself, all of them together (scenario ``all``).
     ``methods`` None: those that the session allows, ``model`` if a model is given or there is no pair.
     """
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
@@ -68,6 +69,8 @@ def calibrate(
         for scenario, runs in session.by_scenario():
             for method in methods:
                 found += _estimates(session, scenario, runs, span, method, model)
+        if "model" in methods and not any(e.method == "model" and e.seconds == (span or e.seconds) for e in found):
+            found += _pooled(session, span, model)
     if not found:
         longest = max(run.duration_s for run in session.runs)
         told = "" if seconds is None else f" from the first {', '.join(f'{s:g}' for s in seconds)} s (the longest run lasts {longest:.3g} s)"
@@ -118,6 +121,26 @@ def _estimates(
             keep(up.axis, baseline(halves[0], halves[1]), halves)
         else:
             keep(up.axis, network(up, down, span or min(up.duration_s, down.duration_s)), halves, se=False)
+    return out
+
+
+def _pooled(session: Session, span: float | None, model: Model | str | Path | None) -> list[Estimate]:
+    """One answer from all power cycles together, where none fixes both terms by itself: scenario ``all``."""
+    from gyrocal.fit import fit
+
+    cut = [r if r.rate_is_mean or span is None else r.first(span) for r in session.runs]
+    runs = [r for r in cut if r is not None]
+    axes = [axis for axis in AXES if _informed(runs, axis)]
+    if not axes:
+        return []
+    seconds = span if span is not None else max(r.duration_s for r in runs)
+    out = []
+    for axis, fitted in fit(session.with_runs(runs), Model.open(model), axes=axes).axes.items():
+        scale, bias = (next(t for t in fitted.terms if t.effect_id == name) for name in ("scale", "bias"))
+        if "scale" in scale.values and "bias_dps" in bias.values:
+            out.append(
+                Estimate("all", "model", float(seconds), axis, scale.values["scale"], scale.se["scale"], bias.values["bias_dps"], bias.se["bias_dps"])
+            )
     return out
 
 
