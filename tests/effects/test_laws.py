@@ -1,0 +1,288 @@
+"""Each effect against its physics: closed forms, symmetries, limits, units."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from gyrocal.effects.base import effect
+from gyrocal.effects.earth_rate import known_dps
+from gyrocal.effects.quantities import temperature_slope_c_s
+from gyrocal.session import Run
+from scipy import signal
+
+from .conftest import Array, MakeRun
+
+VALUES: dict[str, dict[str, float]] = {
+    "scale": {"scale": 0.003},
+    "bias": {"bias_dps": -0.2},
+    "bias_temperature": {"k1_dps_per_c": 0.01, "k2_dps_per_c2": -3e-4, "k3_dps_per_c3": 2e-6},
+    "scale_temperature": {"k_per_c": 7e-5},
+    "thermal_lag": {"k_dps_s_per_c": 0.4},
+    "warmup": {"A_dps": 0.03, "tau_s": 12.0},
+    "drift": {"k_dps_per_s": 2e-4},
+    "spin_up": {"A": 0.002, "tau_s": 3.0},
+    "g_sensitivity": {"gx_dps_per_g": 0.01, "gy_dps_per_g": -0.02, "gz_dps_per_g": 0.05},
+    "scale_nonlinearity": {"k3": 3e-8},
+    "scale_asymmetry": {"k": 0.001},
+    "centripetal": {"k": 1e-6},
+    "lag": {"tau_s": 0.004},
+    "clock_error": {"e": 0.001},
+    "vibration_tone": {"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 35.0},
+}
+
+W, DW = 90.0, 2 * np.pi * 0.15 * 90.0  # of rich_run: amplitude of the swing, and of its slope
+
+Formula = Callable[[Run, Array, Array], Array]
+
+FORMULAS: dict[str, Formula] = {
+    "scale": lambda r, t, w: 0.003 * w,
+    "bias": lambda r, t, w: np.full(t.size, -0.2),
+    "bias_temperature": lambda r, t, w: np.polyval([2e-6, -3e-4, 0.01, 0], r.temp_c - 25),
+    "scale_temperature": lambda r, t, w: 7e-5 * (r.temp_c - 25) * w,
+    "thermal_lag": lambda r, t, w: 0.4 * 15 * 2 * np.pi / 120 * np.cos(2 * np.pi * t / 120),
+    "warmup": lambda r, t, w: 0.03 * np.exp(-(4 + t) / 12),
+    "drift": lambda r, t, w: 2e-4 * (4 + t),
+    "spin_up": lambda r, t, w: -w * 0.002 * np.exp(-t / 3),
+    "g_sensitivity": lambda r, t, w: r.acc_g @ [0.01, -0.02, 0.05],
+    "scale_nonlinearity": lambda r, t, w: 3e-8 * w**3,
+    "scale_asymmetry": lambda r, t, w: 0.001 * np.abs(w),
+    "centripetal": lambda r, t, w: 1e-6 * w**2,
+    "lag": lambda r, t, w: -0.004 * DW * np.cos(2 * np.pi * 0.15 * t),
+    "clock_error": lambda r, t, w: 0.001 * t * DW * np.cos(2 * np.pi * 0.15 * t),
+    "vibration_tone": lambda r, t, w: 0.02 * np.sin(2 * np.pi * 3 * t + np.deg2rad(35)),
+}
+
+
+@pytest.mark.parametrize("effect_id", FORMULAS)
+def test_term_is_the_contract_s(effect_id: str, rich_run: Run) -> None:
+    t_s = np.arange(2000) / 100.0
+    w_dps = W * np.sin(2 * np.pi * 0.15 * t_s) + 20
+    got = effect(effect_id).term(rich_run, 2, VALUES[effect_id])
+    want = FORMULAS[effect_id](rich_run, t_s, w_dps)
+    # slopes are of smoothed columns: over 10 s of a period of 120 s, over 0.2 s of 6.7 s
+    tolerance = {"thermal_lag": 0.05, "lag": 4e-3, "clock_error": 4e-3}.get(effect_id, 1e-12)
+    assert np.max(np.abs(got - want)) <= tolerance * np.max(np.abs(want))
+
+
+DEGREE = {
+    **dict.fromkeys(("scale", "scale_temperature", "spin_up", "table_ripple", "lag", "clock_error"), 1),
+    **dict.fromkeys(
+        ("bias", "bias_temperature", "thermal_lag", "warmup", "drift", "g_sensitivity", "vibration_tone"), 0
+    ),
+    "scale_nonlinearity": 3,
+}
+
+
+@pytest.mark.parametrize("effect_id", [*DEGREE, "scale_asymmetry", "centripetal"])
+def test_parity_and_degree_in_the_rate(effect_id: str, make_run: MakeRun) -> None:
+    """Odd terms change their sign with the rate, even ones do not; twice the rate gives twice, four or eight times."""
+    even = {"scale_asymmetry": 1, "centripetal": 2}
+    degree = even.get(effect_id, DEGREE.get(effect_id, 0))
+    t_s = np.arange(1500) / 100
+    kind = effect(effect_id)
+    values = kind.draw({}, np.random.default_rng(2))
+
+    def term(factor: float) -> Array:
+        run = make_run(
+            t_s, power_on_s=2.0, temp_c=20 + t_s, ax_g=0.1, ay_g=0.0, az_g=1.0, table_angle_deg=40 * t_s,
+            rate_ref_dps=factor * (60 + 30 * np.sin(t_s)),
+        )  # fmt: skip
+        return kind.term(run, 2, values)
+
+    one = term(1.0)
+    assert np.any(one)
+    np.testing.assert_allclose(term(2.0), one * 2.0**degree, rtol=1e-9, atol=1e-12)
+    sign = -1.0 if degree % 2 and effect_id not in even else 1.0
+    np.testing.assert_allclose(term(-1.0), sign * one, rtol=1e-9, atol=1e-12)
+
+
+def test_only_misalignment_sees_the_rate_of_another_axis(make_run: MakeRun) -> None:
+    run = make_run(np.arange(100) / 10, table_rate_dps=78.0, axis="x", face="down")
+    ids = ("scale", "scale_nonlinearity", "scale_asymmetry", "centripetal", "spin_up", "scale_temperature")
+    for effect_id in ids:
+        kind = effect(effect_id)
+        assert not np.any(kind.term(run, 2, kind.draw({}, np.random.default_rng(0))))
+    kind = effect("misalignment")
+    assert kind.axes(run) == (1, 2)
+    np.testing.assert_allclose(kind.term(run, 2, {"m": 0.004}), 0.004 * -78.0)
+    np.testing.assert_allclose(kind.term(run, 2, {"m_x": 0.004, "m_y": 0.1}), 0.004 * -78.0)
+    assert not np.any(kind.term(run, 0, {"m": 0.004}))
+
+
+def test_warmup_between_its_limits(make_run: MakeRun) -> None:
+    """Long tau: constant. Short tau: gone before the run. It goes on over the turning over of the part."""
+    t_s = np.arange(300) / 10
+    up, down = (make_run(t_s, power_on_s=p, face=f) for p, f in ((3.0, "up"), (33.0, "down")))
+    kind = effect("warmup")
+    np.testing.assert_allclose(kind.term(up, 2, {"A_dps": 0.02, "tau_s": 1e9}), 0.02, rtol=1e-7)
+    assert np.max(kind.term(up, 2, {"A_dps": 0.02, "tau_s": 0.1})) < 1e-14
+    both = np.concatenate([kind.term(r, 2, {"A_dps": 0.02, "tau_s": 20.0}) for r in (up, down)])
+    np.testing.assert_allclose(both[1:] / both[:-1], np.exp(-0.1 / 20))
+
+
+def test_drift_goes_on_over_the_turning_over_where_power_on_is_known(make_run: MakeRun) -> None:
+    t_s = np.arange(300) / 10
+    runs = [make_run(t_s, power_on_s=p) for p in (3.0, 33.0)]
+    both = np.concatenate([effect("drift").term(r, 2, {"k_dps_per_s": 1e-3}) for r in runs])
+    np.testing.assert_allclose(np.diff(both), 1e-4)
+    unknown = effect("drift").term(make_run(t_s + 100), 2, {"k_dps_per_s": 1e-3})
+    np.testing.assert_allclose(unknown, 1e-3 * t_s)
+
+
+def test_lag_is_what_a_delay_and_a_first_order_filter_do(make_run: MakeRun) -> None:
+    """To first order in tau/period; both differ from it by less than (2 pi f tau)^2."""
+    t_s, f_hz, tau_s = np.arange(4000) / 200, 0.2, 0.01
+    run = make_run(t_s, rate_ref_dps=100 * np.sin(2 * np.pi * f_hz * t_s))
+    term = effect("lag").term(run, 2, {"tau_s": tau_s})
+    delayed = 100 * np.sin(2 * np.pi * f_hz * (t_s - tau_s))
+    _, filtered, _ = signal.lsim(([1.0], [tau_s, 1.0]), run.rate_dps, t_s)
+    for reading in (delayed, filtered):
+        error = (reading - run.rate_dps - term)[100:]
+        assert np.max(np.abs(error)) < 0.02 * np.max(np.abs(term))
+
+
+def test_clock_error_is_the_rate_at_the_wrong_time(make_run: MakeRun) -> None:
+    t_s, e = np.arange(4000) / 100, 2e-4
+    w = lambda t: 80 * np.sin(2 * np.pi * 0.1 * t) + 20 * np.cos(2 * np.pi * 0.23 * t)  # noqa: E731
+    run = make_run(t_s, rate_ref_dps=w(t_s))
+    term = effect("clock_error").term(run, 2, {"e": e})
+    want = w((1 + e) * t_s) - w(t_s)
+    assert np.max(np.abs(term - want)) < 0.02 * np.max(np.abs(want))
+
+
+def test_constant_rates_show_neither_lag_nor_clock_error(make_run: MakeRun) -> None:
+    run = make_run(np.arange(500) / 100)
+    for effect_id in ("lag", "clock_error"):
+        assert not np.any(effect(effect_id).columns(run, 2, {}))
+
+
+def test_jittering_time_does_not_disturb_a_slope(make_run: MakeRun) -> None:
+    rng = np.random.default_rng(3)
+    t_s = np.sort(np.arange(3000) / 145 + rng.uniform(0, 0.003, 3000))
+    run = make_run(t_s, rate_ref_dps=50 * np.sin(t_s))
+    slope = effect("clock_error").columns(run, 2, {})[:, 0] / np.maximum(t_s - t_s[0], 1e-9)
+    assert np.max(np.abs(slope - 50 * np.cos(t_s))[5:]) < 0.02 * 50
+
+
+def test_thermal_lag_opens_a_loop(make_run: MakeRun) -> None:
+    """On the way up and on the way down through one temperature: the same size, the other sign."""
+    t_s = np.arange(12000) / 20
+    run = make_run(t_s, temp_c=40 + 20 * np.sin(2 * np.pi * t_s / 300))
+    term = effect("thermal_lag").term(run, 0, {"k_dps_s_per_c": 0.5})
+    up, down = np.searchsorted(t_s, [300.0, 450.0])
+    expected = 0.5 * 20 * 2 * np.pi / 300
+    np.testing.assert_allclose([term[up], term[down]], [expected, -expected], rtol=0.02)
+
+
+@pytest.mark.parametrize(("noise_c", "step_c"), [(0.02, 1 / 256), (0.0, 0.5), (0.1, 0.0625)])
+def test_slope_of_the_temperature_with_noise_and_coarse_steps(noise_c: float, step_c: float, make_run: MakeRun) -> None:
+    rng = np.random.default_rng(1)
+    t_s = np.arange(6000) / 10
+    true = 25 + 15 * np.sin(2 * np.pi * t_s / 600)
+    measured = np.round((true + rng.normal(0, noise_c, t_s.size)) / step_c) * step_c
+    slope = temperature_slope_c_s(make_run(t_s, temp_c=measured))
+    want = np.gradient(true, t_s)
+    assert np.sqrt(np.mean((slope - want) ** 2)) < 0.1 * np.sqrt(np.mean(want**2))
+
+
+def test_a_steady_thermometer_has_no_slope(make_run: MakeRun) -> None:
+    t_s = np.arange(600) / 10
+    assert not np.any(temperature_slope_c_s(make_run(t_s, temp_c=25.0)))
+    noisy = 25 + np.random.default_rng(0).normal(0, 0.02, t_s.size)
+    assert np.max(np.abs(temperature_slope_c_s(make_run(t_s, temp_c=noisy)))) < 1e-3
+
+
+def test_empty_cells_are_bridged(make_run: MakeRun) -> None:
+    t_s = np.arange(300) / 10
+    temp_c = np.where(np.arange(300) % 5 == 2, np.nan, 20 + 0.3 * t_s)
+    frame_run = make_run(t_s, temp_c=temp_c)
+    holed = make_run(t_s, temp_c=20 + 0.3 * t_s)
+    for effect_id in ("bias_temperature", "scale_temperature", "thermal_lag"):
+        values = effect(effect_id).draw({}, np.random.default_rng(0))
+        got, want = (effect(effect_id).term(r, 2, values) for r in (frame_run, holed))
+        np.testing.assert_allclose(got, want, rtol=2e-3, atol=1e-6)
+
+
+def test_earth_rate() -> None:
+    """One turn in a sidereal day of 86164.0905 s; full at the pole, nothing at the equator, negative in the south."""
+    from .conftest import make
+
+    t_s = np.arange(10) / 10
+    up, down = make(t_s), make(t_s, face="down")
+    np.testing.assert_allclose(known_dps(up, 2, 90.0), 360 / 86164.0905, rtol=1e-6)
+    np.testing.assert_allclose(known_dps(up, 2, 30.0), 0.5 * 360 / 86164.0905, rtol=1e-6)
+    np.testing.assert_allclose(known_dps(down, 2, 30.0), -known_dps(up, 2, 30.0))
+    np.testing.assert_allclose(known_dps(up, 2, -30.0), -known_dps(up, 2, 30.0))
+    assert not np.any(known_dps(up, 2, 0.0))
+    assert not np.any(known_dps(up, 0, 45.0))
+    assert effect("earth_rate").columns(up, 2, {}).shape == (10, 0)
+    np.testing.assert_allclose(effect("earth_rate").term(up, 2, {"latitude_deg": 45.0}), known_dps(up, 2, 45.0))
+
+
+def test_centripetal_size_from_lever_arm_and_g_sensitivity() -> None:
+    """The typical range: w^2 r in g, times dps/g, in 1/dps."""
+    low, high = effect("centripetal").parameter("k").typical
+    per_metre = np.deg2rad(1.0) ** 2 / 9.80665
+    np.testing.assert_allclose([0.01 * 0.03 * per_metre, 0.1 * 0.3 * per_metre], [low, high], rtol=0.1)
+
+
+def test_tone(make_run: MakeRun) -> None:
+    kind = effect("vibration_tone")
+    run = make_run(np.arange(2000) / 100)
+    values = {"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 35.0}
+    assert np.std(kind.term(run, 0, values)) == pytest.approx(0.02 / np.sqrt(2), rel=1e-3)
+    assert kind.columns(run, 0, {}).shape == (2000, 0)
+    again = kind.named(kind.coefficients(values), values)
+    assert again == pytest.approx({"A_dps": 0.02, "phase_deg": 35.0})
+    assert kind.named_spread(kind.spread(values), values)["A_dps"] == pytest.approx(0.02)
+    phases = {kind.draw({}, np.random.default_rng(seed))["phase_deg"] for seed in range(5)}
+    assert len(phases) == 5
+
+
+def test_jumps(make_run: MakeRun) -> None:
+    kind = effect("bias_jumps")
+    run = make_run(np.arange(5000) / 100)
+    for n in (1, 2, 5):
+        values = kind.draw({"n": n, "size_dps": 0.04}, np.random.default_rng(n))
+        steps = np.diff(kind.term(run, 2, values))
+        assert np.count_nonzero(steps) == n
+        np.testing.assert_allclose(np.abs(steps[steps != 0]), 0.04)
+    assert kind.term(run, 2, values)[0] == 0.0
+
+
+def distorted(effect_id: str, run: Run, y_dps: Array, **values: float) -> Array:
+    kind = effect(effect_id)
+    return kind.distort(run, y_dps, kind.draw(values, np.random.default_rng(0)), np.random.default_rng(4))  # type: ignore[attr-defined, no-any-return]
+
+
+def test_quantization_is_a_grid_with_uniform_error(make_run: MakeRun) -> None:
+    run = make_run(np.arange(20000) / 100)
+    y_dps = np.random.default_rng(0).normal(0, 1.0, (20000, 3))
+    got = distorted("quantization", run, y_dps, lsb_dps=0.05)
+    np.testing.assert_allclose(got / 0.05, np.round(got / 0.05), atol=1e-9)
+    error = got - y_dps
+    assert np.max(np.abs(error)) <= 0.025 + 1e-12
+    assert np.var(error) == pytest.approx(0.05**2 / 12, rel=0.02)
+    assert abs(np.mean(error)) < 1e-3
+    assert effect("quantization").axes(run) == (0, 1, 2)
+
+
+def test_saturation_cuts_both_ends_and_nothing_else(make_run: MakeRun) -> None:
+    run = make_run(np.arange(301) / 10)
+    y_dps = np.repeat(np.linspace(-150, 150, 301)[:, None], 3, axis=1)
+    got = distorted("saturation", run, y_dps, full_scale_dps=125.0)
+    inside = np.abs(y_dps) <= 125
+    np.testing.assert_array_equal(got[inside], y_dps[inside])
+    np.testing.assert_array_equal(got[~inside], 125 * np.sign(y_dps[~inside]))
+
+
+def test_sampling_fault_repeats_whole_samples(make_run: MakeRun) -> None:
+    run = make_run(np.arange(20000) / 100)
+    y_dps = np.random.default_rng(0).normal(0, 1.0, (20000, 3))
+    got = distorted("sampling_fault", run, y_dps, fraction=0.03)
+    repeated = np.all(got[1:] == got[:-1], axis=1)
+    np.testing.assert_array_equal(repeated, np.any(got[1:] == got[:-1], axis=1))
+    assert np.mean(repeated) == pytest.approx(0.03, abs=0.005)
+    fresh = np.concatenate([[True], ~repeated])
+    np.testing.assert_array_equal(got[fresh], y_dps[fresh])
+    np.testing.assert_array_equal(distorted("sampling_fault", run, y_dps, fraction=0.0), y_dps)
