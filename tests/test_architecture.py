@@ -19,7 +19,7 @@ LAYERS = [
     {"heldout", "probes", "simulate", "estimator"},
     {"compare", "calibrate", "calibration_header"},
     {"diagnose", "pictures"},
-    {"report"},
+    {"report", "api"},
 ]
 
 

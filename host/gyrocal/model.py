@@ -98,6 +98,12 @@ class Model:
         same = (term.effect_id, term.axis)
         return replace(self, terms=tuple(term if (t.effect_id, t.axis) == same else t for t in self.terms))
 
+    def add(self, effect_id: str, axis: str = "z") -> Model:
+        """The model with an effect on one axis, not fitted yet: ``compare`` and ``fit`` find its parameters."""
+        if axis not in AXES:
+            raise InputError(f"axis is {axis!r}, not x, y or z")
+        return self.with_term(Term(base.effect(effect_id).id, axis))
+
     def without(self, effect_id: str, axis: str | None = None) -> Model:
         """The model without an effect, on one axis or all."""
         kept = tuple(t for t in self.terms if not (t.effect_id == effect_id and axis in (None, t.axis)))
