@@ -41,6 +41,7 @@ _RUN = np.dtype(
 _ROW = np.dtype([("t_us", "<i8"), ("temp", "<i2"), ("gyro", "<i2", 3), ("acc", "<i2", 3), ("flags", "<u2")])
 
 WAIT_S = 0.02
+CARRY = 4096
 
 
 def full_scale_for(session: Session) -> float:
@@ -243,6 +244,7 @@ class TcpOutlet:
             reason = getattr(error, "strerror", None) or "want HOST:PORT, for example 127.0.0.1:5000"
             raise InputError(f"--tcp {address}: {reason}") from None
         self._server.setblocking(False)
+        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * CARRY)
         self._client: socket.socket | None = None
         self.name = f"socket://{host or '127.0.0.1'}:{self._server.getsockname()[1]}"
 
@@ -308,7 +310,7 @@ def serve(
     """Carry bytes between the simulator and whoever opens the outlet, until the simulator ends and all of it is read.
 
     The simulator starts with the first reader. With ``wait_for_reader`` it waits while nobody reads; without, it runs
-    on in real time, and what is said while nobody listens is gone, as on a wire.
+    on in its own time, and what is said while nobody listens is gone, as on a wire.
 
     Raises:
         DeviceError: the simulator failed.
@@ -317,12 +319,13 @@ def serve(
         if stopped():
             return
         time.sleep(WAIT_S)
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    from_sim, to_host = _pipe(short=wait_for_reader)
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=to_host, stderr=subprocess.PIPE)
+    os.close(to_host)
     assert process.stdin is not None
-    assert process.stdout is not None
     assert process.stderr is not None
     try:
-        _carry(process.stdin.fileno(), process.stdout.fileno(), outlet, wait_for_reader, stopped)
+        _carry(process.stdin.fileno(), from_sim, outlet, wait_for_reader, stopped)
         if stopped():
             return
         _check_exit(process.wait(), process.stderr.read())
@@ -330,7 +333,8 @@ def serve(
     finally:
         process.kill()
         process.wait()
-        for pipe in (process.stdin, process.stdout, process.stderr):
+        os.close(from_sim)
+        for pipe in (process.stdin, process.stderr):
             with contextlib.suppress(OSError):
                 pipe.close()
 
@@ -356,8 +360,19 @@ def _carry(to_sim: int, from_sim: int, outlet: Outlet, wait_for_reader: bool, st
             _write_all(to_sim, outlet.read())
             pending = pending[outlet.write(pending) :] if pending else b""
         if not pending and not ended and select.select([from_sim], [], [], 0)[0]:
-            pending = os.read(from_sim, CHUNK)
+            pending = os.read(from_sim, CARRY)
             ended = not pending
+
+
+def _pipe(*, short: bool) -> tuple[int, int]:
+    """A pipe; a short one lets the device run no further ahead of its reader than it must."""
+    reading, writing = os.pipe()
+    if short:
+        import fcntl
+
+        with contextlib.suppress(AttributeError, OSError):  # Linux alone can
+            fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, CARRY)
+    return reading, writing
 
 
 def _write_all(fd: int, data: bytes) -> None:
@@ -417,7 +432,7 @@ class SimulatedDevice:
             )
             self._outlet = make_outlet(tcp, symlink)
             stack.callback(self._outlet.close)
-            self._wait_for_reader = text == "max" or float(text) > 1.0
+            self._wait_for_reader = text == "max"
             self._stack = stack.pop_all()
         self.port = self._outlet.name
         self._thread = threading.Thread(target=self._run, name="simulated device", daemon=True)

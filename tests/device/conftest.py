@@ -1,0 +1,57 @@
+"""Sessions for the simulated device."""
+
+from collections.abc import Callable
+
+import numpy as np
+import polars as pl
+import pytest
+from gyrocal.session import Run, Session
+
+LSB_DPS = 0.00875
+
+
+@pytest.fixture
+def session(require_tool: Callable[[str], str]) -> Session:
+    """Two scenarios of an up and a down run, 7 s at 145 Hz with jitter and a gap; whole counts throughout."""
+    require_tool("cc")
+    return make_session(seconds=7.0)
+
+
+def make_session(seconds: float, rate_hz: float = 145.0, scenarios: int = 2, seed: int = 5) -> Session:
+    rng = np.random.default_rng(seed)
+    runs = []
+    for i in range(2 * scenarios):
+        face = "up" if i % 2 == 0 else "down"
+        n = round(seconds * rate_hz)
+        t_us = np.rint(np.arange(n) * 1e6 / rate_hz + rng.integers(-200, 200, n)).astype(np.int64)
+        keep = np.ones(n, bool)
+        keep[n // 3 : n // 3 + 4] = False
+        t_us = (t_us - t_us[0])[keep]
+        sign = 1 if face == "up" else -1
+        counts = np.array([3, -5, round(sign * 78.3 / LSB_DPS)]) + rng.integers(-40, 40, (len(t_us), 3))
+        acc = np.array([0, 0, sign * 16393]) + rng.integers(-30, 30, (len(t_us), 3))
+        frame = pl.DataFrame(
+            {
+                "t_s": t_us * 1e-6,
+                **{f"g{a}_dps": counts[:, k] * LSB_DPS for k, a in enumerate("xyz")},
+                **{f"a{a}_g": acc[:, k] * 6.1e-5 for k, a in enumerate("xyz")},
+                "temp_c": 25.0 + rng.integers(-300, 300, len(t_us)) / 256.0,
+            }
+        )
+        power_on_s = 3.0 if face == "up" else 20.0
+        runs.append(
+            Run(
+                i,
+                f"{i:03d}_{face}.csv",
+                f"s{i // 2:03d}",
+                face,
+                "z",
+                78.0,
+                None,
+                None,
+                power_on_s,
+                rate_hz,
+                frame=frame,
+            )
+        )
+    return Session(rate_hz, tuple(runs), full_scale_dps=250.0, lsb_dps=LSB_DPS)

@@ -1,0 +1,75 @@
+"""The monitor: a line an event, samples in units, counts of what was lost; a screen that holds it all."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from gyrocal import device
+from gyrocal.cli import main
+from gyrocal.monitor import Event, Monitor
+from gyrocal.port import Link
+from gyrocal.session import Session
+
+from .fake import FakeDevice
+
+
+def test_events_of_a_replay(session: Session, capsys: pytest.CaptureFixture[str]) -> None:
+    with device.SimulatedDevice(session) as simulated:
+        assert main(["monitor", "--port", simulated.port, "--json"]) == 0
+    events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    samples = [e for e in events if e["event"] == "sample"]
+    expected = np.concatenate([run.gyro_dps for run in session.runs])
+    assert np.allclose([[e[f"g{a}_dps"] for a in "xyz"] for e in samples], expected, atol=1e-8)
+    assert np.allclose([e["temp_c"] for e in samples], np.concatenate([run.temp_c for run in session.runs]))
+    assert {e["event"] for e in events} >= {"hello", "run", "result", "state", "sample", "end"}
+    results = [e for e in events if e["event"] == "result" and e["method"] == "baseline"]
+    assert [e["seconds"] for e in results] == [2, 4, 6] * 2
+    assert all(isinstance(e["scale"], float) and isinstance(e["last"], int) for e in results)
+    assert events[-1]["event"] == "end"
+    assert (events[-1]["lost"], events[-1]["bad"], events[-1]["restarts"]) == (0, 0, 1)
+
+
+def test_it_ends_with_its_time(session: Session, capsys: pytest.CaptureFixture[str]) -> None:
+    with device.SimulatedDevice(session, speed=1) as simulated:
+        assert main(["monitor", "--port", simulated.port, "--seconds", "0.6", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["reason"] == "the time is over"
+
+
+def test_the_screen_shows_state_results_and_losses() -> None:
+    from rich.console import Console
+
+    with FakeDevice() as fake, Link(fake.port) as link:
+        monitor = Monitor(link)
+        pictures = []
+
+        def heard(events: list[Event]) -> None:
+            if not pictures:
+                fake.run_sentence("start", "down")
+                fake.sample(0)
+                fake.seq += 3
+                fake.say("CAL", {"method": "baseline", "seconds": 2.0, "axis": "z", "scale": 0.00412, "scale_se": 2e-5,
+                                 "bias_dps": -0.0567, "bias_se_dps": 0.001, "temp_c": 24.5, "misfit": 7.5})  # fmt: skip
+                fake.say("ERR", {"code": -9, "name": "clipped", "advice": "set_full_scale_dps_higher"})
+            console = Console(file=io.StringIO(), width=120)
+            console.print(monitor.screen())
+            pictures.append(console.file.getvalue())  # type: ignore[attr-defined]
+
+        monitor.run(heard, seconds=0.5)
+    for part in ("recording down", "77.998", "0.4120 ± 0.0020", "-0.0567 ± 0.0010", "7.50", "3 lost", "clipped (-9)"):
+        assert part in pictures[-1]
+
+
+def test_unplugging_heals_where_asked() -> None:
+    with FakeDevice() as fake, Link(fake.port, reconnect=True) as link:
+        seen: list[Event] = []
+
+        def heard(events: list[Event]) -> None:
+            seen.extend(events)
+            if len(fake.commands) == 3 and fake.connections == 1:
+                fake.unplug()
+
+        Monitor(link).run(heard, seconds=2.0)
+        assert fake.connections == 2
+        assert fake.commands == ["hello", "stream raw", "status"] * 2
+    assert [e["event"] for e in seen].count("hello") == 2

@@ -1,0 +1,190 @@
+"""The simulated device: every row once, at its own time, in raw counts; the same through pipe, pty and TCP."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gyrocal import device, wire
+from gyrocal.cli import main
+from gyrocal.errors import InputError
+from gyrocal.port import Link, PortGone
+from gyrocal.session import Session
+from gyrocal.wire import Sentence
+
+from .conftest import LSB_DPS, make_session
+
+
+def listen(port: str) -> tuple[list[Sentence], wire.Reader]:
+    """Everything that the device says, to its end."""
+    with Link(port) as link:
+        heard: list[Sentence] = []
+        try:
+            while True:
+                heard += link.receive()
+        except PortGone:
+            return heard, link.reader
+
+
+def told(sentences: list[Sentence], tag: str) -> list[str]:
+    return [s.text for s in sentences if s.tag == tag]
+
+
+def check_rows(session: Session, sentences: list[Sentence]) -> None:
+    raw = wire.raw_table(s for s in sentences if s.tag == "RAW" and not s.text.startswith("-1"))
+    ends = np.flatnonzero(raw.number == 0)
+    assert len(ends) == len(session.runs)
+    for run, start, stop in zip(session.runs, ends, [*ends[1:], len(raw)], strict=True):
+        assert np.array_equal(raw.number[start:stop], np.arange(len(run)))
+        assert np.array_equal(raw.t_us[start:stop] - raw.t_us[start], run.t_us)
+        assert np.array_equal(raw.counts[start:stop, :3], np.rint(run.gyro_dps / LSB_DPS))
+        assert run.acc_g is not None
+        assert np.array_equal(raw.counts[start:stop, 3:6], np.rint(run.acc_g / 6.1e-5))
+        assert run.temp_c is not None
+        assert np.array_equal(raw.counts[start:stop, 6], (run.temp_c - 25.0) * 256.0)
+
+
+def test_every_row_is_served_once_at_its_own_time(session: Session) -> None:
+    sentences = device.replay(session)
+    check_rows(session, sentences)
+    assert [s.fields["face"] for s in sentences if s.tag == "RUN"] == ["up", "up", "down", "down"] * 2
+    assert len(told(sentences, "ERR")) == 0
+
+
+def test_baseline_is_the_closed_form_on_the_rows(session: Session) -> None:
+    answers = [s for s in device.replay(session, stream="off") if s.tag == "CAL" and s.fields["method"] == "baseline"]
+    expected = []
+    for _, (up, down) in session.by_scenario():
+        for seconds in (2, 4, 6):
+            mean_up, mean_down = (r.gyro_dps[r.t_us < seconds * 1e6, 2].mean() for r in (up, down))
+            scale = (mean_up - mean_down) / 156.0 - 1.0
+            expected.append((seconds, scale, mean_up - (1.0 + scale) * 78.0))
+    got = [tuple(s.real(k) for k in ("seconds", "scale", "bias_dps")) for s in answers]
+    assert np.allclose(np.array(got, float), expected, rtol=2e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize("tcp", [None, "127.0.0.1:0"], ids=["pty", "tcp"])
+def test_a_port_carries_what_the_device_says(session: Session, tcp: str | None) -> None:
+    with device.SimulatedDevice(session, tcp=tcp) as simulated:
+        heard, reader = listen(simulated.port)
+        assert simulated.wait(5)
+    assert (reader.lost, reader.bad, reader.overlong) == (0, 0, 0)
+    check_rows(session, heard)
+    assert told(heard, "CAL") == told(device.replay(session), "CAL")
+
+
+@pytest.mark.parametrize("tcp", [None, "127.0.0.1:0"], ids=["pty", "tcp"])
+def test_the_device_outlives_its_readers(session: Session, tcp: str | None) -> None:
+    with device.SimulatedDevice(session, speed=50, tcp=tcp) as simulated:  # at max, a socket's buffer takes it all
+        first: list[Sentence] = []
+        with Link(simulated.port) as link:
+            while len(first) < 200:
+                first += link.receive()
+        second, reader = listen(simulated.port)
+        assert simulated.wait(5)
+    assert reader.lost == 0
+    assert told(second, "RUN")[-1].startswith("state=end,face=down")
+    assert len(told(second, "CAL")) >= 6
+    assert first[-1].seq < second[0].seq
+
+
+def test_commands_reach_the_core_through_the_port(session: Session) -> None:
+    with device.SimulatedDevice(session, hold=True) as simulated, Link(simulated.port) as link:
+        hello = link.greet()
+        assert (hello.real("lsb_dps"), hello.real("rate_hz"), hello.fields["sensor"]) == (LSB_DPS, 145.0, "LSM6DSO")
+        assert link.replays
+        link.command("stream off")
+        state = ""
+        while state != "done":
+            link.command("status")
+            state = next((s.fields["state"] for s in reversed(link.receive()) if s.tag == "STA"), "")
+        link.command("set turn_deg 360")
+        assert link.command("get turn_deg").real("turn_deg") == 360.0
+
+
+def test_speed_is_kept() -> None:
+    session = make_session(seconds=3.0, scenarios=1)
+    with device.SimulatedDevice(session, speed=20) as simulated:
+        began = time.monotonic()
+        heard, _ = listen(simulated.port)
+        took = time.monotonic() - began
+    device_s = 1e-6 * (heard[-1].t_us - heard[0].t_us)
+    assert device_s / 20 <= took + 0.1 < device_s / 20 + 1.0
+
+
+def test_full_scale_follows_the_session_and_the_data(session: Session) -> None:
+    assert device.full_scale_for(session) == 250.0
+    fast = make_session(seconds=2.0, scenarios=1)
+    frame = fast.runs[0].table
+    for peak, expected in ((286.0, 250.0), (287.0, 500.0), (560.0, 500.0), (1200.0, 2000.0)):
+        run = fast.runs[0].part(0, len(fast.runs[0]))
+        object.__setattr__(run, "frame", frame.with_columns(gx_dps=frame["gx_dps"] * 0 + peak))
+        one = fast.with_runs([run])
+        assert device.full_scale_for(one) == expected
+        mean = next(s.real("mean_x_dps") for s in device.replay(one, stream="off") if "state=end" in s.text)
+        assert mean is not None
+        assert abs(mean - peak) <= device.LSB_DPS[expected] / 2
+
+
+def test_what_a_session_lacks_is_made_up_as_documented() -> None:
+    bare = make_session(seconds=2.0, scenarios=1)
+    runs = []
+    for run in bare.runs:
+        part = run.part(0, len(run))
+        object.__setattr__(part, "frame", run.table.select("t_s", "gx_dps", "gy_dps", "gz_dps"))
+        runs.append(part)
+    raw = wire.raw_table(s for s in device.replay(bare.with_runs(runs)) if s.tag == "RAW")
+    half = len(bare.runs[0])
+    assert (raw.counts[:half, 3:] == [0, 0, 16393, 0]).all()
+    assert (raw.counts[half:, 3:] == [0, 0, -16393, 0]).all()
+
+
+@pytest.mark.parametrize(
+    ("fault", "name"),
+    [
+        ("nack", "bus_nack"),
+        ("wrong_id", "wrong_id"),
+        ("stale", "stale"),
+        ("brownout", "config_lost"),
+        ("reset_timeout", "reset_timeout"),
+    ],
+)
+def test_the_device_reports_its_sensors_faults(session: Session, fault: str, name: str) -> None:
+    assert f"name={name}" in ",".join(told(device.replay(session, fault=fault), "ERR"))
+
+
+def test_bad_options_are_refused(session: Session, tmp_path: Path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("")
+    for options in ({"fault": "oops"}, {"speed": "fast"}, {"speed": -1}, {"tcp": "nowhere"}, {"symlink": taken}):
+        with pytest.raises(InputError):
+            device.SimulatedDevice(session, **options)
+    assert taken.read_text() == ""
+
+
+def test_the_command_prints_its_port_and_ends_when_all_is_read(session: Session, tmp_path: Path) -> None:
+    session.save(tmp_path / "session")
+    link = tmp_path / "port"
+    command = [sys.executable, "-m", "gyrocal", "device", "--session", str(tmp_path / "session"), "--speed", "max"]
+    with subprocess.Popen([*command, "--link", str(link)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().strip() == str(link)
+        assert os.path.islink(link)
+        heard, _ = listen(str(link))
+        assert process.wait(10) == 0
+    check_rows(session, heard)
+    assert not link.exists()
+
+
+def test_the_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (
+        ["--session", str(tmp_path / "none")],
+        ["--session", str(tmp_path), "--effect", "table_ripple"],
+        ["--stream", "loud"],
+        ["--effect", "no_such_effect"],
+    ):
+        assert main(["device", *arguments]) == 2
+        assert len(capsys.readouterr().err.strip().splitlines()) == 1
