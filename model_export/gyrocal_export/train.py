@@ -25,8 +25,8 @@ from gyrocal_export.nets.paper import PaperNet, Shape, loss
 class Config:
     """All that a training depends on.
 
-    ``scenarios`` are simulated afresh for every epoch, unless there are sessions. ``weight_decay`` is there for float32:
-    smaller weights cancel less, which brings C and onnxruntime three times nearer for 0.4 % of loss.
+    ``scenarios`` are simulated afresh for every epoch, unless there are sessions. ``weight_decay`` is for float32's
+    sake: smaller weights cancel less, which brings C and onnxruntime three times nearer for 0.4 % of loss.
     """
 
     net: str = "paper"
