@@ -5,5 +5,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 CORE = ROOT / "lib" / "gyrocal_core"
 SIM = ROOT / "sim"
+EMUL = ROOT / "emul"
 INCLUDE = ROOT / "include"
 SRC = ROOT / "src"

@@ -1,0 +1,14 @@
+/* What sim/main.c needs of <poll.h> on a CPU without an operating system. */
+#ifndef POLL_H
+#define POLL_H
+
+#define POLLIN 1
+
+struct pollfd {
+    int fd;
+    short events, revents;
+};
+
+int poll(struct pollfd *fds, unsigned n, int timeout_ms);
+
+#endif

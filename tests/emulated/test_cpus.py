@@ -1,0 +1,135 @@
+"""The core on emulated CPUs: the bits of this machine, the answers of the simulated device, and what it costs there."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gyrocal import calibration_header, core, cpus, device, simulate
+from gyrocal.model import Model, Term
+from gyrocal_firmware import CORE, INCLUDE, SIM
+
+HERE = Path(__file__).parent
+CPU = pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
+Require = Callable[[str], str]
+
+
+def require(cpu: cpus.Cpu, require_tool: Require) -> None:
+    for tool in ("cc", *cpu.tools):
+        require_tool(tool)
+
+
+def first_difference(ours: bytes, theirs: bytes) -> str:
+    pairs = zip(ours.splitlines(), theirs.splitlines(), strict=False)
+    return next((f"here  {a!r}\nthere {b!r}" for a, b in pairs if a != b), "one has more lines")
+
+
+def bits_here() -> bytes:
+    program = core.build("bits", [HERE / "bits.c", *core.core_sources()], [INCLUDE, CORE])
+    return subprocess.run([program], capture_output=True, check=True).stdout
+
+
+@CPU
+def test_computes_the_same_bits(cpu: cpus.Cpu, require_tool: Require, tmp_path: Path) -> None:
+    require(cpu, require_tool)
+    here = bits_here()
+    there = cpus.run(cpu, cpus.build(cpu, [HERE / "bits.c", *core.core_sources()], tmp_path / "bits.elf"))
+    lines = here.splitlines()
+    assert {line.split()[0] for line in lines} == {b"math", b"inference", b"baseline", b"estimator", b"wire"}
+    assert sum(line.startswith(b"estimator 0 ") for line in lines) == 3
+    assert there == here, first_difference(here, there)
+
+
+def test_a_fused_multiply_add_would_be_seen(require_tool: Require, tmp_path: Path) -> None:
+    """It changes last bits, which is why the core is compiled without."""
+    cpu = next(c for c in cpus.CPUS if c.name == "cortex-m4f")
+    require(cpu, require_tool)
+    sources = [HERE / "bits.c", *core.core_sources()]
+    there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "bits.elf", flags=("-O2", "-ffp-contract=fast")))
+    assert there != bits_here()
+
+
+@pytest.fixture(scope="module")
+def headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibration with an effect and drift noise, so that all three methods answer."""
+    folder = tmp_path_factory.mktemp("headers")
+    paper = Model.builtin("paper").terms
+    ripple = Term("table_ripple", "z", {"amplitude_1": 0.0016, "amplitude_2": 0.0005})
+    drift = Term("colored_noise", "z", {"sd_dps": 0.002, "tau_s": 30.0})
+    calibration_header.write(Model("rippling", (*paper, ripple, drift), {"z": 0.0448}), folder / "calibration.h")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Up and down for 7 s each, the table rippling."""
+    path = tmp_path_factory.mktemp("rows") / "pair.rows"
+    session, _ = simulate.simulate(None, "paper", ["table_ripple"], 3, scenarios=1, seconds=7)
+    path.write_bytes(device.rows_bytes(session))
+    return path
+
+
+@CPU
+def test_a_whole_calibration_says_the_same_words(
+    cpu: cpus.Cpu, require_tool: Require, headers: Path, rows: Path, tmp_path: Path
+) -> None:
+    """The simulated device, compiled for that CPU: every sentence, raw samples and answers, byte for byte."""
+    require(cpu, require_tool)
+    options = [str(rows), "--speed", "max", "--stream", "raw"]
+    here = subprocess.run([core.build_sim(headers), *options], capture_output=True, check=True).stdout
+    sources = [*core.core_sources(), *sorted(SIM.glob("*.c"))]
+    there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "sim.elf", [headers]), options)
+    answers = [line.split(b",")[4:6] for line in here.splitlines() if line.startswith(b"$CAL")]
+    want = [[b"method=" + m, b"seconds=" + s] for s in (b"2", b"4", b"6") for m in (b"baseline", b"model", b"cnn")]
+    assert sorted(answers) == sorted(want)
+    assert there == here, first_difference(here, there)
+
+
+def documented() -> dict[tuple[str, str], list[int]]:
+    """Part and CPU -> the figures of the table in docs/cpus.md: instructions, largest, flash, RAM, stack."""
+    lines = (HERE.parents[1] / "docs" / "cpus.md").read_text().partition("<!-- table")[2].partition("<!-- end")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines.splitlines()[3:]]
+    return {(part, cpu): [int(n.replace(" ", "")) for n in figures] for part, cpu, *figures in rows}
+
+
+def test_the_documented_table_is_complete() -> None:
+    assert set(documented()) == {(part, cpu.name) for part in cpus.parts() for cpu in cpus.CPUS}
+
+
+@CPU
+@pytest.mark.parametrize("part", ["inference", "device"])
+def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_tool: Require) -> None:
+    """Within a fifth, whatever the compiler's version: else `python benchmarks/cpus.py docs/cpus.md` and say why."""
+    require(cpu, require_tool)
+    c = cpus.cost(cpu, part)
+    found = [c.instructions, c.largest, c.flash_bytes, c.ram_bytes, c.stack_bytes]
+    np.testing.assert_allclose(found, documented()[part, cpu.name], rtol=0.2)
+
+
+@CPU
+def test_counts_what_is_known(cpu: cpus.Cpu, require_tool: Require, tmp_path: Path) -> None:
+    """An empty part costs nothing; a thousand instructions, 5000 bytes and a kilobyte of stack are found."""
+    require(cpu, require_tool)
+    part = tmp_path / "known.c"
+    part.write_text(
+        """/* Known. */
+#include "cost.h"
+#define TEN(x) x x x x x x x x x x
+const unsigned cost_times = 100;
+static volatile char kept[5000];
+void cost_prepare(void) { kept[0] = 1; }
+void cost_act(void) {
+    volatile char stack[1024];
+    stack[0] = 0;
+    TEN(TEN(TEN(__asm__ volatile("nop");)))
+}
+"""
+    )
+    cost = cpus.cost(cpu, part, [])
+    assert 1000 <= cost.instructions <= 1030
+    assert 1000 <= cost.largest <= 1100
+    assert 2000 <= cost.flash_bytes <= 4100  # a nop has 2 or 4 bytes
+    assert 5000 <= cost.ram_bytes <= 5016
+    assert 1024 <= cost.stack_bytes <= 1100
+    assert cost.what == "Known."
