@@ -81,7 +81,9 @@ def rows_bytes(session: Session) -> bytes:
 def _rows(run: Run, lsb_dps: float) -> np.ndarray[Any, Any]:
     rows = np.zeros(len(run), _ROW)
     rows["t_us"] = run.t_us
-    rows["gyro"] = _counts(run.gyro_dps / lsb_dps)
+    # Each rounding error is carried into the next sample: rates off the part's grid keep their means and integrals.
+    whole = np.rint(np.cumsum(run.gyro_dps / lsb_dps, axis=0))
+    rows["gyro"] = _counts(np.diff(whole, axis=0, prepend=0.0))
     still = np.zeros((len(run), 3))
     still[:, run.axis_index] = run.face_sign
     acc_g = still if run.acc_g is None else np.where(np.isnan(run.acc_g), still, run.acc_g)

@@ -129,6 +129,18 @@ def test_full_scale_follows_the_session_and_the_data(session: Session) -> None:
         assert abs(mean - peak) <= device.LSB_DPS[expected] / 2
 
 
+def test_rates_off_the_parts_grid_keep_their_mean_and_stay_within_a_count() -> None:
+    session = make_session(seconds=2.0, scenarios=1)
+    frame = session.runs[0].table
+    rates = np.round(np.random.default_rng(8).normal(-0.6, 0.05, (len(frame), 3)) / 0.061) * 0.061
+    run = session.runs[0].part(0, len(frame))
+    object.__setattr__(run, "frame", frame.with_columns(**{f"g{a}_dps": rates[:, k] for k, a in enumerate("xyz")}))
+    raw = wire.raw_table(s for s in device.replay(session.with_runs([run])) if s.tag == "RAW")
+    counts = rates / LSB_DPS
+    assert np.abs(raw.counts[:, :3] - counts).max() <= 1.0
+    assert np.abs((raw.counts[:, :3] - counts).sum(axis=0)).max() <= 0.5
+
+
 def test_what_a_session_lacks_is_made_up_as_documented() -> None:
     bare = make_session(seconds=2.0, scenarios=1)
     runs = []

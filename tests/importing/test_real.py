@@ -58,11 +58,11 @@ def test_nilspod_over_the_wire(nilspod: Session, require_tool: Callable[[str], s
     assert (len(rests), [s.fields["axis"] for s in turns]) == (6, list(AXES))
     ends = [s for s in sentences if s.tag == "RUN" and s.fields["state"] == "end"][:6]
     bias_dps = np.mean([[s.real(f"mean_{a}_dps") for a in AXES] for s in ends], axis=0)
-    assert bias_dps == pytest.approx([-0.600, -0.370, 0.059], abs=0.006)
+    assert bias_dps == pytest.approx([-0.600, -0.370, 0.059], abs=0.001)
     for axis, expected in zip(AXES, [-0.600, -0.370, 0.059], strict=True):
         along = [s.real("bias_dps") for s in rests if s.fields["axis"] == axis]
-        assert along == pytest.approx([expected] * 2, abs=0.015)
-    assert [1.0 + (s.real("scale") or 0.0) for s in turns] == pytest.approx([1.0279, 0.9824, 0.9982], abs=0.001)
+        assert along == pytest.approx([expected] * 2, abs=0.01)
+    assert [1.0 + (s.real("scale") or 0.0) for s in turns] == pytest.approx([1.0279, 0.9824, 0.9982], abs=0.0001)
 
 
 def test_mpu6050_over_the_wire(tmp_path: Path, require_tool: Callable[[str], str]) -> None:
