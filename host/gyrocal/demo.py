@@ -18,16 +18,15 @@ import numpy as np
 from gyrocal import calibration_header
 from gyrocal.calibrate import Estimate
 from gyrocal.compare import Comparison
-from gyrocal.core import CoreNetwork
 from gyrocal.device import SimulatedDevice, replay
 from gyrocal.diagnose import Diagnosis, add, diagnose
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.model import Model
-from gyrocal.network import Network
 from gyrocal.port import Link
 from gyrocal.record import Recorder
 from gyrocal.session import Session
-from gyrocal.simulate import paper_windows, simulate
+from gyrocal.simulate import simulate
+from gyrocal.verify import verify
 from gyrocal.wire import Sentence
 
 HIDDEN = "table_ripple"
@@ -35,9 +34,6 @@ MARK = ".gyrocal-demo"
 CAMPAIGN_SCENARIOS, CAMPAIGN_SECONDS = 9, 30.0
 TEST_SCENARIOS, TEST_SECONDS = 24, 7.0
 SECONDS = (2.0, 4.0, 6.0)
-PARITY_WINDOWS = 200
-PARITY_LIMIT = 2e-6
-"""Of the network's range of outputs: what C and onnxruntime may differ by."""
 
 Progress = Callable[[str], None]
 Errors = dict[str, dict[float, tuple[float, float]]]
@@ -107,7 +103,7 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
     progress("comparing the C network with onnxruntime")
     story = Story(
         {"scale": truth["runs"][0]["scale"][2], "bias_dps": truth["runs"][0]["bias_dps"][2]},
-        before, diagnosis, (compared_before, compared_after), after, network_parity(seed), model, folder,
+        before, diagnosis, (compared_before, compared_after), after, _parity(seed), model, folder,
     )  # fmt: skip
     draw(story)
     return story
@@ -172,14 +168,10 @@ def errors(estimates: Iterable[Estimate], truths: dict[str, Any]) -> Errors:
     }  # fmt: skip
 
 
-def network_parity(seed: int) -> dict[str, Any]:
-    """The shipped network in C against onnxruntime on simulated windows."""
-    c, onnx = CoreNetwork(), Network.shipped()
-    windows = paper_windows(PARITY_WINDOWS, seed, c.window / c.rate_hz)
-    inputs = windows["up"], windows["down"], windows["w_up_dps"], windows["w_down_dps"]
-    answers = c.run(*inputs), onnx.estimate(*inputs)
-    difference = float(np.max(np.abs(answers[0] - answers[1])))
-    return {"max_abs_diff": difference, "ok": difference <= PARITY_LIMIT * float(np.ptp(answers[1]))}
+def _parity(seed: int) -> dict[str, Any]:
+    """The shipped network in C against onnxruntime."""
+    found = verify(seed=seed)
+    return {"max_abs_diff": found["max_abs_diff"], "ok": found["ok"], "windows": found["windows"]}
 
 
 def draw(story: Story) -> None:
@@ -231,7 +223,7 @@ def show(story: Story) -> None:
         ["seconds", "scale % before", "after", "bias mdps before", "after", "less error", "misfit"], rows,
     )  # fmt: skip
     told = "agree" if story.parity["ok"] else "DISAGREE"
-    stdout.print(f"C network and onnxruntime {told}: largest difference {story.parity['max_abs_diff']:.1e}")
+    stdout.print(f"C network and onnxruntime {told} on {story.parity['windows']} windows: largest difference {story.parity['max_abs_diff']:.1e}")
     stdout.print(f"Recording, model, headers and errors.png are in {story.folder}/")
 
 

@@ -14,7 +14,7 @@ from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.model import Model
 from gyrocal.network import Network, image
-from gyrocal_export.verify import TOLERANCE, verify, windows
+from gyrocal.verify import TOLERANCE, verify, windows
 from gyrocal_firmware import INCLUDE
 
 

@@ -11,7 +11,7 @@ from gyrocal.core import CoreNetwork
 from gyrocal.errors import InputError
 from gyrocal.network import Network
 from gyrocal.simulate import paper_windows
-from gyrocal_export.verify import TOLERANCE, verify, windows
+from gyrocal.verify import TOLERANCE, verify, windows
 from gyrocal_firmware import INCLUDE
 
 WEIGHTS = INCLUDE / "weights.h"

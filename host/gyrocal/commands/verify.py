@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -20,11 +19,12 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Run the C core and onnxruntime on the same windows; exit 1 if they differ by more than rounding."""
-    from gyrocal_export.verify import verify
+    from gyrocal.output import emit
+    from gyrocal.verify import verify
 
     found = verify(net, header, seed, windows)
     if as_json:
-        print(json.dumps(found))
+        emit(found)
     else:
         print(
             f"{found['windows']} windows: C and onnxruntime differ by at most {found['max_abs_diff']:.3g}, "
