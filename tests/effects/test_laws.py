@@ -248,6 +248,8 @@ def test_jumps(make_run: MakeRun) -> None:
         assert np.count_nonzero(steps) == n
         np.testing.assert_allclose(np.abs(steps[steps != 0]), 0.04)
     assert kind.term(run, 2, values)[0] == 0.0
+    first_way = [kind.draw({"size_dps": 0.04}, np.random.default_rng(seed))["size_dps"] for seed in range(40)]
+    assert 10 < sum(size > 0 for size in first_way) < 30  # up in one run, down in another: no drift
 
 
 def distorted(effect_id: str, run: Run, y_dps: Array, **values: float) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, elapsed_s
+from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
 from gyrocal.session import Array, Run
 
 
@@ -30,11 +30,15 @@ class BiasJumps(Effect):
     )
     scope = "run"
 
+    def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
+        drawn = super().draw(values, rng)
+        return {**drawn, "size_dps": drawn["size_dps"] * float(rng.choice((-1.0, 1.0)))}
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """Jumps evenly spaced from the first to the end of the run, alternately up and down."""
+        """Jumps evenly spaced from the first to the end of the run, there and back; which way first is drawn."""
         n = round(values["n"])
         at_s = run.duration_s * np.linspace(values["first"], 1.0, n, endpoint=False)
         jumps_so_far = np.searchsorted(at_s, elapsed_s(run), side="right")

@@ -36,4 +36,5 @@ class ScaleNonlinearity(Effect):
         return None if turns(runs, axis) else TURNING
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return stack(rate_about(run, axis) ** 3)
+        w_dps = rate_about(run, axis)
+        return stack(w_dps * w_dps * w_dps)

@@ -34,7 +34,7 @@ class ThermalLag(Effect):
             "dps·s/degC",
             (0.05, 1.0),
             "0.010 dps/degC times 5-100 s that the thermometer is ahead or behind",
-            0.5,
+            1.0,
         ),
     )
     linear = ("k_dps_s_per_c",)

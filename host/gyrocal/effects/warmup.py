@@ -42,6 +42,10 @@ class Warmup(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{"A_dps": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 160.0, 6)]
 
+    def bounds(self, name: str) -> tuple[float, float]:
+        """What settles more slowly than any package is called a drift."""
+        return 3.0, 200.0
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)
         return stack(np.zeros(len(run)) if p_s is None else np.exp(-p_s / values["tau_s"]))
