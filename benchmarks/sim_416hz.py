@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import polars as pl
+
 from gyrocal import device, wire
 from gyrocal.port import Link, PortGone
 from gyrocal.session import Run, Session

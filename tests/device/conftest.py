@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import polars as pl
 import pytest
+
 from gyrocal.session import Run, Session
 
 LSB_DPS = 0.00875

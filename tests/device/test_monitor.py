@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+
 from gyrocal import device
 from gyrocal.cli import main
 from gyrocal.monitor import Event, Monitor

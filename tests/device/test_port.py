@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from gyrocal.cli import main
 from gyrocal.errors import DeviceError
 from gyrocal.port import Link, PortGone, SerialPort, open_port

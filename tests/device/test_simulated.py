@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gyrocal import device, wire
 from gyrocal.cli import main
 from gyrocal.errors import InputError

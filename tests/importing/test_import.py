@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+
 from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.importer import ColumnMap, Cut, Scaling, import_recording

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gyrocal import device
 from gyrocal.cli import main
 from gyrocal.session import AXES, Session

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gyrocal import wire
 from gyrocal.errors import DeviceError
 
