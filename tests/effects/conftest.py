@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from gyrocal.session import Run
 from numpy.typing import NDArray
+
+from gyrocal.session import Run
 
 Array = NDArray[np.float64]
 MakeRun = Callable[..., Run]
@@ -33,9 +34,7 @@ def make(
     ).fill_nan(None)
     rate_hz = float(1 / np.median(np.diff(t_s)))
     rate_dps = None if "rate_ref_dps" in columns else table_rate_dps
-    return Run(
-        index, f"{index}.csv", scenario, face, axis, rate_dps, None, None, power_on_s, round(rate_hz, 6), frame=frame
-    )
+    return Run(index, f"{index}.csv", scenario, face, axis, rate_dps, None, None, power_on_s, round(rate_hz, 6), frame=frame)
 
 
 @pytest.fixture

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import signal
+
 from gyrocal.effects.base import effect
 from gyrocal.effects.earth_rate import known_dps
 from gyrocal.effects.quantities import temperature_slope_c_s
 from gyrocal.session import Run
-from scipy import signal
 
 from .conftest import Array, MakeRun
 
@@ -66,9 +67,7 @@ def test_term_is_the_contract_s(effect_id: str, rich_run: Run) -> None:
 
 DEGREE = {
     **dict.fromkeys(("scale", "scale_temperature", "spin_up", "table_ripple", "lag", "clock_error"), 1),
-    **dict.fromkeys(
-        ("bias", "bias_temperature", "thermal_lag", "warmup", "drift", "g_sensitivity", "vibration_tone"), 0
-    ),
+    **dict.fromkeys(("bias", "bias_temperature", "thermal_lag", "warmup", "drift", "g_sensitivity", "vibration_tone"), 0),
     "scale_nonlinearity": 3,
 }
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from gyrocal.effects.base import effect, effects, parse
 from gyrocal.session import Run
 

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+
 from gyrocal import effect_pages
 from gyrocal.effects.base import effects
 

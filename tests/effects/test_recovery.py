@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import signal
+
 from gyrocal.effects.base import effect
 from gyrocal.fit import fit
 from gyrocal.model import Model, Term
 from gyrocal.session import Session
 from gyrocal.simulate import simulate
-from scipy import signal
 
 from .conftest import Array, make
 
@@ -35,9 +36,7 @@ def test_planted_parameter_is_recovered(text: str, campaign: str, axis: str, nam
     truth = float(dict(part.split("=") for part in given.split(","))[name])
     scenarios, seconds = (9, 30.0) if campaign == "paper" else (3, 15.0)
     session, _ = simulate(None, campaign, [text], seed=11, scenarios=scenarios, seconds=seconds)
-    found = fit(session, Model.builtin("default").with_term(Term(effect_id, axis)), axes=axis).model.term(
-        effect_id, axis
-    )
+    found = fit(session, Model.builtin("default").with_term(Term(effect_id, axis)), axes=axis).model.term(effect_id, axis)
     assert found is not None
     value, se = found.values[name], found.se[name]
     assert abs(value - truth) < 3.5 * se, f"{value:.4g} +- {se:.2g}, planted {truth:.4g}"
@@ -174,9 +173,7 @@ def test_one_speed_and_one_direction_leave_nothing_of_it(effect_id: str) -> None
     values = kind.variants(session.runs, 2)[0]
     if effect_id == "g_sensitivity":  # an accelerometer's noise is all that parts it from the scale
         assert list(values) == ["gz_dps_per_g"]
-        az_g, w_dps = (
-            np.concatenate(x) for x in zip(*((r.acc_g[:, 2], r.rate_dps) for r in session.runs), strict=True)
-        )
+        az_g, w_dps = (np.concatenate(x) for x in zip(*((r.acc_g[:, 2], r.rate_dps) for r in session.runs), strict=True))
         assert np.corrcoef(az_g, w_dps)[0, 1] > 0.99999
         return
     found = fit(session, Model.builtin("default").with_term(Term(effect_id, "z")), axes="z")

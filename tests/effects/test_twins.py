@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from gyrocal.core import build_core
 from gyrocal.effects.base import effect, effects
 from gyrocal_firmware import CORE
@@ -71,8 +72,6 @@ def test_twin_gives_the_same_columns(effect_id: str, face: str, core: ctypes.CDL
             assert len(given) <= ARGUMENTS
             arg = (ctypes.c_float * ARGUMENTS)(*given)
             got = np.array([function(ctypes.byref(one), arg) for one in inputs])
-            if (
-                effect_id == "table_ripple"
-            ):  # C's angle is of the true rate: face down it runs backwards, and so does its sine
+            if effect_id == "table_ripple":  # C's angle is of the true rate: face down it runs backwards, and so does its sine
                 column = column * (-1.0 if face == "down" and given[1] else 1.0)
             np.testing.assert_allclose(got, column, rtol=2e-6, atol=4e-5 * np.max(np.abs(column)))
