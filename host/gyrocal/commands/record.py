@@ -26,11 +26,9 @@ def run(
 
     What was received is on disk at once. Ctrl-C ends the run; if the device goes away, what came is kept (exit 3).
     """
-    import json
-
     from rich.console import Console
 
-    from gyrocal import record
+    from gyrocal import output, record
     from gyrocal.port import Link
 
     wanted = None if follow else record.wanted(face, rate, seconds, turn_deg, axis)
@@ -49,7 +47,7 @@ def run(
         )
         report = recorder.record()
     if as_json:
-        print(json.dumps(report.to_json()))
+        output.emit(report.to_json())
         return
     for r in report.runs:
         print(f"{out}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {r.samples} samples, {r.lost} lost")
