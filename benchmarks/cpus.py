@@ -1,7 +1,7 @@
 """What the core costs on emulated CPUs: instructions, flash, RAM and stack of each part, as a Markdown table.
 
-    python benchmarks/cpus.py                  prints it
-    python benchmarks/cpus.py docs/cpus.md     puts it between the marks in that file
+python benchmarks/cpus.py                  prints it
+python benchmarks/cpus.py docs/cpus.md     puts it between the marks in that file
 """
 
 import sys

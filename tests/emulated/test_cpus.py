@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gyrocal import calibration_header, core, cpus, device, simulate
 from gyrocal.model import Model, Term
-from gyrocal_firmware import CORE, INCLUDE, SIM
+from gyrocal_firmware import CORE, INCLUDE, ROOT, SIM
 
-HERE = Path(__file__).parent
+BITS = ROOT / "test" / "test_same_bits" / "bits.c"
+TABLE = Path(__file__).parents[2] / "docs" / "cpus.md"
 CPU = pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
 Require = Callable[[str], str]
 
@@ -26,7 +28,7 @@ def first_difference(ours: bytes, theirs: bytes) -> str:
 
 
 def bits_here() -> bytes:
-    program = core.build("bits", [HERE / "bits.c", *core.core_sources()], [INCLUDE, CORE])
+    program = core.build("bits", [BITS, *core.core_sources()], [INCLUDE, CORE])
     return subprocess.run([program], capture_output=True, check=True).stdout
 
 
@@ -34,7 +36,7 @@ def bits_here() -> bytes:
 def test_computes_the_same_bits(cpu: cpus.Cpu, require_tool: Require, tmp_path: Path) -> None:
     require(cpu, require_tool)
     here = bits_here()
-    there = cpus.run(cpu, cpus.build(cpu, [HERE / "bits.c", *core.core_sources()], tmp_path / "bits.elf"))
+    there = cpus.run(cpu, cpus.build(cpu, [BITS, *core.core_sources()], tmp_path / "bits.elf"))
     lines = here.splitlines()
     assert {line.split()[0] for line in lines} == {b"math", b"inference", b"baseline", b"estimator", b"wire"}
     assert sum(line.startswith(b"estimator 0 ") for line in lines) == 3
@@ -45,7 +47,7 @@ def test_a_fused_multiply_add_would_be_seen(require_tool: Require, tmp_path: Pat
     """It changes last bits, which is why the core is compiled without."""
     cpu = next(c for c in cpus.CPUS if c.name == "cortex-m4f")
     require(cpu, require_tool)
-    sources = [HERE / "bits.c", *core.core_sources()]
+    sources = [BITS, *core.core_sources()]
     there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "bits.elf", flags=("-O2", "-ffp-contract=fast")))
     assert there != bits_here()
 
@@ -88,7 +90,7 @@ def test_a_whole_calibration_says_the_same_words(
 
 def documented() -> dict[tuple[str, str], list[int]]:
     """Part and CPU -> the figures of the table in docs/cpus.md: instructions, largest, flash, RAM, stack."""
-    lines = (HERE.parents[1] / "docs" / "cpus.md").read_text().partition("<!-- table")[2].partition("<!-- end")[0]
+    lines = TABLE.read_text().partition("<!-- table")[2].partition("<!-- end")[0]
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines.splitlines()[3:]]
     return {(part, cpu): [int(n.replace(" ", "")) for n in figures] for part, cpu, *figures in rows}
 
