@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gyrocal import core
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal_firmware import INCLUDE

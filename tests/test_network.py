@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gyrocal.errors import InputError
 from gyrocal.network import Network
 from gyrocal.simulate import paper_windows

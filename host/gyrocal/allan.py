@@ -45,5 +45,7 @@ def model_deviation(tau_s: Array, noise: Noise, rate_hz: float) -> Array:
     if noise.ou_sd_dps == 0:
         return np.sqrt(white)
     x = tau_s / noise.ou_tau_s
-    shape = np.where(x > 1e-3, (2 / x) * (1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * np.maximum(x, 1e-3))), 2 * x / 3)
+    shape = np.where(
+        x > 1e-3, (2 / x) * (1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * np.maximum(x, 1e-3))), 2 * x / 3
+    )
     return np.sqrt(white + noise.ou_sd_dps**2 * shape)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -101,4 +102,4 @@ def reduce_session(session: Session, block_s: float = BLOCK_S) -> list[Blocks]:
 def _stretches(label: np.ndarray[Any, Any]) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(label)) + 1
     bounds = np.concatenate([[0], edges, [label.size]])
-    return [(int(a), int(b - a)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return [(int(a), int(b - a)) for a, b in pairwise(bounds)]

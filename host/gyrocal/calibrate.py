@@ -73,8 +73,14 @@ def calibrate(
             found += _pooled(session, span, model)
     if not found:
         longest = max(run.duration_s for run in session.runs)
-        told = "" if seconds is None else f" from the first {', '.join(f'{s:g}' for s in seconds)} s (the longest run lasts {longest:.3g} s)"
-        raise InputError(f"{session.path or 'the session'}: scale and bias cannot be told{told}; record both faces, or rest and a known turn")
+        told = (
+            ""
+            if seconds is None
+            else f" from the first {', '.join(f'{s:g}' for s in seconds)} s (the longest run lasts {longest:.3g} s)"
+        )
+        raise InputError(
+            f"{session.path or 'the session'}: scale and bias cannot be told{told}; record both faces, or rest and a known turn"
+        )
     return found
 
 
@@ -101,16 +107,20 @@ def _estimates(
             return
         seconds = span if span is not None else max(r.duration_s for r in used)
         errors = (answer.scale_se, answer.bias_se_dps) if se else (None, None)
-        out.append(Estimate(scenario, method, float(seconds), axis, answer.scale, errors[0], answer.bias_dps, errors[1]))
+        out.append(
+            Estimate(scenario, method, float(seconds), axis, answer.scale, errors[0], answer.bias_dps, errors[1])
+        )
 
     if method == "model":
         cut = [r if r.rate_is_mean else (r if span is None else r.first(span)) for r in runs]
         parts = [r for r in cut if r is not None]
         opened = Model.open(model)
         for axis in AXES:
-            if opened.on(axis) and _informed(parts, axis):
-                white = white_sd_dps(parts, axis)
-                keep(axis, estimate(calibration_of(opened, axis, white), parts), parts)
+            # turned by hand about another axis, a run says more of misalignment than of this axis
+            mine = [r for r in parts if r.axis == axis or not r.rate_is_mean]
+            if opened.on(axis) and _informed(mine, axis):
+                white = white_sd_dps(mine, axis)
+                keep(axis, estimate(calibration_of(opened, axis, white), mine), mine)
         return out
     for up, down in pairs(runs):
         first = [up, down] if span is None else [up.first(span), down.first(span)]
@@ -139,7 +149,16 @@ def _pooled(session: Session, span: float | None, model: Model | str | Path | No
         scale, bias = (next(t for t in fitted.terms if t.effect_id == name) for name in ("scale", "bias"))
         if "scale" in scale.values and "bias_dps" in bias.values:
             out.append(
-                Estimate("all", "model", float(seconds), axis, scale.values["scale"], scale.se["scale"], bias.values["bias_dps"], bias.se["bias_dps"])
+                Estimate(
+                    "all",
+                    "model",
+                    float(seconds),
+                    axis,
+                    scale.values["scale"],
+                    scale.se["scale"],
+                    bias.values["bias_dps"],
+                    bias.se["bias_dps"],
+                )
             )
     return out
 
@@ -157,7 +176,9 @@ def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
     # motion by hand is no noise: only runs whose true rate is known at each sample count, if there are any
     steady = [r for r in runs if not r.rate_is_mean]
     if steady:
-        total = sum(float(np.sum(np.diff(r.gyro_dps[:, i] - (r.rate_dps if r.axis == axis else 0.0)) ** 2)) for r in steady)
+        total = sum(
+            float(np.sum(np.diff(r.gyro_dps[:, i] - (r.rate_dps if r.axis == axis else 0.0)) ** 2)) for r in steady
+        )
         runs = steady
     return max(float(np.sqrt(total / (2 * sum(len(r) - 1 for r in runs)))), 1e-9)
 
@@ -188,7 +209,8 @@ def network(up: Run, down: Run, seconds: float) -> Answer | None:
     if not _suits_network(up):
         raise InputError(
             f"{up.file}: the network was trained at {net.rate_hz:g} Hz and {net.table_dps:g} dps, this run has "
-            f"{up.sample_rate_hz:g} Hz and {abs(float(up.rate_dps[0])):g} dps; leave cnn out of --method or train a network for it"
+            f"{up.sample_rate_hz:g} Hz and {abs(float(up.rate_dps[0])):g} dps; "
+            "leave cnn out of --method or train a network for it"
         )
     windows = int(seconds * net.rate_hz / net.window + 1e-9)
     n = windows * net.window
@@ -199,7 +221,7 @@ def network(up: Run, down: Run, seconds: float) -> Answer | None:
         (r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n]).astype(np.float32).reshape(windows, net.window)
         for r in sorted((up, down), key=lambda r: -float(r.rate_dps[0]))  # the net's first head sees the positive rate
     ]
-    scale, bias_dps = net.estimate(*images, w_dps, -w_dps).mean(axis=0)
+    scale, bias_dps = net.estimate(images[0], images[1], w_dps, -w_dps).mean(axis=0)
     return Answer(float(scale), np.nan, float(bias_dps), np.nan, None)
 
 

@@ -56,11 +56,17 @@ def render_calibration(calibration: Calibration, rate_hz: float = 145.0, table_d
         raise InputError(f"model {calibration.name}: {lacking[0]} does not run on the device; take it out to export")
     if len(columns) > MAX_COLUMNS:
         names = ", ".join(dict.fromkeys(c.effect.id for c in columns))
-        raise InputError(f"model {calibration.name}: {len(columns)} effect columns ({names}), the device holds {MAX_COLUMNS}; take an effect or an order out")
+        raise InputError(
+            f"model {calibration.name}: {len(columns)} effect columns ({names}), "
+            f"the device holds {MAX_COLUMNS}; take an effect or an order out"
+        )
     ids = list(dict.fromkeys(c.effect.id for c in columns))
     tables = ""
     if columns:
-        rows = [f"    {{gc_effect_{c.effect.id}, {{{_arguments(c.effect.device_arguments(c.values)[c.index])}}}}}," for c in columns]
+        rows = [
+            f"    {{gc_effect_{c.effect.id}, {{{_arguments(c.effect.device_arguments(c.values)[c.index])}}}}},"
+            for c in columns
+        ]
         tables = "static const gc_effect_column_t gyrocal_columns[] = {\n" + "\n".join(rows) + "\n};\n\n"
     information = np.diag(calibration.prior_information)
     tables += f"static const double gyrocal_prior_mean[] = {{{', '.join(map(_double, calibration.prior_mean))}}};\n\n"
@@ -68,9 +74,12 @@ def render_calibration(calibration: Calibration, rate_hz: float = 145.0, table_d
     tables += "".join(f"    {', '.join(map(_double, row))},\n" for row in information) + "};\n\n"
     return TEMPLATE.format(
         version=__version__, name=_text(calibration.name), axis=calibration.axis, comment=_comment(calibration),
-        declarations="".join(f"GC_EFFECT({i});\n" for i in ids), tables=tables, rate_hz=_float(rate_hz), table_dps=_float(table_dps),
-        n_run=len(calibration.run_columns), n_shared=len(calibration.shared_columns), columns="gyrocal_columns" if columns else "0",
-        white=_float(calibration.noise.white_sd_dps), ou_sd=_float(calibration.noise.ou_sd_dps), ou_tau=_float(calibration.noise.ou_tau_s),
+        declarations="".join(f"GC_EFFECT({i});\n" for i in ids), tables=tables,
+        rate_hz=_float(rate_hz), table_dps=_float(table_dps),
+        n_run=len(calibration.run_columns), n_shared=len(calibration.shared_columns),
+        columns="gyrocal_columns" if columns else "0",
+        white=_float(calibration.noise.white_sd_dps),
+        ou_sd=_float(calibration.noise.ou_sd_dps), ou_tau=_float(calibration.noise.ou_tau_s),
     )  # fmt: skip
 
 
@@ -89,8 +98,13 @@ def write(model: Model, path: str | Path, axis: str = "z", rate_hz: float = 145.
 
 def _comment(calibration: Calibration) -> str:
     lines = ["Parameters, in this order, with the mean and standard deviation of their priors:"]
-    names = [f"{c.effect.id} {'(each run its own)' if c in calibration.run_columns else ''}".strip() for c in calibration.columns]
-    for name, mean, info in zip([*names, "bias_dps", "scale"], calibration.prior_mean, calibration.prior_information, strict=True):
+    names = [
+        f"{c.effect.id} {'(each run its own)' if c in calibration.run_columns else ''}".strip()
+        for c in calibration.columns
+    ]
+    for name, mean, info in zip(
+        [*names, "bias_dps", "scale"], calibration.prior_mean, calibration.prior_information, strict=True
+    ):
         lines.append(f"  {name}: " + (f"{mean:.6g} +- {1 / info:.3g}" if info > 0 else "free"))
     return "".join(f" * {line}\n" for line in lines)
 

@@ -2,7 +2,8 @@
 
 ``rms`` is of held-out samples. ``floor`` is what noise alone would leave: white noise and quantisation as the scatter within a
 tenth of a second shows them (lines taken out), drift, and what a power cycle makes of the bias (and, where a session shows
-it, of the scale), which no model can know beforehand. ``excess`` is what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
+it, of the scale), which no model can know beforehand. ``excess`` is what
+is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
 """
 
 from __future__ import annotations
@@ -73,15 +74,22 @@ class Comparison:
             "per_axis": {axis: level.to_json() for axis, level in self.per_axis.items()},
             "verdict": self.verdict,
             "where": [
-                {"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note} for f in self.where
+                {"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note}
+                for f in self.where
             ],
             "held_out": self.held_out,
+            "parameters": [
+                {"effect": t.effect_id, "axis": t.axis, "name": name, "value": value, "se": t.se.get(name)}
+                for t in self.fit.model.terms
+                for name, value in t.values.items()
+            ],
         }
 
 
 @one_thread
 def compare(
-    session: Session, model: Model | str | Path | None = None, *, floor_from: dict[str, float] | None = None, only_day: int | None = None,
+    session: Session, model: Model | str | Path | None = None, *, floor_from: dict[str, float] | None = None,
+    only_day: int | None = None,
     progress: Progress | None = None,
 ) -> Comparison:  # fmt: skip
     """Fit a model to a session, judge it on held-out data, and find where it fails.
@@ -159,9 +167,16 @@ def _kind(session: Session, folds: list[heldout.Fold]) -> str:
     return "scenario" if labels <= set(session.scenarios) else "run"
 
 
-def find_misfit(session: Session, fitted: Fit, spectra: dict[str, Spectrum], progress: Progress | None = None) -> list[Finding]:
+def find_misfit(
+    session: Session, fitted: Fit, spectra: dict[str, Spectrum], progress: Progress | None = None
+) -> list[Finding]:
     """Every probe on every axis; those that noise explains with less than its share of :data:`ALARM`, strongest first."""
-    tests = [(axis, against, kind) for axis in fitted.axes for against, kinds in slow_probes(session, AXES.index(axis)) for kind in kinds]
+    tests = [
+        (axis, against, kind)
+        for axis in fitted.axes
+        for against, kinds in slow_probes(session, AXES.index(axis))
+        for kind in kinds
+    ]
     share = ALARM / (len(tests) + 2 * len(fitted.axes))
     found: list[Finding] = []
     for axis, against, kind in tests:
@@ -174,7 +189,11 @@ def find_misfit(session: Session, fitted: Fit, spectra: dict[str, Spectrum], pro
         peak = lines.peak()
         if peak is not None and peak[2] < share:
             frequency_hz, amplitude_dps, chance = peak
-            strength = float(np.sqrt(lines.segments * lines.samples / 2) * amplitude_dps / np.sqrt(np.median(lines.level) * fitted.session.sample_rate_hz / 2))
+            strength = float(
+                np.sqrt(lines.segments * lines.samples / 2)
+                * amplitude_dps
+                / np.sqrt(np.median(lines.level) * fitted.session.sample_rate_hz / 2)
+            )
             note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
             found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
         reading = reading_fault(session, axis, share)
@@ -200,7 +219,9 @@ def reading_fault(session: Session, axis: str, alarm: float) -> Finding | None:
         z = abs(ones - 0.5) * 2 * np.sqrt(codes.size) / max(1.0, 2**bit)
         chance = min(1.0, 2 * float(norm.sf(z)) * 16)
         if abs(ones - 0.5) > 0.25 and chance < alarm and (worst is None or z > worst.strength):
-            note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
+            note = (
+                f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
+            )
             worst = Finding(axis, "reading", float(z), chance, 2**bit * session.lsb_dps, note)
     return worst
 

@@ -18,10 +18,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from gyrocal_firmware import CORE, INCLUDE, SIM
 from numpy.typing import ArrayLike, NDArray
 
 from gyrocal.errors import GyrocalError, InputError
+from gyrocal_firmware import CORE, INCLUDE, SIM
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 SHARED = ("-fPIC", "-shared")

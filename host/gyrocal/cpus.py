@@ -13,9 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gyrocal_firmware import CORE, EMUL, INCLUDE
-
 from gyrocal.errors import GyrocalError
+from gyrocal_firmware import CORE, EMUL, INCLUDE
 
 HOSTED = ("--specs=picolibc.specs", "--oslib=semihost", "--crt0=hosted", "-D_POSIX_TIMERS", "-D_POSIX_MONOTONIC_CLOCK")
 FLAGS = ("-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")

@@ -78,8 +78,12 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
     """Run the story; recordings, model, headers and picture are left in ``folder``, which must be new."""
     _fresh_folder(folder)
     progress("simulating a campaign whose table ripples, which nobody is told")
-    hidden, _ = simulate(None, "paper", [HIDDEN], seed, scenarios=CAMPAIGN_SCENARIOS, seconds=CAMPAIGN_SECONDS, vary=True)
-    fresh, truth = simulate(None, "paper", [HIDDEN], seed + 1000, scenarios=TEST_SCENARIOS, seconds=TEST_SECONDS, vary=True)
+    hidden, _ = simulate(
+        None, "paper", [HIDDEN], seed, scenarios=CAMPAIGN_SCENARIOS, seconds=CAMPAIGN_SECONDS, vary=True
+    )
+    fresh, truth = simulate(
+        None, "paper", [HIDDEN], seed + 1000, scenarios=TEST_SCENARIOS, seconds=TEST_SECONDS, vary=True
+    )
     truths = {run.scenario: t for run, t in zip(fresh.runs, truth["runs"], strict=True)}
 
     progress("building the firmware's core as a simulated device, recording from its port")
@@ -145,7 +149,16 @@ def _answers(sentences: Iterable[Sentence], fresh: Session, truths: dict[str, An
         assert scale is not None
         assert bias_dps is not None
         estimates.append(
-            Estimate(current, said["method"], seconds, said["axis"], scale, sentence.real("scale_se"), bias_dps, sentence.real("bias_se_dps"))
+            Estimate(
+                current,
+                said["method"],
+                seconds,
+                said["axis"],
+                scale,
+                sentence.real("scale_se"),
+                bias_dps,
+                sentence.real("bias_se_dps"),
+            )
         )
         misfit.setdefault(said["method"], {}).setdefault(seconds, []).append(sentence.real("misfit") or np.nan)
     return Answers(
@@ -191,10 +204,15 @@ def show(story: Story) -> None:
 
     stdout.print("\n1. The device calibrates with eq. (4): scale, bias, white noise", style="bold")
     rows = [
-        [m, f"{s:g}", f"{story.before.errors[m][s][0] * 100:.4f}", mdps(story.before.errors[m][s][1]), f"{story.before.misfit[m][s]:.1f}"]
+        [m, f"{s:g}", f"{story.before.errors[m][s][0] * 100:.4f}", mdps(story.before.errors[m][s][1]),
+         f"{story.before.misfit[m][s]:.1f}"]
         for m in story.before.errors for s in SECONDS
     ]  # fmt: skip
-    table(f"mean error of {TEST_SCENARIOS} scenarios against the truth", ["method:", "seconds", "scale %", "bias mdps", "misfit"], rows)
+    table(
+        f"mean error of {TEST_SCENARIOS} scenarios against the truth",
+        ["method:", "seconds", "scale %", "bias mdps", "misfit"],
+        rows,
+    )
     stdout.print("A misfit of 1 means that noise explains the readings. It does not.")
 
     stdout.print("\n2. The recording compared with the model", style="bold")
@@ -223,7 +241,8 @@ def show(story: Story) -> None:
         ["seconds", "scale % before", "after", "bias mdps before", "after", "less error", "misfit"], rows,
     )  # fmt: skip
     told = "agree" if story.parity["ok"] else "DISAGREE"
-    stdout.print(f"C network and onnxruntime {told} on {story.parity['windows']} windows: largest difference {story.parity['max_abs_diff']:.1e}")
+    stdout.print(
+        f"C network and onnxruntime {told} on {story.parity['windows']} windows: "
+        f"largest difference {story.parity['max_abs_diff']:.1e}"
+    )
     stdout.print(f"Recording, model, headers and errors.png are in {story.folder}/")
-
-

@@ -434,7 +434,7 @@ class SimulatedDevice:
             )
             self._outlet = make_outlet(tcp, symlink)
             stack.callback(self._outlet.close)
-            self._wait_for_reader = text == "max"
+            self._wait_for_reader = text == "max" or float(text) > 1.0
             self._stack = stack.pop_all()
         self.port = self._outlet.name
         self._thread = threading.Thread(target=self._run, name="simulated device", daemon=True)

@@ -19,7 +19,7 @@ from gyrocal import heldout
 from gyrocal.compare import Comparison, compare
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
-from gyrocal.fit import AxisFit, choose_variant, finish, refine, with_noise
+from gyrocal.fit import AxisFit, choose_variant, finish, null_loglik, profile_loglik, refine
 from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import one_thread
@@ -62,7 +62,11 @@ class Candidate:
             "effect": self.effect.id,
             "axis": self.axis,
             "parameters": {
-                name: {"value": value, "se": _finite(self.se.get(name)), "unit": units.get(name, units.get(name.removesuffix("_sd"), ""))}
+                name: {
+                    "value": value,
+                    "se": _finite(self.se.get(name)),
+                    "unit": units.get(name, units.get(name.removesuffix("_sd"), "")),
+                }
                 for name, value in self.values.items()
             },
             "explained": self.explained,
@@ -93,13 +97,13 @@ class Diagnosis:
 
 
 @one_thread
-def diagnose(session: Session, model: Model | str | Path | None = None, *, progress: Progress | None = None) -> Diagnosis:
+def diagnose(
+    session: Session, model: Model | str | Path | None = None, *, progress: Progress | None = None
+) -> Diagnosis:
     """Rank every effect of the library on every axis as the one that the model lacks."""
     comparison = compare(session, model, progress=progress)
     judged = [
-        candidate
-        for axis in comparison.fit.axes
-        for candidate in _candidates_on(session, comparison, axis, progress)
+        candidate for axis in comparison.fit.axes for candidate in _candidates_on(session, comparison, axis, progress)
     ]
     judged = _decide(_q_values(judged), comparison)
     order = {"add": 0, "suggest": 1, "reject": 2, "not_measurable": 3}
@@ -162,17 +166,6 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     )  # fmt: skip
 
 
-def null_loglik(current: AxisFit, fitted: AxisFit) -> float:
-    """The model's profile log-likelihood without the candidate: at its own noise or the candidate's, whichever suits it better."""
-    return max(profile_loglik(current), profile_loglik(with_noise(current.design, fitted.noise, current.spreads)))
-
-
-def profile_loglik(fitted: AxisFit) -> float:
-    """Log-likelihood at the fitted noise, shared parameters at their best: comparable between models (REML's is not)."""
-    chol = np.linalg.slogdet(np.linalg.inv(fitted.solution.cov))[1] if fitted.solution.beta.size else 0.0
-    return fitted.loglik + 0.5 * float(chol) - 0.5 * fitted.solution.beta.size * float(np.log(2 * np.pi))
-
-
 def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) -> Array:
     """Gain in predictive log-likelihood of each held-out scenario (run, time block), shape [units]."""
     gains: list[float] = []
@@ -196,14 +189,21 @@ def _measurable(current: AxisFit, tried: AxisFit) -> bool:
         norm = total[c, c]
         if norm <= 0:
             continue
-        left = norm - total[c, others] @ np.linalg.lstsq(total[np.ix_(others, others)], total[others, c], rcond=None)[0] if others else norm
+        left = (
+            norm - total[c, others] @ np.linalg.lstsq(total[np.ix_(others, others)], total[others, c], rcond=None)[0]
+            if others
+            else norm
+        )
         if left > SMALLEST_PART * norm:
             return True
     return False
 
 
 def _signal(fitted: AxisFit) -> Array:
-    """The candidate's fitted part at every block, weighted by the white noise, shared model columns projected out, shape [blocks]."""
+    """The candidate's fitted part at every block, shared model columns projected out, shape [blocks].
+
+    Each block is weighted by its white noise.
+    """
     mine = len(fitted.design.terms) - 1
     layout = fitted.design.layout
     p = len(layout.fixed)
@@ -213,15 +213,22 @@ def _signal(fitted: AxisFit) -> Array:
         matrix = matrices[index.index(i)]
         u = fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
         weight = np.sqrt(n)
-        part = sum((fitted.solution.beta[j] * matrix[1 + j] for j, (t, _) in enumerate(layout.fixed) if t == mine), np.zeros(n.size))
-        part = part + sum((u[j] * matrix[1 + p + j] for j, (t, _) in enumerate(layout.run) if t == mine), np.zeros(n.size))
+        part = sum(
+            (fitted.solution.beta[j] * matrix[1 + j] for j, (t, _) in enumerate(layout.fixed) if t == mine),
+            np.zeros(n.size),
+        )
+        part = part + sum(
+            (u[j] * matrix[1 + p + j] for j, (t, _) in enumerate(layout.run) if t == mine), np.zeros(n.size)
+        )
         parts.append(part * weight)
         rests.append((matrix[[1 + j for j, (t, _) in enumerate(layout.fixed) if t != mine]] * weight).T)
     part, rest = np.concatenate(parts), np.concatenate(rests)
     return np.asarray(part - rest @ np.linalg.lstsq(rest, part, rcond=None)[0])
 
 
-def _explained(comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) -> float | None:
+def _explained(
+    comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]
+) -> float | None:
     """1 - (excess after / excess before)^2 on this axis, held out, the floor the richer model's in both."""
     if not folds:
         return None
@@ -259,7 +266,9 @@ def _decide(candidates: list[Candidate], comparison: Comparison) -> list[Candida
     for c in candidates:
         if c.decision != "not_measurable" and c.q_value is not None and c.q_value < FDR:
             held = c.gain is not None and c.gain_se is not None and c.gain > 2 * c.gain_se
-            named = held and c.chance * tested < FAMILY_ALARM and in_range(c) and (c.explained or 0.0) >= LEAST_EXPLAINED
+            named = (
+                held and c.chance * tested < FAMILY_ALARM and in_range(c) and (c.explained or 0.0) >= LEAST_EXPLAINED
+            )
             c = replace(c, decision="add" if named else "suggest")
         out.append(c)
     return out
@@ -269,13 +278,17 @@ def in_range(candidate: Candidate) -> bool:
     """Every linear parameter at most ten times its typical size."""
     for parameter in candidate.effect.parameters:
         value = candidate.values.get(parameter.name)
-        if value is not None and parameter.unit not in ("deg", "s", "Hz") and abs(value) > RANGE_FACTOR * parameter.typical[1]:
+        if (
+            value is not None
+            and parameter.unit not in ("deg", "s", "Hz")
+            and abs(value) > RANGE_FACTOR * parameter.typical[1]
+        ):
             return False
     return True
 
 
 def _groups(candidates: list[Candidate], session: Session) -> list[Candidate]:
-    """Who cannot be told from the best: the same shape, or held-out gains within two standard errors. Simpler wins if nested."""
+    """Who cannot be told from whom: the same shape here, and held-out gains within two standard errors."""
     passing = [c for c in candidates if c.decision == "add"]
     out = []
     for c in candidates:
@@ -311,7 +324,11 @@ def add(
     kind = base.effect(effect_id)
     start = Model.open(model)
     before = compare(session, start, only_day=only_day, progress=progress)
-    axes = [a for a in before.fit.axes if start.term(kind.id, a) is None and kind.missing(session.runs, AXES.index(a)) is None]
+    axes = [
+        a
+        for a in before.fit.axes
+        if start.term(kind.id, a) is None and kind.missing(session.runs, AXES.index(a)) is None
+    ]
     judged = {a: _judge(before, before.fit.axes[a], a, kind) for a in axes}
     chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and c.chance * max(1, len(judged)) < FDR]
     if not chosen:  # nothing gains: on the axis that gains most, so that the person sees that it does not help
@@ -319,7 +336,7 @@ def add(
         chosen = sorted(measurable, key=lambda a: judged[a].chance)[:1]
     richer = start
     for axis in chosen:
-        structure = {n: 0.0 for n in kind.used(judged[axis].values)} | {
+        structure = dict.fromkeys(kind.used(judged[axis].values), 0.0) | {
             n: judged[axis].values[n] for n in kind.nonlinear if n in judged[axis].values
         }
         richer = richer.with_term(Term(kind.id, axis, structure))
@@ -338,5 +355,3 @@ def compare_again(before: Comparison, after: Comparison) -> Comparison:
 
     per_axis = {a: level(v, after.per_axis[a].floor_dps) for a, v in before.per_axis.items()}
     return replace(before, pooled=level(before.pooled, after.pooled.floor_dps), per_axis=per_axis)
-
-

@@ -75,8 +75,8 @@ class Answer:
 def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -> Calibration:
     """The priors that a fitted model gives for its axis.
 
-    The spread of a random effect over the campaign is the prior's; to it add the standard errors of mean and spread. A model that
-    has not been fitted, or on too few power cycles to know their spread, leaves scale and bias flat.
+    The spread of a random effect over the campaign is the prior's; to it add the standard errors of mean and spread. A model
+    that has not been fitted, or on too few power cycles to know their spread, leaves scale and bias flat.
     """
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
@@ -90,9 +90,17 @@ def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -
             continue
         if not all(name in term.values for name in kind.nonlinear) or not kind.used(term.values):
             raise InputError(f"model {model.name}: {kind.id} on {axis} has no values; fit it with `gyrocal add`")
-        mean = kind.coefficients(term.values) if kind.scope == "session" or kind.common_mean else np.zeros(kind.spread(term.values).size)
+        mean = (
+            kind.coefficients(term.values)
+            if kind.scope == "session" or kind.common_mean
+            else np.zeros(kind.spread(term.values).size)
+        )
         spread = kind.spread(term.values)
-        se = kind.spread({n: term.se.get(n, 0.0) for n in term.values}) if kind.scope == "run" and not kind.common_mean else _se(kind, term.values, term.se)
+        se = (
+            kind.spread({n: term.se.get(n, 0.0) for n in term.values})
+            if kind.scope == "run" and not kind.common_mean
+            else _se(kind, term.values, term.se)
+        )
         typical = [kind.parameter(n).typical[1] for n in kind.used(term.values)]
         smallest = TIGHTEST * np.repeat(typical, mean.size // len(typical))
         sd = np.sqrt(spread**2 + se**2 + smallest**2)
@@ -100,9 +108,15 @@ def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -
         (run_columns if kind.scope == "run" else shared_columns).extend(columns)
     white = model.white_sd_dps.get(axis, white_sd_dps)
     if white is None or white <= 0:
-        raise InputError(f"model {model.name}: no white noise level for {axis}; fit it with `gyrocal add` or give white_sd_dps")
-    noise = Noise(white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0))
-    return Calibration(model.name, axis, tuple(run_columns), tuple(shared_columns), priors["bias"], priors["scale"], noise)
+        raise InputError(
+            f"model {model.name}: no white noise level for {axis}; fit it with `gyrocal add` or give white_sd_dps"
+        )
+    noise = Noise(
+        white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0)
+    )
+    return Calibration(
+        model.name, axis, tuple(run_columns), tuple(shared_columns), priors["bias"], priors["scale"], noise
+    )
 
 
 def _se(kind: Effect, values: Values, se: Values) -> Array:
@@ -112,7 +126,9 @@ def _se(kind: Effect, values: Values, se: Values) -> Array:
 def _base_prior(model: Model, axis: str, effect_id: str) -> tuple[float, float]:
     term = model.term(effect_id, axis)
     name = "bias_dps" if effect_id == "bias" else "scale"
-    spread_term, spread_name = (model.term("turn_on_bias", axis), "sd_dps") if effect_id == "bias" else (term, "scale_sd")
+    spread_term, spread_name = (
+        (model.term("turn_on_bias", axis), "sd_dps") if effect_id == "bias" else (term, "scale_sd")
+    )
     if term is None or name not in term.values or spread_term is None or spread_name not in spread_term.values:
         return 0.0, np.inf
     parts = [spread_term.values[spread_name], spread_term.se.get(spread_name, 0.0), term.se.get(name, 0.0)]
@@ -131,7 +147,9 @@ def run_equations(run: Run, calibration: Calibration) -> tuple[Array, int]:
     blocks, first, count = np.unique(label, return_index=True, return_counts=True)
     means = np.add.reduceat(columns, first, axis=0) / count[:, None]
     full = run.rate_is_mean | (2e6 * count >= run.sample_rate_hz * BLOCK_US)
-    gram, _ = normal_equations(means[full].T[None], blocks[full] * BLOCK_US * 1e-6, count[full].astype(float), calibration.noise)
+    gram, _ = normal_equations(
+        means[full].T[None], blocks[full] * BLOCK_US * 1e-6, count[full].astype(float), calibration.noise
+    )
     return gram[0], int(full.sum())
 
 

@@ -1,8 +1,8 @@
 """Generalised least squares of any list of effects, jointly with the noise, by restricted maximum likelihood (REML).
 
-Per axis, on block means: ``y = X·beta + Z_run·u + Z_scenario·v + drift + white``. ``beta`` are the parameters that all runs share;
-``u`` coefficients of a run's own (a phase, an onset), random with spreads that are estimated; ``v`` the offset (and scale) of a
-power cycle. Whitened normal equations ("Grams") of each run are computed once for a noise level; all the rest, spreads,
+Per axis, on block means: ``y = X·beta + Z_run·u + Z_scenario·v + drift + white``. ``beta`` are the parameters that all runs
+share; ``u`` coefficients of a run's own (a phase, an onset), random with spreads that are estimated; ``v`` the
+offset (and scale) of a power cycle. Whitened normal equations ("Grams") of each run are computed once for a noise level; all the rest, spreads,
 held-out runs, competing models, is algebra on these small matrices.
 
 Reference: Harville, J. Am. Stat. Assoc. 72 (1977) 320, for REML in mixed linear models.
@@ -27,6 +27,7 @@ from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
+Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
 UNIDENTIFIED = 1e-7
 """A column with less of its (whitened, squared) norm left after the others cannot be told from them."""
@@ -123,7 +124,9 @@ class Design:
     def _identified(self, matrices: Sequence[Array], fixed: Sequence[tuple[int, int]]) -> Mask:
         """Keep a column only if something of it is left when the ones before it are taken out."""
         p = len(fixed)
-        gram = sum(m[:, 1 : 1 + p].T @ (m[:, 1 : 1 + p] * b.n[:, None]) for m, b in zip(matrices, self.blocks, strict=True))
+        gram = sum(
+            m[:, 1 : 1 + p].T @ (m[:, 1 : 1 + p] * b.n[:, None]) for m, b in zip(matrices, self.blocks, strict=True)
+        )
         gram = np.atleast_2d(np.asarray(gram))
         keep = np.zeros(p, dtype=bool)
         for j in range(p):
@@ -146,10 +149,11 @@ class Design:
             even = b.t_s.size > 2 and np.ptp(b.n) == 0 and np.ptp(steps) <= 1e-3 * steps.mean()
             key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 3)) if even else i
             stacks.setdefault(key, []).append(i)
-        return [
-            (index, np.stack([np.ascontiguousarray(matrices[i].T) for i in index]), self.blocks[index[0]].t_s, self.blocks[index[0]].n)
-            for index in stacks.values()
-        ]  # fmt: skip
+        out = []
+        for index in stacks.values():
+            first = self.blocks[index[0]]
+            out.append((index, np.stack([np.ascontiguousarray(matrices[i].T) for i in index]), first.t_s, first.n))
+        return out
 
     def grams(self, noise: Noise) -> tuple[Array, Array]:
         """Whitened normal equations of each run, shape [runs, q, q], and log-determinants [runs]."""
@@ -192,8 +196,8 @@ class Solution:
     chi2: float
 
 
-def eliminate(gram: Array, index: Array, keep: Array, sd: Array) -> tuple[Array, Array]:
-    """Integrate out random coefficients ``~ N(0, sd^2)`` of columns ``index``; returns Grams of ``keep`` and log-determinants."""
+def eliminate(gram: Array, index: Index, keep: Index, sd: Array) -> tuple[Array, Array]:
+    """Integrate out coefficients ``~ N(0, sd^2)`` of columns ``index``; Grams of columns ``keep`` and log-determinants."""
     b = sd[:, None] * gram[..., index, :][..., keep]
     m = np.eye(index.size) + sd[:, None] * gram[..., index, :][..., index] * sd
     chol = np.linalg.cholesky(m)
@@ -202,7 +206,7 @@ def eliminate(gram: Array, index: Array, keep: Array, sd: Array) -> tuple[Array,
     return gram[..., keep, :][..., keep] - half.swapaxes(-1, -2) @ half, logdet
 
 
-def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Array, n: int, spreads: Spreads) -> Solution:
+def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
     """Integrate out the random coefficients, solve for the shared ones."""
     p = len(layout.fixed)
     total_logdet = float(logdet.sum())
@@ -220,7 +224,9 @@ def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Array, n: int,
         total_logdet += float(ld.sum())
     total = grams.sum(axis=0)
     if p == 0:
-        return Solution(-0.5 * (total_logdet + total[0, 0] + n * np.log(2 * np.pi)), np.zeros(0), np.zeros((0, 0)), total[0, 0])
+        return Solution(
+            -0.5 * (total_logdet + total[0, 0] + n * np.log(2 * np.pi)), np.zeros(0), np.zeros((0, 0)), total[0, 0]
+        )
     h, g = total[1:, 1:], total[1:, 0]
     scale = np.sqrt(np.maximum(np.diag(h), 1e-300))
     try:
@@ -262,7 +268,9 @@ class AxisFit:
     def slow_power(self) -> float:
         """Mean square, dps^2, of what no model can know of a power cycle beforehand: drift, its own bias and its own scale."""
         scale_sd = self._scenario_sd(self.spreads.scenario, "scale")
-        rates = [np.mean(b.run.rate_dps**2) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks]
+        rates = [
+            float(np.mean(b.run.rate_dps**2)) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks
+        ]
         samples = [len(b.run) for b in self.design.blocks]
         rate_power = float(np.average(rates, weights=samples))
         return self.noise.ou_sd_dps**2 + self.turn_on_sd_dps**2 + scale_sd**2 * rate_power
@@ -348,7 +356,9 @@ def fit(
     return Fit(session, reduced, result, fitted)
 
 
-def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], *, white_sd_dps: float | None = None) -> AxisFit:
+def fit_axis(
+    blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], *, white_sd_dps: float | None = None
+) -> AxisFit:
     """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML."""
     terms = [_prepared(t) for t in terms]
     pending = [i for i, t in enumerate(terms) if _needs_choice(t)]
@@ -362,12 +372,14 @@ def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], *, whit
 
 
 def choose_variant(current: AxisFit, term: Term) -> AxisFit:
-    """Add a term whose structure or nonlinear parameters are open: try its variants, keep the likeliest by BIC, fit the noise."""
+    """Add a term whose structure or nonlinear parameters are open: try its variants, keep the best by BIC, fit the noise."""
     runs = [b.run for b in current.design.blocks]
     best: tuple[float, AxisFit] | None = None
     count = int(current.design.n_blocks.sum())
     for values in term.effect.variants(runs, current.design.axis):
-        design = Design(current.design.blocks, current.design.axis, [*current.design.terms, replace(term, values=values)])
+        design = Design(
+            current.design.blocks, current.design.axis, [*current.design.terms, replace(term, values=values)]
+        )
         trial = with_noise(design, current.noise, carry_spreads(current, design))
         parameters = len(trial.design.layout.fixed) + trial.design.layout.n_groups + len(term.effect.nonlinear)
         score = trial.loglik - 0.5 * np.log(count) * parameters
@@ -376,6 +388,17 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
     if best is None:
         raise InputError(f"effect {term.effect_id}: nothing to try on this session")
     return fit_noise(best[1].design, start=best[1])
+
+
+def null_loglik(current: AxisFit, fitted: AxisFit) -> float:
+    """Profile log-likelihood without the candidate: at the model's own noise or the candidate's, whichever suits it."""
+    return max(profile_loglik(current), profile_loglik(with_noise(current.design, fitted.noise, current.spreads)))
+
+
+def profile_loglik(fitted: AxisFit) -> float:
+    """Log-likelihood at the fitted noise, shared parameters at their best: comparable between models (REML's is not)."""
+    chol = np.linalg.slogdet(np.linalg.inv(fitted.solution.cov))[1] if fitted.solution.beta.size else 0.0
+    return fitted.loglik + 0.5 * float(chol) - 0.5 * fitted.solution.beta.size * float(np.log(2 * np.pi))
 
 
 def _prepared(term: Term) -> Term:
@@ -394,7 +417,9 @@ def carry_spreads(old: AxisFit, design: Design) -> Spreads:
     """Spreads for a design with one more term: the old ones, and a starting value for the new."""
     fresh = _start_spreads(design, old.noise)
     fresh.run[: old.spreads.run.size] = old.spreads.run
-    return Spreads(fresh.run, old.spreads.scenario if old.spreads.scenario.size == fresh.scenario.size else fresh.scenario)
+    return Spreads(
+        fresh.run, old.spreads.scenario if old.spreads.scenario.size == fresh.scenario.size else fresh.scenario
+    )
 
 
 def _reordered(current: AxisFit, order: dict[str, int]) -> AxisFit:
@@ -430,7 +455,7 @@ def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
     return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
 
 
-def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Array, n: int, start: Spreads) -> Spreads:
+def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
     """REML of the spreads alone."""
     from scipy.optimize import minimize
 
@@ -446,7 +471,13 @@ def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Array, n
         value = -solve(design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:])).loglik
         return value if np.isfinite(value) else 1e300
 
-    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP})
+    found = minimize(
+        objective,
+        x0,
+        method="L-BFGS-B",
+        bounds=list(zip(low, high, strict=True)),
+        options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP},
+    )
     sd = np.exp(np.minimum(found.x, high))
     sd[found.x < low + 1.0] = 0.0
     return Spreads(sd[:k], sd[k:])
@@ -494,7 +525,11 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     cache: dict[bytes, tuple[Array, Array]] = {}
 
     def unpack(x: Array) -> tuple[Noise, Spreads]:
-        noise = Noise(float(np.exp(x[0])), float(np.exp(x[1])), float(np.exp(x[2]))) if drift else Noise(float(np.exp(x[0])))
+        noise = (
+            Noise(float(np.exp(x[0])), float(np.exp(x[1])), float(np.exp(x[2])))
+            if drift
+            else Noise(float(np.exp(x[0])))
+        )
         sd = np.exp(x[m:])
         return noise, Spreads(sd[:k], sd[k:])
 
@@ -509,8 +544,14 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         value = -solve(design.layout, grams, logdet, design.scenarios, n, spreads).loglik
         return value if np.isfinite(value) else 1e300
 
-    x0 = np.clip(x0, lows, highs)
-    found = minimize(objective, x0, method="L-BFGS-B", bounds=list(zip(lows, highs, strict=True)), options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP})
+    begin_at = np.clip(x0, lows, highs)
+    found = minimize(
+        objective,
+        begin_at,
+        method="L-BFGS-B",
+        bounds=list(zip(lows, highs, strict=True)),
+        options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP},
+    )
     x = found.x
     noise, spreads = unpack(x)
     if drift and x[1] < lows[1] + 1.0:
@@ -532,19 +573,19 @@ def refine(current: AxisFit) -> AxisFit:
         names = [n for n in term.effect.nonlinear if n in term.values and term.effect_id != "colored_noise"]
         if not names:
             continue
+        base = current
         bounds = [np.log(term.effect.bounds(name)) for name in names]
         x0 = np.array([np.clip(np.log(term.values[n]), *b) for n, b in zip(names, bounds, strict=True)])
 
-        def at(x: Array, i: int = i, names: list[str] = names, term: Term = term) -> AxisFit:
+        def at(x: Array, i: int = i, names: list[str] = names, term: Term = term, base: AxisFit = base) -> AxisFit:
             values = {**term.values, **dict(zip(names, map(float, np.exp(x)), strict=True))}
-            terms = list(current.design.terms)
+            terms = list(base.design.terms)
             terms[i] = replace(term, values=values)
-            design = Design(current.design.blocks, current.design.axis, terms)
-            return with_noise(design, current.noise, current.spreads)
+            return with_noise(Design(base.design.blocks, base.design.axis, terms), base.noise, base.spreads)
 
         simplex = np.vstack([x0, *(x0 + 0.3 * np.eye(len(names)))])
         found = minimize(
-            lambda x: -at(x).loglik, x0, method="Nelder-Mead", bounds=bounds,
+            lambda x, at=at: -at(x).loglik, x0, method="Nelder-Mead", bounds=bounds,
             options={"xatol": 1e-3, "fatol": 1e-3, "maxfev": 40 * len(names), "initial_simplex": simplex},
         )  # fmt: skip
         better = at(found.x)
@@ -618,7 +659,11 @@ def _nonlinear_errors(current: AxisFit, i: int) -> Values:
         for sign in (-step, step):
             terms = list(current.design.terms)
             terms[i] = replace(term, values={**term.values, name: term.values[name] * float(np.exp(sign))})
-            ends.append(with_noise(Design(current.design.blocks, current.design.axis, terms), current.noise, current.spreads).loglik)
+            ends.append(
+                with_noise(
+                    Design(current.design.blocks, current.design.axis, terms), current.noise, current.spreads
+                ).loglik
+            )
         curvature = (2 * current.loglik - ends[0] - ends[1]) / step**2
         errors[name] = float(term.values[name] / np.sqrt(curvature)) if curvature > 0 else float("nan")
     return errors

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,10 @@ def folds(fit: Fit, only_day: int | None = None) -> list[Fold]:
     if any(r.rate_is_mean for r in runs) or min(r.duration_s for r in runs) < SHORTEST_S:
         return []
     edges = np.linspace(0, 1, TIME_BLOCKS + 1)
-    return [Fold(f"time block {k + 1}", tuple(everything), (a, b)) for k, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True))]
+    return [
+        Fold(f"time block {k + 1}", tuple(everything), (a, b))
+        for k, (a, b) in enumerate(pairwise(edges))
+    ]
 
 
 def _identified(fit: Fit, fold: Fold) -> bool:
@@ -186,5 +190,3 @@ def _predict(step: Step, i: int) -> Prediction:
         first, stop = (int(np.searchsorted(elapsed, f * run.duration_s)) for f in step.fold.time)
         rows = slice(first, len(run) if step.fold.time[1] >= 1 else stop)
     return Prediction(run, axis.design.axis, rows, modelled[rows])
-
-

@@ -51,7 +51,7 @@ class Model:
 
     @staticmethod
     def builtin(name: str) -> Model:
-        """``paper``: scale, bias, white noise, eq. (4) to the letter. ``default``: the same, turn-on bias and coloured noise."""
+        """``paper``: scale, bias and white noise, eq. (4) to the letter. ``default``: also turn-on bias and coloured noise."""
         ids = {"paper": BASE, "default": BASE + RANDOM}
         if name not in ids:
             raise InputError(f"--model {name}: neither a file nor one of {', '.join(ids)}")
@@ -70,7 +70,9 @@ class Model:
         try:
             raw = tomllib.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            raise InputError(f"{path}: no such model; `gyrocal add` makes one, `default` and `paper` are built in") from None
+            raise InputError(
+                f"{path}: no such model; `gyrocal add` makes one, `default` and `paper` are built in"
+            ) from None
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise InputError(f"{path}: {error}") from None
         return _parse(raw, path)
@@ -182,6 +184,8 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
     if not terms:
         raise InputError(f"{path}: no effects; a model has scale and bias at least")
     white = raw.get("white_sd_dps", {})
-    if not isinstance(white, dict) or not all(a in AXES and isinstance(v, int | float) and v >= 0 for a, v in white.items()):
+    if not isinstance(white, dict) or not all(
+        a in AXES and isinstance(v, int | float) and v >= 0 for a, v in white.items()
+    ):
         raise InputError(f"{path}: white_sd_dps must give a level for x, y or z")
     return Model(str(raw.get("name", path.stem)), tuple(terms), {a: float(v) for a, v in white.items()})

@@ -25,8 +25,8 @@ class Noise:
 def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:
     """``C V^-1 C'`` and ``log det V`` for the noise's covariance V.
 
-    ``columns`` [runs, q, m]: q columns of m block means, for runs that share the blocks' times ``t_s`` [m] and counts ``n`` [m].
-    Returns [runs, q, q] and the log-determinant of one run. The drift starts stationary in each run.
+    ``columns`` [runs, q, m]: q columns of m block means, for runs that share the blocks' times ``t_s`` [m] and counts
+    ``n`` [m]. Returns [runs, q, q] and the log-determinant of one run. The drift starts stationary in each run.
     """
     r = noise.white_sd_dps**2 / n
     if noise.ou_sd_dps <= 0.0:

@@ -70,7 +70,9 @@ def allan(comparison: Comparison) -> Figure:
         tau_s, deviation = allan_deviation(series, rate_hz)
         axes.loglog(tau_s, deviation * 1e3, "o-", ms=3, lw=0.8, color=AXIS_COLOURS[name], label=name)
         axes.loglog(tau_s, model_deviation(tau_s, fitted.noise, rate_hz) * 1e3, "--", lw=1.2, color=AXIS_COLOURS[name])
-    axes.set(xlabel="averaging time, s", ylabel="mdps", title="Allan deviation of the residual (dashed: the noise model)")
+    axes.set(
+        xlabel="averaging time, s", ylabel="mdps", title="Allan deviation of the residual (dashed: the noise model)"
+    )
     axes.legend(frameon=False, ncols=3)
     return figure
 
@@ -81,9 +83,19 @@ def levels(comparison: Comparison) -> Figure:
     for i, (name, level) in enumerate(comparison.per_axis.items()):
         axes.barh(i, level.floor_dps * 1e3, color=GREY, height=0.6)
         if level.excess_dps is not None and level.rms_dps is not None:
-            axes.barh(i, (level.rms_dps - level.floor_dps) * 1e3, left=level.floor_dps * 1e3, color=AXIS_COLOURS[name], height=0.6)
+            axes.barh(
+                i,
+                (level.rms_dps - level.floor_dps) * 1e3,
+                left=level.floor_dps * 1e3,
+                color=AXIS_COLOURS[name],
+                height=0.6,
+            )
             axes.text(level.rms_dps * 1e3, i, f"  excess {level.excess_dps * 1e3:.1f}", va="center", fontsize=9)
-    axes.set(yticks=range(len(comparison.per_axis)), yticklabels=list(comparison.per_axis), xlabel="rms of held-out samples, mdps (grey: noise floor)")
+    axes.set(
+        yticks=range(len(comparison.per_axis)),
+        yticklabels=list(comparison.per_axis),
+        xlabel="rms of held-out samples, mdps (grey: noise floor)",
+    )
     axes.margins(x=0.15)
     return figure
 
@@ -100,7 +112,12 @@ def calibration_errors(errors: Mapping[str, Mapping[float, tuple[float, float]]]
         for k, (axes, factor) in enumerate(zip(panels, (100.0, 1e3), strict=True)):
             axes.plot(seconds, [points[s][k] * factor for s in seconds], marker=marker, color=colour, label=method)
     for axes, label in zip(panels, ("scale, %", "bias, mdps"), strict=True):
-        axes.set(xlabel="seconds of each face", ylabel=f"mean error of {label}", xticks=sorted(next(iter(errors.values()))), ylim=(0, None))
+        axes.set(
+            xlabel="seconds of each face",
+            ylabel=f"mean error of {label}",
+            xticks=sorted(next(iter(errors.values()))),
+            ylim=(0, None),
+        )
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].legend(frameon=False, fontsize=9)

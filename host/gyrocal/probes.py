@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
-from gyrocal.fit import AxisFit, Design, carry_spreads, fit_noise, with_noise
+from gyrocal.fit import AxisFit, Design, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
 from gyrocal.model import Term
 from gyrocal.noise import Noise
 from gyrocal.session import Array, Run, Session
@@ -95,7 +95,7 @@ class Wave(Effect):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a probe found on one axis. ``chance``: that noise alone does as much; ``strength``: signal to noise (about sigma)."""
+    """What a probe found on one axis. ``chance``: that noise alone does as much; ``strength``: signal to noise, in sigma."""
 
     axis: str
     against: str
@@ -119,10 +119,12 @@ def time_edges(longest_s: float) -> Array:
     return edges[edges < 0.95 * longest_s][:MAX_STEPS]
 
 
-def quantile_edges(values: Array, resolution: float) -> Array:
+def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
     """Steps that hold equally many samples each, no finer than ``resolution``."""
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, 9)[1:-1]))
-    return edges[np.concatenate([[True], np.diff(edges) > resolution])] if np.ptp(values) > 2 * resolution else np.zeros(0)
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, steps + 1)[1:-1]))
+    return (
+        edges[np.concatenate([[True], np.diff(edges) > resolution])] if np.ptp(values) > 2 * resolution else np.zeros(0)
+    )
 
 
 def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
@@ -138,15 +140,16 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
         return [Steps(variable, edges), *([Steps(variable, edges, times_rate=True)] if turning else [])]
 
     probes.append(("time", [*steps(elapsed_s, time_edges(longest_s)), Transient(1.0), Transient(4.0)]))
+    steps_between = max(2, len(runs) // 3)  # what differs between runs has only so many of them to be judged by
     if all(r.power_on_s is not None for r in runs):
         p_s = np.array([r.power_on_s for r in runs])
         if np.ptp(p_s) > 1.0:  # else it is the time in the run again
             last_s = float(p_s.max()) + longest_s
-            edges = np.linspace(float(p_s.min()), last_s, 12)[1:-1]
+            edges = np.linspace(float(p_s.min()), last_s, min(12, steps_between + 1))[1:-1]
             probes.append(("power_on_time", steps(lambda r: (r.power_on_s or 0.0) + elapsed_s(r), edges)))
     if all(r.temp_c is not None and np.all(np.isfinite(r.temp_c)) for r in runs):
         pooled = np.concatenate([r.temp_c for r in runs if r.temp_c is not None])
-        edges = quantile_edges(pooled, 0.05)
+        edges = quantile_edges(pooled, 0.05, min(8, steps_between))
         if edges.size:
             probes.append(("temperature", steps(_temperature, edges)))
     rates = np.unique(np.round([float(np.mean(r.rate_dps)) if r.axis_index == axis else 0.0 for r in runs], 2))
@@ -199,7 +202,11 @@ def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float)
         gain = max(0.0, fitted.loglik - max(current.loglik, without))
         sd = float(fitted.spreads.run[-1])
         amplitude = sd * float(np.sqrt(2))
-        shape = f"{kind.order} a turn, of another phase" if isinstance(kind, Wave) else "dying away from the start, of another size"
+        shape = (
+            f"{kind.order} a turn, of another phase"
+            if isinstance(kind, Wave)
+            else "dying away from the start, of another size"
+        )
         note = f"{amplitude * 1e3:.3g} mdps, {shape} in each run"
         chance = float(0.5 * chi2.sf(2 * gain, 1)) if sd > 0 else 1.0
         return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, kind)
@@ -209,7 +216,9 @@ def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float)
     white = Noise(current.noise.white_sd_dps)
     statistic = _wald(with_noise(design, white, current.spreads), columns)
     if chi2.sf(statistic, len(columns)) < alarm:
-        statistic = _wald(fit_noise(design, start=with_noise(design, current.noise, current.spreads)), columns)
+        # Wald's statistic trusts a noise that the probe may just have emptied; the likelihood ratio does not
+        fitted = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
+        statistic = max(0.0, 2 * (profile_loglik(fitted) - null_loglik(current, fitted)))
     fit = with_noise(design, current.noise, current.spreads)
     parts = [_part(fit, i, columns) for i in range(len(design.blocks))]
     amplitude = float(np.std(np.concatenate(parts)) * np.sqrt(2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -10,32 +11,6 @@ from gyrocal.compare import Comparison
 from gyrocal.diagnose import Candidate, Diagnosis
 from gyrocal.errors import InputError
 from gyrocal.output import mdps, plus_minus, stdout, table
-
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>gyrocal: {{ name }}</title><style>
-:root { color-scheme: light dark; --line: #8884; }
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-table { border-collapse: collapse; margin: 1rem 0; } th, td { padding: .3rem .8rem; border-bottom: 1px solid var(--line); text-align: right; }
-th:first-child, td:first-child, td.text, th.text { text-align: left; }
-img { max-width: 100%; background: #fff; border-radius: 6px; } figure { margin: 1.5rem 0; }
-.verdict { font-size: 1.3rem; padding: .6rem 1rem; border-left: 6px solid {{ '#009E73' if adequate else '#D55E00' }}; background: #8881; }
-</style></head><body>
-<h1>{{ name }}</h1>
-<p class="verdict">{{ headline }}</p>
-<p>Model: {{ model }}. Held out: {{ held_out }}.</p>
-<table><tr><th>axis</th><th>rms, mdps</th><th>floor, mdps</th><th>excess, mdps</th></tr>
-{% for row in levels %}<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table>
-{% if where %}<h2>Where it fails</h2>
-<table><tr><th>axis</th><th class="text">against</th><th>strength, σ</th><th class="text">what</th></tr>
-{% for f in where %}<tr><td>{{ f.axis }}</td><td class="text">{{ f.against }}</td><td>{{ '%.1f' % f.strength }}</td><td class="text">{{ f.note }}</td></tr>{% endfor %}</table>{% endif %}
-{% for title, image in pictures %}<figure><img alt="{{ title }}" src="{{ image }}"></figure>{% endfor %}
-<h2>Parameters</h2>
-<table><tr><th>effect</th><th>axis</th><th class="text">parameter</th><th>value</th><th>± se</th><th class="text">unit</th></tr>
-{% for row in parameters %}<tr>{% for cell in row %}<td{% if loop.index in (3, 6) %} class="text"{% endif %}>{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table>
-<p>gyrocal {{ version }}</p>
-</body></html>
-"""
 
 
 def headline(c: Comparison) -> str:
@@ -86,7 +61,8 @@ def verdict_text(d: Diagnosis) -> str:
         return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
-        return f"Something is there that no effect of the library explains: on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}."
+        against = u["against"].replace("_", " ")
+        return f"Something is there that no effect of the library explains: on {u['axis']}, against {against}: {u['shape']}."
     return "Nothing is missing: what is left over is noise."
 
 
@@ -112,7 +88,9 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     for axis in after.per_axis:
         old, new = before.per_axis[axis], after.per_axis[axis]
         rows.append([axis, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
-    rows.append(["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)])
+    rows.append(
+        ["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)]
+    )
     table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
     part = explained(before, after)
     told = "" if part is None else f"; {part:.1%} of the excess explained"
@@ -132,9 +110,11 @@ def write_page(path: Path, c: Comparison) -> None:
         ("Spectrum", pictures.png_data(pictures.spectra(c))),
         ("Allan deviation", pictures.png_data(pictures.allan(c))),
     ]
-    page = jinja2.Environment(autoescape=True).from_string(PAGE)
+    template = (files("gyrocal") / "report.html").read_text(encoding="utf-8")
+    page = jinja2.Environment(autoescape=True).from_string(template)
     text = page.render(
-        name=c.fit.session.path.name if c.fit.session.path else "session", adequate=c.verdict == "adequate", headline=headline(c),
+        name=c.fit.session.path.name if c.fit.session.path else "session", adequate=c.verdict == "adequate",
+        headline=headline(c),
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
         parameters=_parameters(c), version=__version__,
     )  # fmt: skip

@@ -170,7 +170,7 @@ class Run:
         return float(self.t_s[-1] - self.t_s[0]) * len(self) / (len(self) - 1)
 
     def first(self, seconds: float) -> Run | None:
-        """The part of the run in its first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged)."""
+        """The run's first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged)."""
         limit_us = round(seconds * 1e6)
         inside = int(np.searchsorted(self.t_us, limit_us, side="left"))
         if inside == len(self) and self.t_us[-1] + 1.5e6 / self.sample_rate_hz < limit_us:
@@ -301,7 +301,11 @@ def describe(error: ValidationError) -> str:
     fault = error.errors()[0]
     where = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in fault["loc"])
     message = fault["msg"].removeprefix("Value error, ")
-    return f"{where}: {message} (got {fault['input']!r})" if where and fault["type"] != "missing" else f"{where} {message}".strip()
+    return (
+        f"{where}: {message} (got {fault['input']!r})"
+        if where and fault["type"] != "missing"
+        else f"{where} {message}".strip()
+    )
 
 
 def write_header(folder: Path, header: Mapping[str, Any], runs: Iterable[Mapping[str, Any]]) -> None:
@@ -369,7 +373,9 @@ def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
         if bad.any():
             row = int(bad.arg_true()[0])
             value = column[row]
-            raise InputError(f"{label}: row {row + 2}: {name} is {'empty' if value is None else value}, not a finite number")
+            raise InputError(
+                f"{label}: row {row + 2}: {name} is {'empty' if value is None else value}, not a finite number"
+            )
     t_s = table["t_s"].to_numpy()
     back = np.flatnonzero(np.diff(np.rint(t_s * 1e6)) <= 0)
     if back.size:
@@ -424,4 +430,6 @@ def _check_rate_known(run: Run) -> None:
         row = int(np.flatnonzero(~np.isfinite(reference))[0])
         raise InputError(f"{run.file}: row {row + 2}: rate_ref_dps is empty; the true rate is needed at every sample")
     if reference is None and run.table_rate_dps is None and run.turn_deg is None:
-        raise InputError(f"{run.file}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")
+        raise InputError(
+            f"{run.file}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column"
+        )

@@ -36,6 +36,7 @@ BIAS_MEAN_DPS, BIAS_SD_DPS = -0.05, 0.04
 RIPPLE_SD_DPS = 0.09
 TRANSIENT_SD_DPS = 0.13
 TRANSIENT_TAU_S = (0.7, 5.0)
+LOG_TAU = (float(np.log(TRANSIENT_TAU_S[0])), float(np.log(TRANSIENT_TAU_S[1])))
 
 Progress = Callable[[int, int], None]
 
@@ -81,12 +82,12 @@ def full_plan(scenarios: int | None = None, seconds: float = 40.0) -> list[Plann
     a few percent that the session file states."""
     days = 3 if scenarios is None else scenarios
     rng = np.random.default_rng(2024)
-    plan = []
+    plan: list[Planned] = []
     for day in range(1, days + 1):
         for face in ("up", "down"):
             for nominal in (0.0, 30.0, -30.0, 78.0, -78.0, 150.0, -150.0):
                 rate = round(nominal * (1 + rng.uniform(-0.03, 0.03)), 3)
-                plan.append(Planned(f"s{len(plan):03d}", day, face, rate, 3.0, seconds))  # type: ignore[arg-type]
+                plan.append(Planned(f"s{len(plan):03d}", day, face, rate, 3.0, seconds))
     return plan
 
 
@@ -112,8 +113,9 @@ def simulate(
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. With ``vary`` scale and bias are drawn for each scenario, as the paper's differ. The campaign ``table2`` is ``paper`` with the ripple and the transient that make its baseline err as the
-    paper's Table 2. Returns the session and its truth; with ``out=None`` nothing is written.
+    drawn for each run. With ``vary`` scale and bias are drawn for each scenario, as the paper's differ. The campaign
+    ``table2`` is ``paper`` with the ripple and the transient that make its baseline err as the paper's Table 2. Returns
+    the session and its truth; with ``out=None`` nothing is written.
     """
     if campaign not in PLANS:
         raise InputError(f"--campaign {campaign}: there are {', '.join(PLANS)}")
@@ -134,7 +136,9 @@ def simulate(
         if planned.scenario != scenario:
             scenario = planned.scenario
             turn_on_dps = rng.normal(0.0, TURN_ON_SD_DPS, 3)
-            if vary or campaign == "table2":  # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
+            if (
+                vary or campaign == "table2"
+            ):  # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
                 scale = rng.normal(SCALE_MEAN, SCALE_SD, 3)
                 bias_dps = rng.normal(BIAS_MEAN_DPS, BIAS_SD_DPS, 3)
         truth = RunTruth(f"{i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
@@ -147,7 +151,8 @@ def simulate(
             progress(i + 1, len(plan))
     session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
     record = {
-        "format": "gyrocal-truth/1", "campaign": campaign, "seed": seed, "effects": sorted({e["id"] for t in truths for e in t.effects}),
+        "format": "gyrocal-truth/1", "campaign": campaign, "seed": seed,
+        "effects": sorted({e["id"] for t in truths for e in t.effects}),
         "noise": {"white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": OU_SD_DPS, "ou_tau_s": OU_TAU_S, "turn_on_sd_dps": TURN_ON_SD_DPS},
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
@@ -160,7 +165,7 @@ def simulate(
 def table2_draw(rng: np.random.Generator) -> list[tuple[str, dict[str, float]]]:
     """Ripple and transient of one run of the campaign ``table2``."""
     a, b = rng.normal(0.0, RIPPLE_SD_DPS / TABLE_RATE_DPS, 2)
-    tau_s = float(np.exp(rng.uniform(*np.log(TRANSIENT_TAU_S))))
+    tau_s = float(np.exp(rng.uniform(*LOG_TAU)))
     return [
         ("table_ripple", {"amplitude_1": float(np.hypot(a, b)), "phase_1_deg": float(np.rad2deg(np.arctan2(-b, a)))}),
         ("spin_up", {"A": float(rng.normal(0.0, TRANSIENT_SD_DPS / TABLE_RATE_DPS)), "tau_s": tau_s}),
@@ -184,9 +189,8 @@ def simulate_run(
     warming_c = 1.5 * (1 - np.exp(-(planned.power_on_s + t_s) / 90.0))
     acc_g = np.round((gravity + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
     temp_c = np.round((room_c + warming_c + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
-    frame = pl.DataFrame(
-        {"t_s": t_s, **{f"g{a}_dps": np.zeros(n) for a in AXES}, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c}
-    )  # fmt: skip
+    still = {f"g{a}_dps": np.zeros(n) for a in AXES}
+    frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})
     bare = Run(
         index, truth.file, planned.scenario, planned.face, planned.axis, planned.table_rate_dps, None, planned.day,
         planned.power_on_s, RATE_HZ, frame=frame,
@@ -222,8 +226,8 @@ def ou_noise(n: int, dt_s: float, sd: float, tau_s: float, columns: int, rng: np
 def paper_windows(n_scenarios: int, seed: int, seconds: float = 6.0) -> dict[str, Any]:
     """The first seconds of many scenarios of the campaign ``table2``, z axis, for training: fast, and by the same equations.
 
-    Returns ``up`` and ``down``, float32 [n, round(seconds·145)], measured minus true rate (deg/s), the true rates, and the truth
-    ``scale`` [n] and ``bias_dps`` [n].
+    Returns ``up`` and ``down``, float32 [n, round(seconds·145)], measured minus true rate (deg/s), the true rates, and the
+    truth ``scale`` [n] and ``bias_dps`` [n].
     """
     rng = np.random.default_rng(seed)
     n = round(seconds * RATE_HZ)
@@ -235,7 +239,7 @@ def paper_windows(n_scenarios: int, seed: int, seconds: float = 6.0) -> dict[str
     for name, w_dps in (("up", TABLE_RATE_DPS), ("down", -TABLE_RATE_DPS)):
         ab = rng.normal(0.0, RIPPLE_SD_DPS / TABLE_RATE_DPS, (2, n_scenarios, 1))
         size = rng.normal(0.0, TRANSIENT_SD_DPS / TABLE_RATE_DPS, (n_scenarios, 1))
-        tau_s = np.exp(rng.uniform(*np.log(TRANSIENT_TAU_S), (n_scenarios, 1)))
+        tau_s = np.exp(rng.uniform(*LOG_TAU, (n_scenarios, 1)))
         y = (1 + scale[:, None]) * w_dps + bias[:, None]
         y = y + w_dps * (ab[0] * np.cos(angle) + ab[1] * np.sin(angle)) - w_dps * size * np.exp(-t_s / tau_s)
         y += rng.normal(0.0, WHITE_SD_DPS, y.shape) + ou_noise(n, 1 / RATE_HZ, OU_SD_DPS, OU_TAU_S, n_scenarios, rng).T

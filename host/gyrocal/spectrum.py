@@ -68,12 +68,12 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
             segments += 1
     frequency = np.fft.rfftfreq(length, 1 / rate_hz)
     use = (frequency >= lowest_hz) & (frequency < rate_hz / 2)
-    power = total[use] / max(segments, 1)
+    power: Array = total[use] / max(segments, 1)
     if power.size < 8:
         empty = np.zeros(0)
         return Spectrum(empty, empty, empty, empty, segments, length)
-    width = min(power.size, max(15, power.size // 10) | 1)
+    width = min(power.size, max(31, power.size // 3)) | 1
     # an averaged periodogram's ordinate is Gamma(segments)/segments times the level; its median sits a little lower
-    level = median_filter(power, width, mode="nearest") / (gamma.ppf(0.5, segments) / segments)
-    tail = gamma.sf(power / level * segments, segments)
-    return Spectrum(frequency[use], power, level, tail, segments, length)
+    level = median_filter(power, width, mode="reflect").astype(np.float64) / (gamma.ppf(0.5, segments) / segments)
+    tail: Array = gamma.sf(power / level * segments, segments)
+    return Spectrum(np.asarray(frequency[use], dtype=np.float64), power, level, tail, segments, length)

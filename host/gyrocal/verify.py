@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from gyrocal.core import CoreNetwork
 from gyrocal.errors import InputError
 from gyrocal.network import Network
 from gyrocal.simulate import paper_windows
-from numpy.typing import NDArray
 
 TOLERANCE = 2e-6  # of an output's range over the windows
 

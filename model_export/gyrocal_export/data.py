@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from gyrocal.calibrate import baseline
 from gyrocal.errors import InputError
 from gyrocal.network import image
 from gyrocal.session import Run, Session
 from gyrocal.simulate import paper_windows
-from torch import Tensor
 
 SIMULATED_SECONDS = 6.0
 RECORDED_SECONDS = 50.0  # what follows is for the labels alone

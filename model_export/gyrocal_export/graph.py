@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import onnx
-from gyrocal.errors import InputError
 from numpy.typing import NDArray
 from onnx import numpy_helper
+
+from gyrocal.errors import InputError
 
 METADATA = ("name", "rate_hz", "table_dps")
 INPUTS = ("up", "down")

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from gyrocal import __version__
-from gyrocal.errors import InputError
 from torch import Tensor
 
+from gyrocal import __version__
+from gyrocal.errors import InputError
 from gyrocal_export.data import Windows, recorded, simulated, split
 from gyrocal_export.nets.paper import PaperNet, Shape, loss
 

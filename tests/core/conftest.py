@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gyrocal_firmware import CORE, INCLUDE, SIM
 from numpy.typing import NDArray
+
+from gyrocal_firmware import CORE, INCLUDE, SIM
 
 HERE = Path(__file__).parent
 WARNINGS = ["-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wmissing-prototypes", "-pedantic"]

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from gyrocal_firmware import CORE, INCLUDE, SIM
 
 from .conftest import WARNINGS

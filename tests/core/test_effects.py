@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+
 from gyrocal.effects.base import effects
 from gyrocal.session import Run
 from gyrocal_firmware import CORE

@@ -47,7 +47,16 @@ def test_simulate_writes_the_truth_beside(session: str) -> None:
 def test_calibrate_json(session: str, capsys: pytest.CaptureFixture[str]) -> None:
     estimates = told(capsys, "calibrate", session, "--seconds", "4", "--method", "baseline,cnn")["estimates"]
     assert len(estimates) == 6
-    assert set(estimates[0]) == {"scenario", "method", "seconds", "axis", "scale", "scale_se", "bias_dps", "bias_se_dps"}
+    assert set(estimates[0]) == {
+        "scenario",
+        "method",
+        "seconds",
+        "axis",
+        "scale",
+        "scale_se",
+        "bias_dps",
+        "bias_se_dps",
+    }
     assert next(e for e in estimates if e["method"] == "cnn")["scale_se"] is None
 
 
@@ -103,7 +112,9 @@ def test_bad_usage_is_exit_2_and_one_line(
     assert list(tmp_path.iterdir()) == []  # nothing half-written
 
 
-def test_baseline_without_a_pair_is_exit_2_and_model_takes_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_baseline_without_a_pair_is_exit_2_and_model_takes_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     path = str(tmp_path / "full")
     assert main(["simulate", path, "--campaign", "full", "--scenarios", "1", "--seconds", "8"]) == 0
     assert run(capsys, "calibrate", path, "--method", "baseline")[0] == 2

@@ -65,7 +65,10 @@ def test_where_names_the_variable(effect: str, against: str) -> None:
 def test_a_tone_is_seen_against_frequency() -> None:
     rng = np.random.default_rng(0)
     found = compare(
-        altered(session_with([]), gx_dps=lambda r: r.gyro_dps[:, 0] + 0.01 * np.sin(2 * np.pi * 31.4 * r.t_s + rng.uniform(0, 6)))
+        altered(
+            session_with([]),
+            gx_dps=lambda r: r.gyro_dps[:, 0] + 0.01 * np.sin(2 * np.pi * 31.4 * r.t_s + rng.uniform(0, 6)),
+        )
     )
     assert (found.where[0].axis, found.where[0].against) == ("x", "frequency")
     assert found.where[0].amplitude_dps == pytest.approx(0.01, rel=0.15)
@@ -87,6 +90,9 @@ def test_drift_is_no_misfit_for_default_but_is_for_the_paper_s_white_noise() -> 
     from gyrocal.simulate import ou_noise
 
     rng = np.random.default_rng(5)
-    drifting = altered(session_with([], seconds=40.0), gz_dps=lambda r: r.gyro_dps[:, 2] + ou_noise(len(r), 1 / 145, 0.005, 20.0, 1, rng)[:, 0])
+    drifting = altered(
+        session_with([], seconds=40.0),
+        gz_dps=lambda r: r.gyro_dps[:, 2] + ou_noise(len(r), 1 / 145, 0.005, 20.0, 1, rng)[:, 0],
+    )
     assert compare(drifting).verdict == "adequate"
     assert compare(drifting, "paper").verdict == "misfit"

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnose import add, diagnose, profile_loglik
-from gyrocal.fit import fit
+from gyrocal.diagnose import add, diagnose
+from gyrocal.fit import fit, profile_loglik
 from gyrocal.model import Model
 from gyrocal.session import Session
 from gyrocal.simulate import simulate
@@ -73,21 +73,24 @@ def test_json_has_the_contract_s_keys() -> None:
     told = diagnose(session_with(["table_ripple"])).to_json()
     assert set(told) >= {"verdict", "candidates", "unknown"}
     assert set(told["candidates"][0]) >= {
-        "effect", "axis", "parameters", "explained", "heldout_gain", "heldout_gain_se", "q_value", "group", "decision", "next_measurement",
+        "effect", "axis", "parameters", "explained", "heldout_gain", "heldout_gain_se", "q_value", "group",
+        "decision", "next_measurement",
     }  # fmt: skip
     assert set(told["candidates"][0]["parameters"]["amplitude_1"]) == {"value", "se", "unit"}
 
 
-def test_a_model_survives_its_file(tmp_path) -> None:  # noqa: ANN001
-    _, after, model = add(session_with(["table_ripple"]), None, "table_ripple")
+def test_a_model_survives_its_file(tmp_path) -> None:
+    _, _, model = add(session_with(["table_ripple"]), None, "table_ripple")
     model.save(tmp_path / "m.toml")
     again = Model.open(tmp_path / "m.toml")
     assert again.ids == model.ids
     for a, b in zip(again.terms, model.terms, strict=True):
         assert a.values == pytest.approx(b.values, rel=1e-8)
     text = (tmp_path / "m.toml").read_text()
-    lines = [line for line in text.splitlines() if "table_ripple" not in line or line.startswith("#") or line.startswith("name")]
+    lines = [
+        line
+        for line in text.splitlines()
+        if "table_ripple" not in line or line.startswith("#") or line.startswith("name")
+    ]
     (tmp_path / "m.toml").write_text("\n".join(lines))  # undo is removing a line
     assert "table_ripple" not in Model.open(tmp_path / "m.toml").ids
-
-

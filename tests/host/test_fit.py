@@ -38,7 +38,11 @@ def test_likelihood_is_the_dense_mixed_model_s() -> None:
     """REML of one run against scipy's multivariate normal with every random term in a dense covariance."""
     session, _ = planted(["table_ripple"], scenarios=1, seconds=8.0)
     blocks = reduce_session(session)[:1]
-    terms = [Term("bias", "z", {"bias_dps": 0.0}), Term("colored_noise", "z"), Term("table_ripple", "z", {"amplitude_1": 0.0})]
+    terms = [
+        Term("bias", "z", {"bias_dps": 0.0}),
+        Term("colored_noise", "z"),
+        Term("table_ripple", "z", {"amplitude_1": 0.0}),
+    ]
     found = fit_axis(blocks, 2, terms)
     b, noise = blocks[0], found.noise
     drift = noise.ou_sd_dps**2 * np.exp(-np.abs(b.t_s[:, None] - b.t_s) / noise.ou_tau_s)
@@ -47,7 +51,9 @@ def test_likelihood_is_the_dense_mixed_model_s() -> None:
     ones = np.ones(b.n.size)
     information = ones @ np.linalg.solve(v, ones)
     mean = ones @ np.linalg.solve(v, b.y_dps[:, 2]) / information
-    dense = multivariate_normal(mean * ones, v).logpdf(b.y_dps[:, 2]) - 0.5 * np.log(information) + 0.5 * np.log(2 * np.pi)
+    dense = (
+        multivariate_normal(mean * ones, v).logpdf(b.y_dps[:, 2]) - 0.5 * np.log(information) + 0.5 * np.log(2 * np.pi)
+    )
     assert found.loglik == pytest.approx(dense, abs=1e-6)
     assert found.solution.beta[0] == pytest.approx(mean, rel=1e-6)
 
@@ -105,7 +111,19 @@ def test_what_is_held_out(scenarios: int, kind: str) -> None:
 def test_without_days_scenarios_are_held_out_and_short_single_runs_nothing() -> None:
     session, _ = planted([], scenarios=4, seconds=8.0)
     undated = session.with_runs(
-        Run(r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, None, r.power_on_s, 145.0, frame=r.table)
+        Run(
+            r.index,
+            r.file,
+            r.scenario,
+            r.face,
+            r.axis,
+            r.table_rate_dps,
+            None,
+            None,
+            r.power_on_s,
+            145.0,
+            frame=r.table,
+        )
         for r in session.runs
     )
     assert [f.label for f in heldout.folds(fit(undated, Model.builtin("default"), axes=["z"]))] == session.scenarios
@@ -131,5 +149,3 @@ def test_held_out_predictions_never_saw_their_day() -> None:
     for r in session.runs:
         change = abs(predicted[0][r.file] - predicted[1][r.file])
         assert (change < 1e-12) == (r.day == 1), r.file
-
-

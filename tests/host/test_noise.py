@@ -48,7 +48,9 @@ def test_allan_deviation_is_allantools(require_module: Callable[[str], None]) ->
 def test_allan_deviation_of_the_model_is_that_of_its_noise() -> None:
     noise = Noise(0.044, 0.02, 3.0)
     rng = np.random.default_rng(3)
-    series = [rng.normal(0, noise.white_sd_dps, 20000) + ou_noise(20000, 0.01, 0.02, 3.0, 1, rng)[:, 0] for _ in range(10)]
+    series = [
+        rng.normal(0, noise.white_sd_dps, 20000) + ou_noise(20000, 0.01, 0.02, 3.0, 1, rng)[:, 0] for _ in range(10)
+    ]
     tau_s, measured = allan_deviation(series, 100.0)
     use = tau_s < 20
     np.testing.assert_allclose(measured[use], model_deviation(tau_s, noise, 100.0)[use], rtol=0.08)

@@ -40,7 +40,14 @@ def test_what_is_written_is_read_back(tmp_path: Path, parquet: bool) -> None:
     again = Session.open(saved.path or "")
     assert (again.sensor, again.full_scale_dps, again.lsb_dps, again.latitude_deg) == ("part", 250.0, 0.00875, 32.8)
     got, want = again.runs[0], run
-    assert (got.scenario, got.face, got.axis, got.table_rate_dps, got.day, got.power_on_s) == ("s000", "up", "z", 78.0, 1, 3.0)
+    assert (got.scenario, got.face, got.axis, got.table_rate_dps, got.day, got.power_on_s) == (
+        "s000",
+        "up",
+        "z",
+        78.0,
+        1,
+        3.0,
+    )
     np.testing.assert_allclose(got.gyro_dps, want.gyro_dps, atol=1e-9)
     assert np.isnan(got.temp_c[0])
     np.testing.assert_allclose(got.temp_c[1:], want.temp_c[1:], atol=1e-9)
@@ -115,7 +122,9 @@ def test_no_bytes_crash_the_reader(tmp_path_factory: pytest.TempPathFactory, con
     try:
         table = read_table(path)
     except InputError as error:
-        assert "\n" not in str(error)
+        table, message = None, str(error)
+    if table is None:
+        assert "\n" not in message
     else:
         assert np.all(np.diff(table["t_s"].to_numpy()) > 0)
 

@@ -11,7 +11,11 @@ import numpy as np
 import pytest
 
 from gyrocal import device
+from gyrocal.calibrate import calibrate
 from gyrocal.cli import main
+from gyrocal.errors import InputError
+from gyrocal.fit import fit
+from gyrocal.model import Model
 from gyrocal.session import AXES, Session
 
 REALDATA = Path(os.environ.get("GYROCAL_REALDATA") or Path(__file__).parents[3] / "shared" / "realdata")
@@ -92,3 +96,24 @@ def test_thermal_chamber_is_read_by_its_tabs(tmp_path: Path) -> None:
     assert run.duration_s / 60 == pytest.approx(70.7, abs=0.1)
     assert run.temp_c is not None
     assert (run.temp_c[0], run.temp_c.min(), run.temp_c.max()) == pytest.approx((51.6, -17.6, 74.0), abs=0.05)
+
+
+def test_nilspod_on_the_host(nilspod: Session) -> None:
+    """Bias from the rests and scale from the turns, about each axis, by the model method."""
+    found = {e.axis: e for e in calibrate(nilspod, methods=["model"])}
+    assert [1 + found[a].scale for a in AXES] == pytest.approx([1.0279, 0.9824, 0.9982], abs=0.001)
+    assert [found[a].bias_dps for a in AXES] == pytest.approx([-0.600, -0.370, 0.059], abs=0.004)
+
+
+def test_mpu6050_at_rest_on_the_host(tmp_path: Path) -> None:
+    """At rest there is no scale to find, and `calibrate` says so; the bias is the model's."""
+    source = recording("mpu6050_multipose_tedaldi", "example_data_tinit_calc.csv")
+    columns = maps(*(f"g{a}_dps=g{a}/131" for a in AXES), *(f"a{a}_g=a{a}/16384" for a in AXES))
+    out = tmp_path / "session"
+    assert main(["import", str(source), str(out), *columns, "--rate-hz", "100", "--rate", "0"]) == 0
+    session = Session.open(out)
+    with pytest.raises(InputError, match="cannot be told"):
+        calibrate(session, methods=["model"])
+    model = fit(session, Model.builtin("paper")).model
+    bias_dps = [model.value("bias", a, "bias_dps") for a in AXES]
+    assert bias_dps == pytest.approx([-3.345, 1.089, -0.498], abs=0.001)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.model import Model
@@ -32,6 +33,7 @@ def shipped(name: str) -> Path:
 
 def test_onnxruntime_gives_the_numbers_of_torch(tiny_run: Path, tiny_files: Path) -> None:
     import torch
+
     from gyrocal_export.train import load
 
     net, _ = load(tiny_run)
@@ -94,6 +96,7 @@ def test_exporting_twice_gives_the_same_bytes(tiny_run: Path, tiny_files: Path) 
 def test_batch_norm_is_folded_with_the_rounded_weights(tmp_path: Path) -> None:
     """A large mean of a channel, which BatchNorm takes away, must not come back as rounding times that mean."""
     import torch
+
     from gyrocal_export.graph import Graph
     from gyrocal_export.nets.paper import PaperNet, Shape
     from gyrocal_export.quantize import quantize
@@ -118,9 +121,10 @@ def test_batch_norm_is_folded_with_the_rounded_weights(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", ["not onnx", "truncated", "another graph", "no metadata", "a float weight"])
 def test_a_malformed_graph_is_one_line_of_bad_input(damage: str, tmp_path: Path) -> None:
     import onnx
+    from onnx import numpy_helper
+
     from gyrocal_export.c_header import c_header
     from gyrocal_export.graph import Graph
-    from onnx import numpy_helper
 
     whole = shipped("paper.int8.onnx").read_bytes()
     model: Any = onnx.load_from_string(whole)
@@ -142,6 +146,7 @@ def test_a_malformed_graph_is_one_line_of_bad_input(damage: str, tmp_path: Path)
 
 def test_a_shape_that_the_kernel_does_not_compute_is_refused(tmp_path: Path) -> None:
     import torch
+
     from gyrocal_export.c_header import c_header
     from gyrocal_export.graph import Graph
     from gyrocal_export.nets.paper import PaperNet, Shape

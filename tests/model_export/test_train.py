@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+
 from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.session import Run, Session
@@ -36,6 +37,7 @@ def session(folder: Path, scenarios: int = 3, seconds: float = 8.0, **changes: f
 
 def test_loss_is_eq_17_in_the_units_of_table_1() -> None:
     import torch
+
     from gyrocal_export.nets.paper import loss
 
     truth = torch.tensor([[0.004, -0.05], [0.003, 0.02]])
@@ -46,6 +48,7 @@ def test_loss_is_eq_17_in_the_units_of_table_1() -> None:
 
 def test_the_net_is_fig_2() -> None:
     import torch
+
     from gyrocal_export.nets.paper import PaperNet, Shape
 
     net = PaperNet(Shape(), 1.2, torch.zeros(2), torch.ones(2))
@@ -62,6 +65,7 @@ def test_the_net_is_fig_2() -> None:
 
 def test_folding_the_labels_changes_no_answer() -> None:
     import torch
+
     from gyrocal_export.nets.paper import PaperNet, Shape
 
     net = PaperNet(Shape(), 1.2, torch.tensor([0.004, -0.05]), torch.tensor([0.0005, 0.04])).eval()
@@ -129,6 +133,7 @@ def test_a_run_folder_says_how_it_was_made(tiny_run: Path) -> None:
 
 def test_one_seed_gives_one_net(tmp_path: Path) -> None:
     import torch
+
     from gyrocal_export.train import Config, load, train
 
     nets = []
@@ -142,6 +147,7 @@ def test_one_seed_gives_one_net(tmp_path: Path) -> None:
 
 def test_training_stops_when_validation_no_longer_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import torch
+
     from gyrocal_export import train
 
     losses = iter([5.0, 4.0, 4.5, 4.2, 4.1, 1.0])

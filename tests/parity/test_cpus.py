@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+
 from gyrocal.core import CoreNetwork
 from gyrocal_firmware import CORE, INCLUDE
-from numpy.typing import NDArray
 
 COMMON = ["--specs=picolibc.specs", "--oslib=semihost", "--crt0=hosted", "-std=c99", "-O2", "-ffp-contract=off"]
 MEMORY = ["__flash_size=0x200000", "__ram_size=0x200000"]

@@ -26,7 +26,7 @@ def model() -> Model:
 
 
 @pytest.fixture(scope="module")
-def replayed(model: Model, tmp_path_factory: pytest.TempPathFactory, require_tool) -> tuple[Session, list[dict]]:  # noqa: ANN001
+def replayed(model: Model, tmp_path_factory: pytest.TempPathFactory, require_tool) -> tuple[Session, list[dict]]:
     """A session as it came back over the port, and the `$CAL` sentences that came with it."""
     require_tool("cc")
     folder = tmp_path_factory.mktemp("replayed")
@@ -70,8 +70,8 @@ def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model
     session, said = replayed
     turned = session.with_runs(
         Run(
-            r.index, r.file, r.scenario, "down" if r.face == "up" else "up", r.axis, r.table_rate_dps, None, r.day, r.power_on_s,
-            r.sample_rate_hz, frame=r.table,
+            r.index, r.file, r.scenario, "down" if r.face == "up" else "up", r.axis, r.table_rate_dps, None, r.day,
+            r.power_on_s, r.sample_rate_hz, frame=r.table,
         )
         for r in session.runs
     )  # fmt: skip
@@ -83,7 +83,12 @@ def test_recording_is_what_was_replayed(replayed: tuple[Session, list[dict]], tm
     session, _ = replayed
     original, _ = simulate(None, "table2", seed=6, scenarios=4, seconds=7.0)
     for got, want in zip(session.runs, original.runs, strict=True):
-        assert (got.face, got.scenario, got.axis, got.table_rate_dps) == (want.face, want.scenario, want.axis, want.table_rate_dps)
+        assert (got.face, got.scenario, got.axis, got.table_rate_dps) == (
+            want.face,
+            want.scenario,
+            want.axis,
+            want.table_rate_dps,
+        )
         assert abs(got.gyro_dps - want.gyro_dps).max() < 1e-6
         assert abs(got.t_us - want.t_us).max() <= 1
         assert abs(got.temp_c - want.temp_c).max() < 1e-5

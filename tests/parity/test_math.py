@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from gyrocal.core import Core
 
 FLT_MIN = np.finfo(np.float32).tiny

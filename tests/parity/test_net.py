@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gyrocal.core import CoreNetwork
 from gyrocal.errors import InputError
 from gyrocal.network import Network

@@ -253,6 +253,7 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     gc_device_init(&sim->device, config);
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
     command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
+    command(sim, "hello"); /* the one at boot came before these */
     if (stream) {
         command(sim, "stream raw");
     }
@@ -389,7 +390,7 @@ int main(int argc, char **argv) {
         return 2;
     }
     stdout_flags = fcntl(STDOUT_FILENO, F_GETFL);
-    if (sim.speed > 0.0 && stdout_flags >= 0) {
+    if (sim.speed > 0.0 && sim.speed <= 1.0 && stdout_flags >= 0) { /* faster than real time waits for its reader */
         fcntl(STDOUT_FILENO, F_SETFL, stdout_flags | O_NONBLOCK);
         atexit(restore_stdout);
     }

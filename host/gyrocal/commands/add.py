@@ -9,7 +9,9 @@ import typer
 def run(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect's id, e.g. table_ripple.")],
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
-    model: Annotated[Path, typer.Option(help="The model file that gains the effect; made from `default` if it is not there.")],
+    model: Annotated[
+        Path, typer.Option(help="The model file that gains the effect; made from `default` if it is not there.")
+    ],
     heldout_day: Annotated[int | None, typer.Option(help="Judge on this day alone.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:

@@ -10,7 +10,9 @@ def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
     seconds: Annotated[str | None, typer.Option(help="From the first seconds of each run: 2, or 2,4,6.")] = None,
     method: Annotated[str | None, typer.Option(help="baseline, cnn, model, or several with commas.")] = None,
-    model: Annotated[str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
@@ -29,7 +31,8 @@ def run(
         emit({"estimates": [e.to_json() for e in found]})
         return
     rows = [
-        [e.scenario, e.axis, e.method, f"{e.seconds:g}", f"{e.scale * 100:.4f}", "-" if e.scale_se is None else f"{e.scale_se * 100:.4f}",
+        [e.scenario, e.axis, e.method, f"{e.seconds:g}", f"{e.scale * 100:.4f}",
+         "-" if e.scale_se is None else f"{e.scale_se * 100:.4f}",
          mdps(e.bias_dps), mdps(e.bias_se_dps)]
         for e in found
     ]  # fmt: skip

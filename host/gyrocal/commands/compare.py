@@ -10,7 +10,9 @@ def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
     model: Annotated[str | None, typer.Option(help="paper, default, or a model file.")] = None,
     html: Annotated[Path | None, typer.Option(help="Write a page with pictures.")] = None,
-    residuals: Annotated[Path | None, typer.Option(help="Write file,t_s,axis,measured_dps,modelled_dps as CSV or Parquet.")] = None,
+    residuals: Annotated[
+        Path | None, typer.Option(help="Write file,t_s,axis,measured_dps,modelled_dps as CSV or Parquet.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Hold the model against the measurements: the error left beyond the noise, and where it shows."""

@@ -7,7 +7,9 @@ import typer
 
 
 def run(
-    out: Annotated[Path, typer.Option(help="Where recording, model, headers and picture go; made anew.")] = Path("demo-out"),
+    out: Annotated[Path, typer.Option(help="Where recording, model, headers and picture go; made anew.")] = Path(
+        "demo-out"
+    ),
     seed: Annotated[int, typer.Option(help="Another seed, another sensor.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:

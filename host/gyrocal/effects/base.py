@@ -52,7 +52,7 @@ class Effect(ABC):
     looks_like: ClassVar[str]
     measure_next: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    linear: ClassVar[tuple[str, ...]] = ()
+    linear: tuple[str, ...] = ()
     nonlinear: ClassVar[tuple[str, ...]] = ()
     scope: ClassVar[Literal["session", "scenario", "run"]] = "session"
     common_mean: ClassVar[bool] = False

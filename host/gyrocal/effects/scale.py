@@ -14,8 +14,8 @@ class Scale(Effect):
     id = "scale"
     title = "Scale error"
     cause = (
-        "The sensitivity printed in the datasheet is a nominal value: each part, each axis and each soldering shifts it by up to "
-        "a percent or so. The reading is proportional to the true rate, with a slightly wrong factor."
+        "The sensitivity printed in the datasheet is a nominal value: each part, each axis and each soldering shifts it by "
+        "up to a percent or so. The reading is proportional to the true rate, with a slightly wrong factor."
     )
     equation = "scale·w"
     looks_like = "an error of the table's own rate, which no gyroscope data can tell from it"

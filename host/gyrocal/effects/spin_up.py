@@ -20,7 +20,9 @@ class SpinUp(Effect):
     )
     equation = "-w·A·exp(-t/tau_s)"
     looks_like = "warmup (the sensor, not the table: the same sign face up and face down, and seen at rest)"
-    measure_next = "wait longer before each run, or record the table's encoder as rate_ref_dps; a run at rest shows no spin-up"
+    measure_next = (
+        "wait longer before each run, or record the table's encoder as rate_ref_dps; a run at rest shows no spin-up"
+    )
     parameters = (
         Parameter("A", "fraction", (0.0005, 0.01), "belt-driven tables, seconds after the set rate is shown", 0.002),
         Parameter("tau_s", "s", (0.5, 10.0), "speed controllers' settling times", 2.0),

@@ -22,7 +22,9 @@ class TableRipple(Effect):
     )
     equation = "w·Σ_k amplitude_k·cos(k·th + phase_k)"
     looks_like = "gravity on a tilted table (g_sensitivity), the same once-a-turn wave at one rate"
-    measure_next = "average over whole turns, or record table_angle_deg; two rates part it from gravity on a tilted table"
+    measure_next = (
+        "average over whole turns, or record table_angle_deg; two rates part it from gravity on a tilted table"
+    )
     parameters = tuple(
         parameter
         for k in ORDERS
@@ -72,7 +74,9 @@ class TableRipple(Effect):
         return np.repeat([values[f"amplitude_{k}"] / np.sqrt(2) for k in self.orders(values)], 2)
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {f"amplitude_{k}": float(sd * np.sqrt(2)) for k, sd in zip(self.orders(values), spread[::2], strict=True)}
+        return {
+            f"amplitude_{k}": float(sd * np.sqrt(2)) for k, sd in zip(self.orders(values), spread[::2], strict=True)
+        }
 
     def groups(self, values: Mapping[str, float]) -> list[int]:
         return [i for i in range(len(self.orders(values))) for _ in range(2)]

@@ -20,9 +20,7 @@ class TurnOnBias(Effect):
     equation = "one random offset a scenario, spread sd_dps"
     looks_like = "bias_temperature when the room differs between power cycles"
     measure_next = "more power cycles at one temperature"
-    parameters = (
-        Parameter("sd_dps", "dps", (0.002, 0.05), "MEMS gyroscopes' turn-on repeatability", 0.01),
-    )
+    parameters = (Parameter("sd_dps", "dps", (0.002, 0.05), "MEMS gyroscopes' turn-on repeatability", 0.01),)
     linear = ("sd_dps",)
     scope = "scenario"
 

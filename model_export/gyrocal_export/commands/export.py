@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+
 from gyrocal.errors import GyrocalError
 
 Axis = Literal["x", "y", "z"]
