@@ -1,9 +1,9 @@
 """Generalised least squares of any list of effects, jointly with the noise, by restricted maximum likelihood (REML).
 
 Per axis, on block means: ``y = X·beta + Z_run·u + Z_scenario·v + drift + white``. ``beta`` are the parameters that all runs
-share; ``u`` coefficients of a run's own (a phase, an onset), random with spreads that are estimated; ``v`` the
-offset (and scale) of a power cycle. Whitened normal equations ("Grams") of each run are computed once for a noise level; all the rest, spreads,
-held-out runs, competing models, is algebra on these small matrices.
+share; ``u`` coefficients of a run's own (a phase, an onset), random with spreads that are estimated; ``v`` the offset (and
+scale) of a power cycle. Whitened normal equations ("Grams") of each run are computed once for a noise level; all the rest,
+spreads, held-out runs, competing models, is algebra on these small matrices.
 
 Reference: Harville, J. Am. Stat. Assoc. 72 (1977) 320, for REML in mixed linear models.
 """

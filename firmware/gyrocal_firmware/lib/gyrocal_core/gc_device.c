@@ -16,6 +16,7 @@
 #define ONE_G_TOLERANCE 0.2
 #define STUCK_BITS 4u
 #define STUCK_CHANGES 64u
+#define DUMP_LINES_A_STEP 4u
 
 static const char *const axis_names[] = {"x", "y", "z"};
 static const char *const state_names[] = {"idle", "recording", "flip", "done"};
@@ -117,23 +118,25 @@ static void tell_run(gc_device_t *d, const gc_run_t *run, bool ended) {
     finish(d);
 }
 
-/* first, last: of the run in progress, over its first n samples. */
-static void tell_answer(gc_device_t *d, const char *method, double seconds, uint32_t n, double temperature_c,
+/* Over the first n samples of the run in progress. */
+static void tell_answer(gc_device_t *d, gc_method_t method, double seconds, uint32_t n, double temperature_c,
                         const gc_answer_t *answer) {
     const gc_run_t *run = &d->run[d->slot];
-    gc_sentence_t *s = begin(d, "CAL", now_us(d));
-    gc_sentence_text(s, "method", method);
-    gc_sentence_real(s, "seconds", seconds);
-    gc_sentence_text(s, "axis", axis_names[run->settings.axis]);
-    gc_sentence_real(s, "scale", answer->scale);
-    gc_sentence_real(s, "scale_se", answer->scale_se);
-    gc_sentence_real(s, "bias_dps", answer->bias_dps);
-    gc_sentence_real(s, "bias_se_dps", answer->bias_se_dps);
-    gc_sentence_real(s, "temp_c", temperature_c);
-    gc_sentence_real(s, "misfit", answer->misfit);
-    gc_sentence_uint(s, "first", run->first);
-    gc_sentence_uint(s, "last", run->first + n - 1u);
+    const gc_kept_answer_t kept = {
+        .t_us = now_us(d),
+        .first = run->first,
+        .last = run->first + n - 1u,
+        .seconds = seconds,
+        .temp_c = temperature_c,
+        .answer = *answer,
+        .method = (int32_t)method,
+        .axis = run->settings.axis,
+    };
+    gc_kept_answer_fields(begin(d, "CAL", kept.t_us), &kept);
     finish(d);
+    gc_results_add(&d->results, &kept, d->first_answer);
+    d->first_answer = false;
+    d->results_changed = true;
 }
 
 static void tell_raw(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample) {
@@ -146,6 +149,15 @@ static void tell_raw(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample) {
         gc_sentence_int(s, NULL, sample->acc[i]);
     }
     gc_sentence_int(s, NULL, sample->temp);
+    finish(d);
+}
+
+static void tell_corrected(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample) {
+    gc_sentence_t *s = begin(d, "GYR", t_us);
+    gc_sentence_int(s, NULL, d->recording ? (int64_t)d->run[d->slot].n : -1);
+    for (unsigned i = 0; i < 3u; i++) {
+        gc_sentence_real(s, NULL, gc_results_correct(&d->results, i, d->sensor.lsb_dps * sample->gyro[i]));
+    }
     finish(d);
 }
 
@@ -204,6 +216,46 @@ static void set_up_sensor(gc_device_t *d) {
     }
 }
 
+/* What survives power-off. */
+#define SETTINGS_VERSION 2u
+#define RESULTS_VERSION 1u
+#define WINDOWS_VERSION 1u
+
+/* Written between runs only: a write to flash takes longer than a sample may wait. */
+static void keep_results(gc_device_t *d) {
+    const gc_port_t *port = d->config.port;
+    int error = GC_OK;
+    if (port->store != NULL && d->results_changed) {
+        error = gc_store_save(port, "results", RESULTS_VERSION, &d->results.record, sizeof d->results);
+    }
+    if (port->store != NULL && d->windows_changed && error == GC_OK) {
+        error = gc_store_save(port, "windows", WINDOWS_VERSION, &d->windows.record, sizeof d->windows);
+    }
+    d->results_changed = false;
+    d->windows_changed = false;
+    if (error != GC_OK) {
+        tell_error(d, error);
+    }
+}
+
+static void recall_results(gc_device_t *d) {
+    const gc_port_t *port = d->config.port;
+    (void)gc_store_load(port, "results", RESULTS_VERSION, &d->results.record, sizeof d->results);
+    (void)gc_store_load(port, "windows", WINDOWS_VERSION, &d->windows.record, sizeof d->windows);
+}
+
+static void forget_results(gc_device_t *d) {
+    const gc_record_t results = d->results.record;
+    const gc_record_t windows = d->windows.record;
+    memset(&d->results, 0, sizeof d->results);
+    memset(&d->windows, 0, sizeof d->windows);
+    d->results.record = results;
+    d->windows.record = windows;
+    d->results_changed = true;
+    d->windows_changed = true;
+    keep_results(d);
+}
+
 static void forget_runs(gc_device_t *d) {
     for (size_t i = 0; i < GC_SLOTS; i++) {
         d->run[i].complete = false;
@@ -253,8 +305,8 @@ static int run_next_window(gc_device_t *d) {
     const gc_run_t *down = &d->run[GC_SLOT_NEGATIVE];
     const uint32_t window = d->config.net->window;
     const uint32_t from = d->cnn_windows * window;
-    residuals(up, d->cnn_counts[GC_SLOT_POSITIVE] + from, window, d->cnn_up);
-    residuals(down, d->cnn_counts[GC_SLOT_NEGATIVE] + from, window, d->cnn_down);
+    residuals(up, d->windows.run[GC_SLOT_POSITIVE].counts + from, window, d->cnn_up);
+    residuals(down, d->windows.run[GC_SLOT_NEGATIVE].counts + from, window, d->cnn_down);
     float out[2];
     const int error = gc_cnn_run(d->config.net, d->cnn_up, d->cnn_down, (float)up->w_dps, (float)down->w_dps,
                                  d->cnn_scratch, out);
@@ -301,7 +353,7 @@ static void answer_by_cnn(gc_device_t *d) {
                 answer.bias_dps = d->cnn_sum[1] / whole;
                 answer.scale_se = NAN;
                 answer.bias_se_dps = NAN;
-                tell_answer(d, "cnn", checkpoint_s(k), windows * window, pair_temp_c(d, k), &answer);
+                tell_answer(d, GC_METHOD_CNN, checkpoint_s(k), windows * window, pair_temp_c(d, k), &answer);
                 d->cnn_next++;
             }
         }
@@ -332,7 +384,7 @@ static void answer_by_model(gc_device_t *d, unsigned k) {
         error = gc_estimator_solve(d->config.calibration, &d->first_run[k], &marginal, &answer);
     }
     if (error == GC_OK) {
-        tell_answer(d, "model", checkpoint_s(k), run->n_at[k], pair_temp_c(d, k), &answer);
+        tell_answer(d, GC_METHOD_MODEL, checkpoint_s(k), run->n_at[k], pair_temp_c(d, k), &answer);
         d->misfit = answer.misfit;
     } else {
         tell_error(d, error);
@@ -348,7 +400,7 @@ static void answer_by_baseline(gc_device_t *d, unsigned k) {
     gc_answer_t answer;
     const int error = solve_baseline(d, k, &answer);
     if (error == GC_OK) {
-        tell_answer(d, "baseline", checkpoint_s(k), run->n_at[k], pair_temp_c(d, k), &answer);
+        tell_answer(d, GC_METHOD_BASELINE, checkpoint_s(k), run->n_at[k], pair_temp_c(d, k), &answer);
         if (!d->model || d->model_error != GC_OK) { /* the richer method judges */
             d->misfit = answer.misfit;
         }
@@ -388,6 +440,7 @@ static void answer(gc_device_t *d, unsigned before) {
 static void start_run(gc_device_t *d, int face, bool automatic) {
     const gc_settings_t *settings = &d->settings;
     const double w_dps = settings->turn_deg != 0.0 ? NAN : settings->table_dps * face;
+    d->dump_lines = 0; /* its windows are about to be overwritten */
     d->slot = w_dps > 0.0 ? GC_SLOT_POSITIVE : w_dps < 0.0 ? GC_SLOT_NEGATIVE : GC_SLOT_OTHER;
     d->paired = false;
     if (d->slot != GC_SLOT_OTHER) {
@@ -396,6 +449,10 @@ static void start_run(gc_device_t *d, int face, bool automatic) {
                     partner->settings.axis == settings->axis && partner->settings.rate_hz == settings->rate_hz &&
                     partner->lsb_dps == d->sensor.lsb_dps;
         partner->complete = d->paired;
+        d->windows.run[d->slot] = (gc_window_t){
+            .rate_hz = settings->rate_hz, .lsb_dps = d->sensor.lsb_dps, .w_dps = w_dps, .face = face, .axis = settings->axis};
+        d->windows_changed = true;
+        d->first_answer = true;
         d->misfit = NAN;
         d->model_error = GC_OK;
         d->cnn_off = false;
@@ -482,8 +539,9 @@ static void add_to_run(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample)
     run->last_us = t_us;
     gc_baseline_add(&run->baseline, t_us, count);
     if (d->slot != GC_SLOT_OTHER) {
-        if (run->n < GC_MAX_CNN_SAMPLES) {
-            d->cnn_counts[d->slot][run->n] = count;
+        gc_window_t *window = &d->windows.run[d->slot];
+        if (window->n < GC_MAX_CNN_SAMPLES) {
+            window->counts[window->n++] = count;
         }
         if (d->model && run->baseline.checkpoints < GC_CHECKPOINTS) {
             add_to_estimator(d, run, t_us, sample);
@@ -530,7 +588,7 @@ static void end_rest(gc_device_t *d, const gc_run_t *run) {
         tell_error(d, GC_E_NOT_ONE_G);
     }
     d->misfit = rest.misfit;
-    tell_answer(d, "rest", 1e-6 * (double)(run->last_us - run->first_us), run->n, temp_c(run->temp_sum, run->n), &rest);
+    tell_answer(d, GC_METHOD_REST, 1e-6 * (double)(run->last_us - run->first_us), run->n, temp_c(run->temp_sum, run->n), &rest);
 }
 
 static void end_turn(gc_device_t *d, const gc_run_t *run) {
@@ -553,7 +611,7 @@ static void end_turn(gc_device_t *d, const gc_run_t *run) {
     turn.bias_dps = rest->bias_dps;
     turn.bias_se_dps = sqrt(rest->bias_variance);
     turn.misfit = NAN;
-    tell_answer(d, "turn", seconds, run->n, temp_c(run->temp_sum, run->n), &turn);
+    tell_answer(d, GC_METHOD_TURN, seconds, run->n, temp_c(run->temp_sum, run->n), &turn);
 }
 
 static void stop_run(gc_device_t *d) {
@@ -577,6 +635,7 @@ static void stop_run(gc_device_t *d) {
     }
     d->recording = false;
     tell_run(d, run, true);
+    keep_results(d);
 }
 
 /* Begins a run when face, direction and rate have been right for a while, and ends it when they no longer are. */
@@ -657,10 +716,18 @@ static int do_stop(gc_device_t *d, const gc_words_t *words) {
     return GC_OK;
 }
 
+static bool has_correction(const gc_device_t *d) {
+    const gc_correction_t *correction = d->results.correction;
+    return correction[0].known || correction[1].known || correction[2].known;
+}
+
 static int do_stream(gc_device_t *d, const gc_words_t *words) {
-    static const char *const names[] = {"off", "raw", "teleplot"};
-    for (unsigned i = 0; i < 3u; i++) {
+    static const char *const names[] = {"off", "raw", "teleplot", "corrected"};
+    for (unsigned i = 0; i < sizeof names / sizeof names[0]; i++) {
         if (is(words, 1, names[i])) {
+            if (i == GC_STREAM_CORRECTED && !has_correction(d)) {
+                return GC_E_NOT_CALIBRATED;
+            }
             d->stream = (gc_stream_t)i;
             tell_ack(d, "stream");
             return GC_OK;
@@ -678,31 +745,47 @@ static int do_reset(gc_device_t *d, const gc_words_t *words) {
     for (size_t i = 0; i < 3u; i++) {
         d->rest[i].known = false;
     }
+    if (d->stream == GC_STREAM_CORRECTED) {
+        d->stream = GC_STREAM_OFF;
+    }
     tell_ack(d, "reset");
+    forget_results(d);
     return GC_OK;
 }
 
-/* Settings as the board keeps them. */
-#define STORE_KEY "settings"
-#define STORE_VERSION 1u
-
-typedef struct {
-    gc_settings_t settings;
-    uint32_t version;
-    uint32_t crc; /* of all before it */
-} gc_stored_t;
-
-static bool keep_settings(const gc_device_t *d) {
-    const gc_port_t *port = d->config.port;
-    if (port->store == NULL) {
-        return true;
+static int do_dump(gc_device_t *d, const gc_words_t *words) {
+    (void)words;
+    if (d->recording) {
+        return GC_E_RECORDING;
     }
-    gc_stored_t stored;
-    memset(&stored, 0, sizeof stored);
-    stored.settings = d->settings;
-    stored.version = STORE_VERSION;
-    stored.crc = gc_wire_crc((const char *)&stored, offsetof(gc_stored_t, crc));
-    return port->store(port->context, STORE_KEY, &stored, sizeof stored) >= 0;
+    d->dump_line = 0;
+    d->dump_lines = gc_kept_lines(&d->results, &d->windows);
+    gc_sentence_t *s = begin(d, "ACK", now_us(d));
+    gc_sentence_text(s, "cmd", "dump");
+    gc_sentence_uint(s, "lines", d->dump_lines);
+    finish(d);
+    return GC_OK;
+}
+
+/* A few lines at a time, each when there is room for it. */
+static void go_on_with_dump(gc_device_t *d) {
+    for (unsigned i = 0; i < DUMP_LINES_A_STEP && d->dump_line < d->dump_lines; i++) {
+        gc_sentence_t *s = begin(d, gc_kept_line_tag(&d->results, d->dump_line), now_us(d));
+        gc_kept_line_fields(s, &d->results, &d->windows, d->dump_line);
+        const int n = gc_sentence_end(s);
+        if (n > 0 && d->config.port->send(d->config.port->context, s->text, (size_t)n) != n) {
+            d->seq--;
+            return;
+        }
+        d->dump_line++;
+    }
+}
+
+static bool keep_settings(gc_device_t *d) {
+    const gc_port_t *port = d->config.port;
+    d->kept_settings.settings = d->settings;
+    return port->store == NULL ||
+           gc_store_save(port, "settings", SETTINGS_VERSION, &d->kept_settings.record, sizeof d->kept_settings) == GC_OK;
 }
 
 static bool settings_ok(const gc_settings_t *s) {
@@ -712,12 +795,10 @@ static bool settings_ok(const gc_settings_t *s) {
 }
 
 static void recall_settings(gc_device_t *d) {
-    const gc_port_t *port = d->config.port;
-    gc_stored_t stored;
-    if (port->load != NULL && port->load(port->context, STORE_KEY, &stored, sizeof stored) == (int)sizeof stored &&
-        stored.version == STORE_VERSION && stored.crc == gc_wire_crc((const char *)&stored, offsetof(gc_stored_t, crc)) &&
-        settings_ok(&stored.settings)) {
-        d->settings = stored.settings;
+    gc_kept_settings_t *kept = &d->kept_settings;
+    if (gc_store_load(d->config.port, "settings", SETTINGS_VERSION, &kept->record, sizeof *kept) == GC_OK &&
+        settings_ok(&kept->settings)) {
+        d->settings = kept->settings;
     }
 }
 
@@ -812,7 +893,7 @@ static const struct {
     int (*act)(gc_device_t *d, const gc_words_t *words);
 } commands[] = {
     {"hello", do_hello}, {"status", do_status}, {"start", do_start}, {"auto", do_auto}, {"stop", do_stop},
-    {"stream", do_stream}, {"set", do_set}, {"get", do_get}, {"reset", do_reset},
+    {"stream", do_stream}, {"set", do_set}, {"get", do_get}, {"reset", do_reset}, {"dump", do_dump},
 };
 
 static void obey(gc_device_t *d, const char *line, size_t n) {
@@ -884,6 +965,7 @@ void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
         d->model = error == GC_OK && gc_estimator_has_model(calibration);
     }
     recall_settings(d);
+    recall_results(d);
     set_up_sensor(d);
     tell_hello(d);
     if (error != GC_OK) {
@@ -916,6 +998,7 @@ static uint64_t wait_for_sample(gc_device_t *d) {
 
 void gc_device_step(gc_device_t *d) {
     const gc_port_t *port = d->config.port;
+    go_on_with_dump(d);
     if (!d->sensor_ready) {
         port->wait_until_us(port->context, now_us(d) + IDLE_SLICE_US);
         if (now_us(d) >= d->retry_us) {
@@ -947,6 +1030,8 @@ void gc_device_step(gc_device_t *d) {
     }
     if (d->stream == GC_STREAM_RAW) {
         tell_raw(d, t_us, &sample);
+    } else if (d->stream == GC_STREAM_CORRECTED) {
+        tell_corrected(d, t_us, &sample);
     } else if (d->stream == GC_STREAM_TELEPLOT) {
         tell_teleplot(d, &sample);
     }

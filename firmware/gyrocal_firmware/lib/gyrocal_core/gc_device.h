@@ -15,6 +15,7 @@
 #include "gc_calibration.h"
 #include "gc_cnn.h"
 #include "gc_estimator.h"
+#include "gc_kept.h"
 #include "gc_lsm6dso.h"
 #include "gc_port.h"
 #include "gc_wire.h"
@@ -30,12 +31,6 @@ extern "C" {
 #define GC_FIRMWARE_VERSION "0.1.0"
 #define GC_COMMAND_MAX 80
 
-#ifndef GC_MAX_CNN_WINDOW
-#define GC_MAX_CNN_WINDOW 290 /* samples of one window */
-#endif
-#ifndef GC_MAX_CNN_SAMPLES
-#define GC_MAX_CNN_SAMPLES (3 * GC_MAX_CNN_WINDOW) /* kept of each run */
-#endif
 #ifndef GC_MAX_CNN_SCRATCH
 #define GC_MAX_CNN_SCRATCH 1024 /* floats */
 #endif
@@ -60,7 +55,12 @@ typedef struct {
 } gc_settings_t;
 
 typedef enum { GC_STATE_IDLE, GC_STATE_RECORDING, GC_STATE_FLIP, GC_STATE_DONE } gc_state_t;
-typedef enum { GC_STREAM_OFF, GC_STREAM_RAW, GC_STREAM_TELEPLOT } gc_stream_t;
+typedef enum { GC_STREAM_OFF, GC_STREAM_RAW, GC_STREAM_TELEPLOT, GC_STREAM_CORRECTED } gc_stream_t;
+
+typedef struct {
+    gc_record_t record;
+    gc_settings_t settings;
+} gc_kept_settings_t;
 
 typedef struct {
     bool complete; /* ended, long enough and in the right direction: half of a pair */
@@ -103,6 +103,12 @@ enum { GC_SLOT_POSITIVE, GC_SLOT_NEGATIVE, GC_SLOT_OTHER, GC_SLOTS }; /* by the 
 typedef struct {
     gc_device_config_t config;
     gc_settings_t settings;
+    gc_kept_settings_t kept_settings;
+    gc_results_t results;
+    gc_windows_t windows;
+    bool results_changed, windows_changed;
+    bool first_answer; /* of this pair */
+    uint32_t dump_line, dump_lines;
 
     gc_lsm6dso_t sensor;
     bool sensor_ready;
@@ -137,7 +143,6 @@ typedef struct {
     bool cnn_off; /* an error was told for this pair */
     unsigned cnn_next, cnn_windows;
     double cnn_sum[2];
-    int16_t cnn_counts[2][GC_MAX_CNN_SAMPLES];
     float cnn_up[GC_MAX_CNN_WINDOW], cnn_down[GC_MAX_CNN_WINDOW], cnn_scratch[GC_MAX_CNN_SCRATCH];
 
     gc_sentence_t sentence;

@@ -24,10 +24,11 @@ extern "C" {
     X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
     X(GC_E_RECORDING, -23, "recording", "a run is going on: send stop first")                                            \
     X(GC_E_NO_RUN, -24, "no_run", "no run is going on: send start first")                                                \
-    X(GC_E_STORE, -25, "store_failed", "the setting holds until power-off: the board could not keep it")                 \
+    X(GC_E_STORE, -25, "store_failed", "it holds until power-off: the board could not keep it")                 \
     X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps, face and axis")       \
     X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                              \
     X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                 \
+    X(GC_E_NOT_CALIBRATED, -33, "not_calibrated", "no axis has a scale and bias yet: record a run up and a run down")      \
     X(GC_E_UNIDENTIFIED, -40, "unidentified", "the runs do not tell the terms apart: give priors or fewer effects")      \
     X(GC_E_PRIOR_COUPLED, -41, "prior_coupled", "the prior ties a run's own effects to shared terms: export again")      \
     X(GC_E_TOO_MANY_COLUMNS, -42, "too_many_columns", "the calibration has over 8 effect columns: export fewer")         \
