@@ -27,8 +27,11 @@ static double noise;
 static int drop;
 static bool short_reads;
 static char store_mode = 'o';
-static char stored[256];
-static size_t stored_n;
+static struct {
+    char key[16];
+    char data[4096];
+    size_t n;
+} kept[6];
 static uint32_t lcg = 1;
 
 static double gaussian(void) {
@@ -84,21 +87,26 @@ static int send(void *context, const char *data, size_t n) {
 
 static int store(void *context, const char *key, const void *data, size_t n) {
     (void)context;
-    if (store_mode == 'f' || strcmp(key, "settings") != 0 || n > sizeof stored) {
-        return -1;
+    for (size_t i = 0; i < sizeof kept / sizeof kept[0]; i++) {
+        if (store_mode != 'f' && n <= sizeof kept[i].data && (kept[i].n == 0 || strcmp(kept[i].key, key) == 0)) {
+            strcpy(kept[i].key, key);
+            memcpy(kept[i].data, data, n);
+            kept[i].n = n;
+            return 0;
+        }
     }
-    memcpy(stored, data, n);
-    stored_n = n;
-    return 0;
+    return -1;
 }
 
 static int load(void *context, const char *key, void *data, size_t n) {
     (void)context;
-    if (strcmp(key, "settings") != 0 || stored_n == 0 || stored_n > n) {
-        return -1;
+    for (size_t i = 0; i < sizeof kept / sizeof kept[0]; i++) {
+        if (kept[i].n > 0 && kept[i].n <= n && strcmp(kept[i].key, key) == 0) {
+            memcpy(data, kept[i].data, kept[i].n);
+            return (int)kept[i].n;
+        }
     }
-    memcpy(data, stored, stored_n);
-    return (int)stored_n;
+    return -1;
 }
 
 static void led(void *context, gc_led_t state) {
