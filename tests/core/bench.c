@@ -9,6 +9,7 @@
  *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset; brownout happens once
  *     drop N                     the next N sentences find no room
  *     store on|off|fails
+ *     line on                    INT1 is wired
  */
 #include "calibration.h"
 #include "emul_lsm6dso.h"
@@ -115,7 +116,14 @@ static void led(void *context, gc_led_t state) {
     printf("# led %s\n", names[state]);
 }
 
-static const gc_port_t port = {
+/* INT1 is high while the chip has data and was told to say so. */
+static void wait_ready_us(void *context, uint64_t deadline_us) {
+    while (now < deadline_us && !(chip.reg[0x0D] & 2 && chip.reg[0x1E] & 2)) {
+        wait_until_us(context, now + 1);
+    }
+}
+
+static gc_port_t port = {
     .bus_write = bus_write,
     .bus_read = bus_read,
     .now_us = now_us,
@@ -184,6 +192,10 @@ static bool obey(char *line) {
     }
     if (sscanf(line, "store %7s", word) == 1) {
         store_mode = word[0];
+        return true;
+    }
+    if (strncmp(line, "line on", 7) == 0) {
+        port.wait_ready_us = wait_ready_us;
         return true;
     }
     if (sscanf(line, "fault %31s %7s", word, flag) == 2) {

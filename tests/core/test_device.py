@@ -172,6 +172,19 @@ def test_samples_come_at_the_rate_that_was_set(bench: Path, rate_hz: str) -> Non
     assert not errors(text)
 
 
+def test_an_interrupt_line_gives_each_sample_at_its_time(bench: Path) -> None:
+    script = f"{UP}power\n> set rate_hz 104\n> stream raw\nrun 5\n> status\n"
+    polled, wired = run(bench, script), run(bench, "line on\n" + script)
+    late_us = []
+    for text in (polled, wired):
+        t = np.array([s.t_us for s in sentences(text, "RAW")])
+        assert len(t) == pytest.approx(5 * 104, abs=3)
+        assert sentences(text, "STA")[0]["stale"] == "0"
+        late_us.append(np.abs(np.diff(t) - 1e6 / 104).max())
+    assert late_us[1] <= 2 < late_us[0]  # the poll looks every 0.1 ms
+    assert "stale" in errors(run(bench, "line on\n" + script + "fault stale on\nrun 1\n"))
+
+
 def test_a_run_starts_by_itself_when_all_is_steady(bench: Path) -> None:
     near = "world 0 0 0 8650 0 0 16393\n"  # 3.0 % below 78 dps is 8646.9 counts
     far = "world 0 0 0 8640 0 0 16393\n"

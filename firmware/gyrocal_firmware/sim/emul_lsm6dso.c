@@ -4,6 +4,7 @@
 #include <string.h>
 
 enum {
+    INT1_CTRL = 0x0D,
     WHO_AM_I = 0x0F,
     CTRL1_XL = 0x10,
     CTRL2_G = 0x11,
@@ -107,7 +108,7 @@ void emul_lsm6dso_feed(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t worl
 
 static void write_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, uint8_t value) {
     const bool gyro_was_off = chip->reg[CTRL2_G] >> 4 == 0;
-    if (reg < CTRL1_XL || (reg > CTRL10_C && reg <= OUT_LAST)) {
+    if ((reg < CTRL1_XL && reg != INT1_CTRL) || (reg > CTRL10_C && reg <= OUT_LAST)) {
         return; /* read-only or reserved */
     }
     if (reg == CTRL3_C && (value & 1)) {

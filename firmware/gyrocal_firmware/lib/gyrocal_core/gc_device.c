@@ -985,7 +985,11 @@ static uint64_t wait_for_sample(gc_device_t *d) {
         return now_us(d);
     }
     const uint64_t start = now_us(d);
-    wait(port->context, start + (uint64_t)(0.5 * period_us));
+    if (port->wait_ready_us != NULL) {
+        port->wait_ready_us(port->context, start + (uint64_t)(1.5 * period_us));
+    } else {
+        wait(port->context, start + (uint64_t)(0.5 * period_us));
+    }
     for (;;) {
         const uint64_t now = now_us(d);
         const int ready = gc_lsm6dso_ready(&d->sensor);

@@ -138,6 +138,9 @@ int gc_lsm6dso_init(gc_lsm6dso_t *imu, const gc_port_t *port, uint8_t address, d
     if (error == GC_OK) { /* an I3C master is not there; its bus would take noise for its own start condition */
         error = write_reg(imu, GC_LSM6DSO_CTRL9_XL, (uint8_t)(ctrl9 | GC_LSM6DSO_CTRL9_I3C_DISABLE));
     }
+    if (error == GC_OK) {
+        error = write_reg(imu, GC_LSM6DSO_INT1_CTRL, GC_LSM6DSO_INT1_DRDY_G);
+    }
     const uint8_t order[] = {2, 0, 1}; /* BDU first: no word may tear once data flow */
     for (size_t i = 0; i < sizeof order && error == GC_OK; i++) {
         error = write_reg(imu, (uint8_t)(GC_LSM6DSO_CTRL1_XL + order[i]), imu->ctrl[order[i]]);

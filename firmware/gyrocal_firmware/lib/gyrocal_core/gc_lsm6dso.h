@@ -14,6 +14,7 @@ extern "C" {
 
 #define GC_LSM6DSO_ADDRESS 0x6B /* 0x6A with SDO/SA0 low */
 
+#define GC_LSM6DSO_INT1_CTRL 0x0D
 #define GC_LSM6DSO_CTRL1_XL 0x10
 #define GC_LSM6DSO_CTRL2_G 0x11
 #define GC_LSM6DSO_CTRL3_C 0x12
@@ -23,6 +24,7 @@ extern "C" {
 #define GC_LSM6DSO_OUT_TEMP_L 0x20
 
 #define GC_LSM6DSO_ID 0x6C /* of the LSM6DSOX and LSM6DSO32 too */
+#define GC_LSM6DSO_INT1_DRDY_G 0x02u /* the pin says when the gyroscope has new data */
 #define GC_LSM6DSO_CTRL3_BDU 0x40u
 #define GC_LSM6DSO_CTRL3_IF_INC 0x04u
 #define GC_LSM6DSO_CTRL3_SW_RESET 0x01u

@@ -21,9 +21,10 @@ typedef struct {
     /* Microseconds since power-on; never goes back. */
     uint64_t (*now_us)(void *context);
     void (*wait_until_us)(void *context, uint64_t t_us);
-    /* Optional: returns when the next sample should be read, at due_us or when an interrupt line says so.
-       NULL: wait_until_us. */
+    /* Optional: returns when the next sample should be read, at due_us unless the port knows better. NULL: wait_until_us. */
     void (*wait_sample_us)(void *context, uint64_t due_us);
+    /* Optional, where the sensor's INT1 is wired: returns when it is high, at deadline_us at the latest. */
+    void (*wait_ready_us)(void *context, uint64_t deadline_us);
 
     /* Takes all n bytes and returns n, or takes none and returns anything else: it must not block sampling. */
     int (*send)(void *context, const char *data, size_t n);
