@@ -12,10 +12,10 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 # From the bottom up; a file may import what stands in its own row or a row above it. Folders stand for their files.
 LAYERS = [
     {"errors", "threads", "__init__"},
-    {"session", "output", "wire", "core", "network"},
+    {"session", "output", "wire", "core", "network", "spectrum"},
     {"port"},
     {"effects"},
-    {"model", "blocks", "noise", "spectrum"},
+    {"model", "blocks", "noise"},
     {"allan", "fit"},
     {"heldout", "probes", "simulate", "estimator", "importer"},
     {"device", "record", "monitor", "verify"},

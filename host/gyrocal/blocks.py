@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.earth_rate import known_dps as earth_dps
 from gyrocal.session import Array, Run, Session
 
 BLOCK_S = 0.1
@@ -39,6 +40,8 @@ class Blocks:
 
     def mean(self, columns: Array) -> Array:
         """Block means of per-sample columns [n_samples, k], shape [m, k]."""
+        if not self.start.size:
+            return np.zeros((0, columns.shape[1]))
         stop = int(self.start[-1] + self.n[-1])
         sums = np.add.reduceat(columns[:stop], self._edges, axis=0)[self._picked]
         return sums / self.n[:, None]
@@ -62,11 +65,15 @@ class Blocks:
         )  # fmt: skip
 
 
+def known_dps(run: Run, axis: int) -> Array:
+    """What is known of an axis's true rate, shape [n]: the table's, and the Earth's where the latitude is given."""
+    known = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
+    return known if run.latitude_deg is None else known + earth_dps(run, axis, run.latitude_deg)
+
+
 def residual_dps(run: Run) -> Array:
     """Measured minus true rate, shape [n, 3]."""
-    y = run.gyro_dps.copy()
-    y[:, run.axis_index] -= run.rate_dps
-    return y
+    return run.gyro_dps - np.column_stack([known_dps(run, axis) for axis in range(3)])
 
 
 def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:

@@ -196,14 +196,17 @@ def find_misfit(
             )
             note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
             found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
-        reading = reading_fault(session, axis, share)
+        reading = reading_fault(session, axis, share, fitted.model.value("quantization", axis, "lsb_dps"))
         if reading is not None:
             found.append(reading)
     return sorted(found, key=lambda f: -f.strength)
 
 
-def reading_fault(session: Session, axis: str, alarm: float) -> Finding | None:
-    """Bits of the raw code that noise should toggle and that do not: a byte put together wrongly, a stuck bit."""
+def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: float = 0.0) -> Finding | None:
+    """Bits of the raw code that noise should toggle and that do not: a byte put together wrongly, a stuck bit.
+
+    ``known_step_dps``: the model's own step (quantization), below which nothing is looked for.
+    """
     from scipy.stats import norm
 
     if session.lsb_dps is None:
@@ -213,6 +216,8 @@ def reading_fault(session: Session, axis: str, alarm: float) -> Finding | None:
     noise = float(np.sqrt(np.mean(np.concatenate([np.diff(g) for g in readings]) ** 2) / 2)) / session.lsb_dps
     worst: Finding | None = None
     for bit in range(16):
+        if 2**bit * session.lsb_dps < 0.75 * known_step_dps:
+            continue
         if 2 ** (bit + 1) > 2 * noise:  # a bit that noise does not reach may well stand still
             break
         ones = float(np.mean((codes >> bit) & 1))

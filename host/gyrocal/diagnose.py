@@ -19,7 +19,19 @@ from gyrocal import heldout
 from gyrocal.compare import Comparison, compare
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
-from gyrocal.fit import AxisFit, choose_variant, finish, null_loglik, profile_loglik, refine
+from gyrocal.fit import (
+    AxisFit,
+    Design,
+    by_sample,
+    carry_spreads,
+    choose_variant,
+    finish,
+    fit_noise,
+    null_loglik,
+    profile_loglik,
+    refine,
+    with_noise,
+)
 from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import one_thread
@@ -29,7 +41,8 @@ FAMILY_ALARM = 0.01
 """Chance that any candidate of a session without effects is named (the contract allows 0.02 for all tests together)."""
 SMALLEST_PART = 0.01
 """A candidate with less than this left of its norm beside the model cannot be measured with the session."""
-SAME_SHAPE = 0.9
+SIMILAR_SHAPE = 0.7
+SAME_SHAPE = 0.97
 LEAST_EXPLAINED = 0.10
 RANGE_FACTOR = 10.0
 
@@ -55,6 +68,9 @@ class Candidate:
     next_measurement: str = ""
     parameters: int = 0
     signal: Array | None = field(default=None, repr=False)
+    unit_gains: Array | None = field(default=None, repr=False)
+    enough: bool = False
+    """Explains at least a tenth of the excess error, as far as that is known."""
 
     def to_json(self) -> dict[str, Any]:
         units = {p.name: p.unit for p in self.effect.parameters}
@@ -107,7 +123,7 @@ def diagnose(
     ]
     judged = _decide(_q_values(judged), comparison)
     order = {"add": 0, "suggest": 1, "reject": 2, "not_measurable": 3}
-    judged = _groups(judged, session)
+    judged = _groups(judged)
     judged.sort(key=lambda c: (order[c.decision], -(c.gain if c.gain is not None else -np.inf)))
     verdict = "adequate"
     best = next((c for c in judged if c.decision == "add"), None)
@@ -144,6 +160,13 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     """Fit one candidate beside the model, noise and all; measure what it gains in and out of sample."""
     from scipy.stats import chi2
 
+    if kind.reading_fault:
+        return _judge_reading(comparison, current, axis, kind)
+    if kind.fast:
+        peak = comparison.spectra[axis].peak()
+        if peak is None or peak[2] > FDR:
+            return Candidate(kind, axis, "reject")
+        current = fit_noise(Design(by_sample(comparison.fit.blocks), AXES.index(axis), current.design.terms), start=current)
     tried = choose_variant(current, Term(kind.id, axis))
     if not _measurable(current, tried):
         return Candidate(kind, axis, "not_measurable", next_measurement=kind.measure_next)
@@ -152,18 +175,52 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     count = len(fitted.design.layout.fixed) - len(current.design.layout.fixed)
     spreads = fitted.design.layout.n_groups - current.design.layout.n_groups
     nonlinear = len(kind.nonlinear)
-    looks = len(kind.variants([b.run for b in current.design.blocks], current.design.axis))
+    looks = kind.looks([b.run for b in current.design.blocks], current.design.axis)
     gain_ml = max(0.0, 2 * (profile_loglik(fitted) - null_loglik(current, fitted)))
     chance = min(1.0, looks * float(chi2.sf(gain_ml, max(1, count + spreads + nonlinear))))
     folds = heldout.folds(comparison.fit)
     gains = held_out_gain(current, fitted, folds)
+    explained, enough = _explained(comparison, axis, current, fitted, folds)
     total = float(np.sum(gains)) if gains.size else None
     se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
     return Candidate(
         kind, axis, "reject", term.values, term.se, gain=total, gain_se=se, chance=chance,
         parameters=count + spreads + nonlinear, next_measurement=kind.measure_next,
-        signal=_signal(fitted), explained=_explained(comparison, axis, current, fitted, folds),
+        signal=_signal(fitted, comparison), unit_gains=gains, explained=explained, enough=enough,
     )  # fmt: skip
+
+
+def _judge_reading(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) -> Candidate:
+    """A fault of the reading: found in the readings' own values, judged by how much better held-out readings are met."""
+    runs = [b.run for b in current.design.blocks]
+    found = kind.detect(runs, current.design.axis)
+    if found is None:
+        return Candidate(kind, axis, "reject")
+    values, se, chance = found
+    term = Term(kind.id, axis, values, se)
+    design = Design(comparison.fit.blocks, current.design.axis, [*current.design.terms, term])
+    fitted = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+    folds = heldout.folds(comparison.fit)
+    white = comparison.white_power[axis]
+    before, after = (_run_powers(comparison, axis, f, folds) for f in (current, fitted))
+    gains = np.array([(before[file] - after[file]) / (2 * white) for file in before])
+    total = float(np.sum(gains)) if gains.size else None
+    spread = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
+    return Candidate(
+        kind, axis, "reject", values, se, gain=total, gain_se=spread, chance=chance, parameters=1,
+        next_measurement=kind.measure_next, unit_gains=gains,
+        explained=_explained(comparison, axis, current, fitted, folds)[0],
+        enough=True,  # seen in the codes themselves; it need not leave an error over the floor
+    )  # fmt: skip
+
+
+def _run_powers(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> dict[str, float]:
+    """Sum of squares of each run's held-out residuals, dps^2; in sample where nothing can be held out."""
+    alone = replace(comparison.fit, axes={axis: fitted})
+    powers: dict[str, float] = {}
+    for p in heldout.predictions(alone, folds) if folds else heldout.fitted(alone):
+        powers[p.run.file] = powers.get(p.run.file, 0.0) + float(np.sum(p.residual_dps**2))
+    return powers
 
 
 def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) -> Array:
@@ -199,11 +256,13 @@ def _measurable(current: AxisFit, tried: AxisFit) -> bool:
     return False
 
 
-def _signal(fitted: AxisFit) -> Array:
+def _signal(fitted: AxisFit, comparison: Comparison) -> Array | None:
     """The candidate's fitted part at every block, shared model columns projected out, shape [blocks].
 
     Each block is weighted by its white noise.
     """
+    if len(fitted.design.blocks[0].t_s) != len(comparison.fit.blocks[0].t_s):  # by sample: like no slow effect
+        return None
     mine = len(fitted.design.terms) - 1
     layout = fitted.design.layout
     p = len(layout.fixed)
@@ -228,15 +287,29 @@ def _signal(fitted: AxisFit) -> Array:
 
 def _explained(
     comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]
-) -> float | None:
-    """1 - (excess after / excess before)^2 on this axis, held out, the floor the richer model's in both."""
+) -> tuple[float | None, bool]:
+    """1 - (excess after / excess before)^2 on this axis, held out, the floor the richer model's in both; and is it a tenth?
+
+    A few power cycles say little of the spread of their offsets, so the floor has an error of its own: the second answer asks
+    for a tenth of the excess that is left when two standard errors of the floor are granted.
+    """
     if not folds:
-        return None
+        return None, False
     before, after = (_mean_square(comparison, axis, f, folds) for f in (current, fitted))
     floor = comparison.white_power[axis] + fitted.slow_power
+    enough = before - after >= LEAST_EXPLAINED * max(before - floor - 2 * _floor_error(fitted), 0.0) and before > after
     if before <= floor:
-        return None
-    return float(1 - max(0.0, after - floor) / (before - floor))
+        return None, enough
+    return float(1 - max(0.0, after - floor) / (before - floor)), enough
+
+
+def _floor_error(fitted: AxisFit) -> float:
+    """Standard error of the floor's square, dps^2: so many power cycles, so much time for drift to turn over."""
+    cycles = len(np.unique(fitted.design.scenarios))
+    seconds = sum(b.run.duration_s for b in fitted.design.blocks)
+    turns = len(fitted.design.blocks) + seconds / (2 * fitted.noise.ou_tau_s)
+    of_cycles = fitted.slow_power - fitted.noise.ou_sd_dps**2
+    return float(np.hypot(of_cycles * np.sqrt(2 / cycles), fitted.noise.ou_sd_dps**2 * np.sqrt(2 / turns)))
 
 
 def _mean_square(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> float:
@@ -266,9 +339,9 @@ def _decide(candidates: list[Candidate], comparison: Comparison) -> list[Candida
     for c in candidates:
         if c.decision != "not_measurable" and c.q_value is not None and c.q_value < FDR:
             held = c.gain is not None and c.gain_se is not None and c.gain > 2 * c.gain_se
-            named = (
-                held and c.chance * tested < FAMILY_ALARM and in_range(c) and (c.explained or 0.0) >= LEAST_EXPLAINED
-            )
+            if c.effect.reading_fault:
+                held = held or (c.gain is not None and c.gain >= -1.0)
+            named = held and c.chance * tested < FAMILY_ALARM and in_range(c) and c.enough
             c = replace(c, decision="add" if named else "suggest")
         out.append(c)
     return out
@@ -287,25 +360,50 @@ def in_range(candidate: Candidate) -> bool:
     return True
 
 
-def _groups(candidates: list[Candidate], session: Session) -> list[Candidate]:
-    """Who cannot be told from whom: the same shape here, and held-out gains within two standard errors."""
-    passing = [c for c in candidates if c.decision == "add"]
+def _groups(candidates: list[Candidate]) -> list[Candidate]:
+    """Who cannot be told from whom: shapes that overlap, and held-out gains that do not differ by two standard errors.
+
+    Of two with the very same shape the one with more parameters yields; a candidate that only just failed to pass still counts
+    as a rival of one that passed.
+    """
+    rivals = [c for c in candidates if c.decision in ("add", "suggest")]
     out = []
     for c in candidates:
-        if c.decision != "add" or c.signal is None or c.gain is None or c.gain_se is None:
+        if c.decision != "add":
             out.append(c)
             continue
         same = [c]
-        for other in passing:
-            if other is c or other.axis != c.axis or other.signal is None or other.gain is None:
+        for other in rivals:
+            if other is c or other.axis != c.axis:
                 continue
-            norm = float(np.linalg.norm(c.signal) * np.linalg.norm(other.signal))
-            cosine = abs(float(c.signal @ other.signal)) / norm if norm > 0 else 0.0
-            if cosine > SAME_SHAPE and abs(c.gain - other.gain) < 2 * c.gain_se:
-                same.append(other)
+            cosine = _cosine(c.signal, other.signal)
+            if cosine <= SIMILAR_SHAPE or not _as_good(c, other):
+                continue
+            if cosine > SAME_SHAPE and c.parameters != other.parameters:
+                if other.parameters < c.parameters and other.decision == "add":
+                    c = replace(c, decision="suggest")  # the simpler one says the same
+                continue
+            same.append(other)
         same.sort(key=lambda x: -(x.gain or 0.0))
-        out.append(replace(c, group=tuple(dict.fromkeys(x.effect.id for x in same))))
+        ids = tuple(dict.fromkeys(x.effect.id for x in same))
+        out.append(replace(c, group=ids if c.decision == "add" else ()))
     return out
+
+
+def _cosine(a: Array | None, b: Array | None) -> float:
+    if a is None or b is None or a.shape != b.shape:
+        return 0.0
+    norm = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) / norm if norm > 0 else 0.0
+
+
+def _as_good(c: Candidate, other: Candidate) -> bool:
+    """Is the other's held-out gain at least as large, within two standard errors of the difference?"""
+    if c.unit_gains is None or other.unit_gains is None or c.unit_gains.shape != other.unit_gains.shape:
+        return False
+    difference = c.unit_gains - other.unit_gains
+    se = float(np.sqrt(difference.size) * np.std(difference, ddof=1)) if difference.size > 1 else 0.0
+    return float(difference.sum()) < 2 * se
 
 
 def _finite(value: float | None) -> float | None:

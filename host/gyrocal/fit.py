@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.blocks import Blocks, reduce_session
+from gyrocal.blocks import Blocks, reduce_run, reduce_session
 from gyrocal.effects.base import Values
 from gyrocal.errors import InputError
 from gyrocal.model import Model, Term
@@ -62,10 +62,22 @@ class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run."""
 
     def __init__(self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term]) -> None:
-        self.blocks = blocks
         self.axis = axis
         self.terms = tuple(terms)
+        self.blocks = [self._usable(b) for b in blocks]
+        runs = [b.run for b in blocks]
+        self.scopes = [term.effect.scope_in(runs) for term in terms]
         self.layout, self.stacks = self._build()
+
+    def _usable(self, b: Blocks) -> Blocks:
+        """The blocks of a run without samples that a fault of the reading has emptied of meaning."""
+        for term in self.terms:
+            fault = term.effect.reading_fault and term.values
+            usable = term.effect.usable(b.run, self.axis, term.values) if fault else None
+            if usable is not None and b.t_s.size:
+                whole = b.mean(usable[:, None].astype(float))[:, 0] == 1.0
+                b = b.select(whole) if not whole.all() else b
+        return b
 
     def _build(self) -> tuple[Layout, list[tuple[list[int], Array, Array, Array]]]:
         fixed: list[tuple[int, int]] = []
@@ -76,11 +88,12 @@ class Design:
         for i, term in enumerate(self.terms):
             kind = term.effect
             k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
-            if kind.scope == "scenario":
+            scope = self.scopes[i]
+            if scope == "scenario" or kind.reading_fault:
                 continue
-            if kind.scope == "session" or kind.common_mean:
+            if scope == "session" or kind.common_mean:
                 fixed += [(i, j) for j in range(k)]
-            if kind.scope == "run" and k:
+            if scope == "run" and k:
                 run += [(i, j) for j in range(k)]
                 group += [n_groups + g for g in kind.groups(term.values)]
                 n_groups = max(group) + 1
@@ -145,6 +158,8 @@ class Design:
         """Runs that share their blocks' times are filtered side by side: (run indices, [r, q, m], t_s, n)."""
         stacks: dict[Any, list[int]] = {}
         for i, b in enumerate(self.blocks):
+            if not b.t_s.size:
+                continue
             steps = np.diff(b.t_s)
             even = b.t_s.size > 2 and np.ptp(b.n) == 0 and np.ptp(steps) <= 1e-3 * steps.mean()
             key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 3)) if even else i
@@ -158,8 +173,8 @@ class Design:
     def grams(self, noise: Noise) -> tuple[Array, Array]:
         """Whitened normal equations of each run, shape [runs, q, q], and log-determinants [runs]."""
         q = 1 + len(self.layout.fixed) + len(self.layout.run)
-        grams = np.empty((len(self.blocks), q, q))
-        logdet = np.empty(len(self.blocks))
+        grams = np.zeros((len(self.blocks), q, q))
+        logdet = np.zeros(len(self.blocks))
         for index, stack, t_s, n in self.stacks:
             grams[index], logdet[index] = normal_equations(stack, t_s, n, noise)
         return grams, logdet
@@ -360,7 +375,9 @@ def fit_axis(
     blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], *, white_sd_dps: float | None = None
 ) -> AxisFit:
     """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML."""
-    terms = [_prepared(t) for t in terms]
+    terms = [_prepared(t, blocks, axis) for t in terms]
+    if any(t.effect.fast for t in terms):
+        blocks = by_sample(blocks)
     pending = [i for i, t in enumerate(terms) if _needs_choice(t)]
     settled = [t for i, t in enumerate(terms) if i not in pending]
     current = fit_noise(Design(blocks, axis, settled))
@@ -373,21 +390,35 @@ def fit_axis(
 
 def choose_variant(current: AxisFit, term: Term) -> AxisFit:
     """Add a term whose structure or nonlinear parameters are open: try its variants, keep the best by BIC, fit the noise."""
+    noise, chosen = current.noise, None
+    for _ in range(3):  # drift swallows what it was fitted without: judge again at the noise fitted with the choice
+        values = _likeliest(current, term, noise)
+        if values == chosen:
+            break
+        chosen = values
+        terms = [*current.design.terms, replace(term, values=values)]
+        design = Design(current.design.blocks, current.design.axis, terms)
+        fitted = fit_noise(design, start=with_noise(design, noise, carry_spreads(current, design)))
+        noise = fitted.noise
+    return fitted
+
+
+def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
+    """The variant with the best BIC at a given noise."""
     runs = [b.run for b in current.design.blocks]
-    best: tuple[float, AxisFit] | None = None
     count = int(current.design.n_blocks.sum())
+    best: tuple[float, Values] | None = None
     for values in term.effect.variants(runs, current.design.axis):
-        design = Design(
-            current.design.blocks, current.design.axis, [*current.design.terms, replace(term, values=values)]
-        )
-        trial = with_noise(design, current.noise, carry_spreads(current, design))
+        terms = [*current.design.terms, replace(term, values=values)]
+        design = Design(current.design.blocks, current.design.axis, terms)
+        trial = with_noise(design, noise, carry_spreads(current, design))
         parameters = len(trial.design.layout.fixed) + trial.design.layout.n_groups + len(term.effect.nonlinear)
-        score = trial.loglik - 0.5 * np.log(count) * parameters
+        score = profile_loglik(trial) - 0.5 * np.log(count) * parameters
         if best is None or score > best[0]:
-            best = (score, trial)
+            best = (score, values)
     if best is None:
         raise InputError(f"effect {term.effect_id}: nothing to try on this session")
-    return fit_noise(best[1].design, start=best[1])
+    return best[1]
 
 
 def null_loglik(current: AxisFit, fitted: AxisFit) -> float:
@@ -401,8 +432,16 @@ def profile_loglik(fitted: AxisFit) -> float:
     return fitted.loglik + 0.5 * float(chol) - 0.5 * fitted.solution.beta.size * float(np.log(2 * np.pi))
 
 
-def _prepared(term: Term) -> Term:
+def by_sample(blocks: Sequence[Blocks]) -> list[Blocks]:
+    """The same runs with each sample a block of its own: for what varies from sample to sample."""
+    return [b if b.run.rate_is_mean else reduce_run(b.run, b.scenario, 0.0) for b in blocks]
+
+
+def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:
     kind = term.effect
+    if kind.reading_fault and not term.values:
+        found = kind.detect([b.run for b in blocks], axis)
+        return term if found is None else replace(term, values=found[0], se=found[1])
     if kind.scope == "session" and not kind.nonlinear and not term.values and len(kind.variants([], 0)) == 1:
         return replace(term, values=dict.fromkeys(kind.linear, 0.0))
     return term
@@ -410,7 +449,8 @@ def _prepared(term: Term) -> Term:
 
 def _needs_choice(term: Term) -> bool:
     kind = term.effect
-    return not term.values and kind.scope != "scenario" and term.effect_id != "colored_noise"
+    open_terms = not term.values and kind.scope != "scenario" and not kind.reading_fault
+    return open_terms and term.effect_id != "colored_noise"
 
 
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
@@ -507,7 +547,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     spreads0 = start.spreads if start is not None else _start_spreads(design, Noise(white0))
     rms = np.concatenate(_random_rms(design)) if spreads0.run.size + spreads0.scenario.size else np.zeros(0)
     n = int(design.n_blocks.sum())
-    longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in design.blocks)
+    longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in design.blocks if b.t_s.size)
     block_s = min((float(np.median(np.diff(b.t_s))) for b in design.blocks if b.t_s.size > 1), default=1.0)
     drift = given is not None and longest_s > 10 * block_s
     k = spreads0.run.size
@@ -558,8 +598,8 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         noise = replace(noise, ou_sd_dps=0.0)
     sd = np.concatenate([spreads.run, spreads.scenario])
     sd[x[m:] < np.array(lows[m:]) + 1.0] = 0.0
-    spreads = Spreads(sd[:k], sd[k:])
     grams, logdet = design.grams(noise)
+    spreads = fit_spreads(design, grams, logdet, design.scenarios, n, Spreads(sd[:k], sd[k:]))
     solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
     return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
 
@@ -583,10 +623,16 @@ def refine(current: AxisFit) -> AxisFit:
             terms[i] = replace(term, values=values)
             return with_noise(Design(base.design.blocks, base.design.axis, terms), base.noise, base.spreads)
 
-        simplex = np.vstack([x0, *(x0 + 0.3 * np.eye(len(names)))])
+        runs = [b.run for b in current.design.blocks]
+        steps = [term.effect.step(name, term.values, runs) for name in names]
+        simplex = np.vstack([x0, *(x0 + np.diag(steps))])
+
+        def cost(x: Array, at: Callable[[Array], AxisFit] = at) -> float:
+            return -at(x).loglik
+
         found = minimize(
-            lambda x, at=at: -at(x).loglik, x0, method="Nelder-Mead", bounds=bounds,
-            options={"xatol": 1e-3, "fatol": 1e-3, "maxfev": 40 * len(names), "initial_simplex": simplex},
+            cost, x0, method="Nelder-Mead", bounds=bounds,
+            options={"xatol": 3e-3 * min(steps), "fatol": 1e-3, "maxfev": 40 * len(names), "initial_simplex": simplex},
         )  # fmt: skip
         better = at(found.x)
         if better.loglik > current.loglik:
@@ -607,14 +653,12 @@ def finish(current: AxisFit) -> AxisFit:
         values: Values = {n: term.values[n] for n in kind.nonlinear if n in term.values}
         se: Values = {}
         mine = [j for j, (t, _) in enumerate(layout.fixed) if t == i]
-        used = kind.used(term.values)
+        if kind.reading_fault:
+            values, se = dict(term.values), dict(term.se)
         if mine:
-            coefficients = dict.fromkeys(used, np.nan)
-            for j in mine:
-                name = used[layout.fixed[j][1]]
-                coefficients[name] = float(current.solution.beta[j])
-                se[name] = float(np.sqrt(current.solution.cov[j, j]))
-            values.update({n: c for n, c in coefficients.items() if np.isfinite(c)})
+            shared, shared_se = _named(term, current, mine)
+            values.update(shared)
+            se.update(shared_se)
         own = [j for j, (t, _) in enumerate(layout.run) if t == i]
         if own:
             groups = [layout.run_group[j] for j in own]
@@ -628,6 +672,25 @@ def finish(current: AxisFit) -> AxisFit:
         se.update(_nonlinear_errors(current, i))
         terms.append(replace(term, values=values, se=se))
     return replace(current, terms=tuple(terms))
+
+
+def _named(term: Term, current: AxisFit, mine: list[int]) -> tuple[Values, Values]:
+    """A term's shared parameters by name, and their errors by propagation; those that are not identified are left out."""
+    kind, layout = term.effect, current.design.layout
+    index = [layout.fixed[j][1] for j in mine]
+    beta = np.full(max(len(kind.groups(term.values)), max(index) + 1), np.nan)
+    beta[index] = current.solution.beta[mine]
+    cov = current.solution.cov[np.ix_(mine, mine)]
+    values = {n: v for n, v in kind.named(beta, term.values).items() if np.isfinite(v)}
+    slopes = np.zeros((len(values), len(mine)))
+    for k, j in enumerate(index):
+        moved = beta.copy()
+        step = 1e-3 * float(np.sqrt(cov[k, k]))
+        moved[j] += step
+        changed = kind.named(moved, term.values)
+        slopes[:, k] = [(changed[n] - v) / step for n, v in values.items()]
+    errors = np.sqrt(np.maximum(np.einsum("ik,kl,il->i", slopes, cov, slopes), 0.0))
+    return values, dict(zip(values, map(float, errors), strict=True))
 
 
 def _spread_errors(current: AxisFit) -> tuple[Array, Array]:
@@ -651,10 +714,11 @@ def _spread_errors(current: AxisFit) -> tuple[Array, Array]:
 def _nonlinear_errors(current: AxisFit, i: int) -> Values:
     term = current.design.terms[i]
     errors: Values = {}
-    step = 0.05
+    runs = [b.run for b in current.design.blocks]
     for name in term.effect.nonlinear:
         if name not in term.values:
             continue
+        step = term.effect.step(name, term.values, runs) / 6
         ends = []
         for sign in (-step, step):
             terms = list(current.design.terms)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.blocks import Blocks
+from gyrocal.blocks import Blocks, known_dps
 from gyrocal.fit import AxisFit, Design, Fit, Mask, Solution, Spreads, fit_spreads, solve
 from gyrocal.session import Array, Run
 
@@ -182,8 +182,11 @@ def _predict(step: Step, i: int) -> Prediction:
     run = axis.design.blocks[i].run
     u = axis.run_coefficients(i, step.solution.beta, step.spreads)
     modelled = axis.predict(i, step.solution.beta, u)
-    if axis.design.axis == run.axis_index:
-        modelled = modelled + run.rate_dps
+    modelled = modelled + known_dps(run, axis.design.axis)
+    for term in axis.design.terms:
+        if not term.effect.reading_fault or not term.values:
+            continue
+        modelled = term.effect.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
     rows = slice(0, len(run))
     if step.fold.time is not None:
         elapsed = run.t_s - run.t_s[0]

@@ -152,9 +152,10 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
         edges = quantile_edges(pooled, 0.05, min(8, steps_between))
         if edges.size:
             probes.append(("temperature", steps(_temperature, edges)))
-    rates = np.unique(np.round([float(np.mean(r.rate_dps)) if r.axis_index == axis else 0.0 for r in runs], 2))
-    if rates.size >= 3:
-        edges = (rates[1:] + rates[:-1]) / 2
+    rates = np.unique([float(np.mean(r.rate_dps)) if r.axis_index == axis else 0.0 for r in runs])
+    apart = np.diff(rates) > 0.1 * float(np.abs(rates).max(initial=0.0))  # "78 dps, give or take" is one rate
+    edges = ((rates[1:] + rates[:-1]) / 2)[apart]
+    if 2 <= edges.size <= steps_between:
         probes.append(("rate", [Steps(lambda r: r.rate_dps if r.axis_index == axis else np.zeros(len(r)), edges)]))
     if all(r.acc_g is not None and np.all(np.isfinite(r.acc_g)) for r in runs):
         probes.append(("acceleration", [Linear(_acceleration, 3)]))

@@ -91,6 +91,8 @@ class Run:
     sample_rate_hz: float
     path: Path | None = None
     frame: pl.DataFrame | None = field(default=None, repr=False, compare=False)
+    lsb_dps: float | None = None
+    latitude_deg: float | None = None
 
     @property
     def axis_index(self) -> int:
@@ -184,7 +186,7 @@ class Run:
         return Run(
             self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
             self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
-            frame=self.table.slice(start, stop - start),
+            frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
         )  # fmt: skip
 
 
@@ -421,6 +423,7 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
     return Run(
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
         entry.day, entry.power_on_s, header.sample_rate_hz, path=folder / entry.file,
+        lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg,
     )  # fmt: skip
 
 

@@ -193,23 +193,30 @@ def simulate_run(
     frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})
     bare = Run(
         index, truth.file, planned.scenario, planned.face, planned.axis, planned.table_rate_dps, None, planned.day,
-        planned.power_on_s, RATE_HZ, frame=frame,
+        planned.power_on_s, RATE_HZ, frame=frame, lsb_dps=LSB_DPS,
     )  # fmt: skip
     rate_dps = np.zeros((n, 3))
     rate_dps[:, axis] = bare.rate_dps
     y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
+    faults: list[tuple[base.Effect, base.Values]] = []
     for effect_id, given in effects:
         kind = base.effect(effect_id)
         values = kind.draw(given, rng)
+        if kind.reading_fault:
+            faults.append((kind, values))
+            truth.effects.append({"id": effect_id, "axis": "all", **values})
+            continue
         for on in kind.axes(bare):
             y_dps[:, on] += kind.term(bare, on, values)
             truth.effects.append({"id": effect_id, "axis": AXES[on], **values})
     y_dps += rng.normal(0.0, WHITE_SD_DPS, (n, 3)) + ou_noise(n, 1 / RATE_HZ, OU_SD_DPS, OU_TAU_S, 3, rng)
+    for kind, values in faults:
+        y_dps = kind.distort(bare, y_dps, values, rng)
     y_dps = np.clip(np.round(y_dps / LSB_DPS), -32768, 32767) * LSB_DPS + 0.0  # no minus zero
     frame = frame.with_columns(pl.Series(f"g{a}_dps", np.round(y_dps[:, i], 6)) for i, a in enumerate(AXES))
     return Run(
         index, truth.file, planned.scenario, planned.face, planned.axis, planned.table_rate_dps, None, planned.day,
-        planned.power_on_s, RATE_HZ, frame=frame,
+        planned.power_on_s, RATE_HZ, frame=frame, lsb_dps=LSB_DPS,
     )  # fmt: skip
 
 

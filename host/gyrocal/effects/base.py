@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from gyrocal.errors import InputError
 from gyrocal.session import Array, Run
 
 Values = dict[str, float]
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ class Effect(ABC):
     scope: ClassVar[Literal["session", "scenario", "run"]] = "session"
     common_mean: ClassVar[bool] = False
     on_device: ClassVar[bool] = False
+    fast: ClassVar[bool] = False
+    """Varies from sample to sample: fitted on samples, not on block means."""
+    reading_fault: ClassVar[bool] = False
+    """A fault of the reading itself: no columns; found by :meth:`detect`, planted by :meth:`distort`."""
 
     @abstractmethod
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
@@ -69,6 +74,36 @@ class Effect(ABC):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """Values to start the fit from, each tried: the structure (which linear names) and a grid of the nonlinear ones."""
         return [dict.fromkeys(self.linear, 0.0)]
+
+    def scope_in(self, runs: Sequence[Run]) -> str:
+        """The scope on these runs: a wave of known phase, say, is the same in all."""
+        return self.scope
+
+    def looks(self, runs: Sequence[Run], axis: int) -> int:
+        """How many independent shapes :meth:`variants` has chosen from: the price of having looked."""
+        return len(self.variants(runs, axis))
+
+    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
+        """The first step of a nonlinear parameter's refinement, in its logarithm."""
+        return 0.3
+
+    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+        """For a ``reading_fault``: (values, standard errors, chance that a sound reading looks so); None if nothing."""
+        return None
+
+    def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
+        """For a ``reading_fault``: the samples [n] that still say something of the rate; None = all."""
+        return None
+
+    def respond(
+        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
+    ) -> Array:
+        """For a ``reading_fault``: what such a sensor is expected to read [n] where the model says ``modelled_dps`` [n]."""
+        return modelled_dps
+
+    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
+        """For a ``reading_fault``: readings [n, 3] with the fault, deg/s, for the simulator."""
+        return y_dps
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """The linear parameters in use."""

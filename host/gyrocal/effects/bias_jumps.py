@@ -2,12 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
 from gyrocal.session import Array, Run
+
+MOST = 4
+"""Jumps a run that are told apart."""
+WINDOW_S = 3.0
+STANDS_OUT = 7.0
+"""Standard errors by which the means before and after must differ: over all moments of a session noise does not reach it."""
+
+
+def jumps(run: Run, axis: int) -> list[int]:
+    """Rows at which the mean of the next seconds differs from that of the last, the clearest first, in their order."""
+    if run.rate_is_mean:
+        return []
+    y = run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0)
+    width = round(min(WINDOW_S, run.duration_s / 6) * run.sample_rate_hz)
+    if width < 4 or y.size < 4 * width:
+        return []
+    total = np.concatenate([[0.0], np.cumsum(y)])
+    before = total[width:-width] - total[: -2 * width]
+    after = total[2 * width :] - total[width:-width]
+    white = np.sqrt(np.mean(np.diff(y) ** 2) / 2)
+    score = np.abs(after - before) / (width * white * np.sqrt(2 / width) + 1e-300)
+    found: list[int] = []
+    while len(found) < MOST and score.max(initial=0.0) > STANDS_OUT:
+        k = int(np.argmax(score))
+        found.append(k + width)
+        score[max(0, k - width) : k + width] = 0.0
+    return sorted(found)
 
 
 class BiasJumps(Effect):
@@ -34,8 +61,30 @@ class BiasJumps(Effect):
         drawn = super().draw(values, rng)
         return {**drawn, "size_dps": drawn["size_dps"] * float(rng.choice((-1.0, 1.0)))}
 
+    linear = ("size_dps",)
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
+        return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return np.zeros((len(run), 0))
+        """One step for each jump that stands out in this run, at most MOST; nothing (zeros) where there is none."""
+        out = np.zeros((len(run), MOST))
+        for k, row in enumerate(jumps(run, axis)):
+            out[row:, k] = 1.0
+        return out
+
+    def groups(self, values: Mapping[str, float]) -> list[int]:
+        return [0] * MOST
+
+    def coefficients(self, values: Mapping[str, float]) -> Array:
+        return np.full(MOST, values["size_dps"])
+
+    def spread(self, values: Mapping[str, float]) -> Array:
+        return np.full(MOST, values["size_dps"])
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        return {"n": values.get("n", 0.0), "size_dps": float(spread[0])}
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Jumps evenly spaced from the first to the end of the run, there and back; which way first is drawn."""

@@ -126,3 +126,17 @@ def slope(values: Array, t_s: Array, points: float) -> Array:
 def _filled(values: Array, t_s: Array) -> Array:
     known = np.isfinite(values)
     return values if known.all() else np.interp(t_s, t_s[known], values[known])
+
+
+def white_sd_dps(runs: Sequence[Run], axis: int) -> float:
+    """One sample's noise as successive differences show it, deg/s."""
+    total = sum(float(np.sum(np.diff(r.gyro_dps[:, axis]) ** 2)) for r in runs)
+    return float(np.sqrt(total / (2 * sum(len(r) - 1 for r in runs)))) or 1e-9
+
+
+def grid_dps(readings: Sequence[Array]) -> float:
+    """The step that all readings [n] are whole multiples of: the smallest gap between values that occur, deg/s."""
+    values = np.unique(np.round(np.concatenate(readings), 7))
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-6]
+    return float(gaps.min()) if gaps.size else np.inf

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter
+from gyrocal.effects.base import Effect, Parameter, Values
+from gyrocal.effects.quantities import grid_dps
 from gyrocal.session import Array, Run
 
 
@@ -35,11 +36,38 @@ class Quantization(Effect):
         ),
     )
 
+    reading_fault = True
+
     def axes(self, run: Run) -> tuple[int, ...]:
         return (0, 1, 2)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))
+
+    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+        """The grid that all readings sit on, if it is coarser than the finest step that occurs on any axis."""
+        finest = min(grid_dps([r.gyro_dps[:, i] for r in runs]) for i in range(3))
+        stated = {r.lsb_dps for r in runs if r.lsb_dps is not None}
+        count_dps = min(stated) if stated else finest
+        own = grid_dps([r.gyro_dps[:, axis] for r in runs])
+        factor = round(own / count_dps)
+        if factor < 2 or abs(own / count_dps - factor) > 0.01 * factor:
+            return None
+        samples = sum(len(r) for r in runs)
+        return {"lsb_dps": own}, {}, float(max(1e-300, float(factor) ** -min(samples, 300)))
+
+    def respond(
+        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
+    ) -> Array:
+        """The mean of a noisy rate that is rounded: noise of half a step and more hides the grid (dither)."""
+        step = values["lsb_dps"]
+        own_sd = np.sqrt(max(white_sd_dps**2 - step**2 / 12, (0.05 * step) ** 2))
+        turn = 2 * np.pi * modelled_dps / step
+        out = modelled_dps.copy()
+        for k in range(1, 9):
+            weight = step / (np.pi * k) * np.exp(-2 * (np.pi * k * own_sd / step) ** 2)
+            out += (-1) ** k * weight * np.sin(k * turn)
+        return out
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
         """The readings [n, 3] with this fault, deg/s."""

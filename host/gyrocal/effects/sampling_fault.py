@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter
+from gyrocal.effects.base import Effect, Mask, Parameter, Values
 from gyrocal.session import Array, Run
+
+APART = 3
+"""Samples: farther than a stale reading lasts, nearer than the rate changes."""
+
+
+def stale(run: Run) -> Mask:
+    """Which neighbours are equal on all three axes, shape [n - 1]."""
+    same: Mask = (run.gyro_dps[1:] == run.gyro_dps[:-1]).all(axis=1)
+    return same
 
 
 class SamplingFault(Effect):
@@ -28,11 +37,36 @@ class SamplingFault(Effect):
     )
     parameters = (Parameter("fraction", "fraction", (0.001, 0.1), "hosts that poll by their own timer", 0.05),)
 
+    reading_fault = True
+
     def axes(self, run: Run) -> tuple[int, ...]:
         return (0, 1, 2)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))
+
+    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+        """More neighbours equal on all three axes than readings a few samples apart."""
+        from scipy.stats import binom
+
+        pairs = sum(len(r) - 1 for r in runs)
+        equal = sum(int(np.count_nonzero(stale(r))) for r in runs)
+        apart = sum(int(np.count_nonzero((r.gyro_dps[APART:] == r.gyro_dps[:-APART]).all(axis=1))) for r in runs)
+        by_chance = (apart + 1) / max(1, pairs)
+        chance = float(binom.sf(equal - 1, pairs, min(by_chance, 1.0)))
+        if equal < 5 or equal < 3 * apart or chance > 1e-4:
+            return None
+        fraction = equal / pairs
+        return {"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance
+
+    def respond(
+        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
+    ) -> Array:
+        """A stale reading is the one before it, noise and all."""
+        out = modelled_dps.copy()
+        old = np.flatnonzero(stale(run))
+        out[old + 1] = run.gyro_dps[old, axis]
+        return out
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
         """The readings [n, 3] with this fault, deg/s: a stale sample is the last fresh one, on all axes at once."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter
+from gyrocal.effects.base import Effect, Mask, Parameter, Values
+from gyrocal.effects.quantities import white_sd_dps
 from gyrocal.session import Array, Run
+
+BELOW = 3.0
+"""Spreads of the noise below the largest reading that are looked at."""
 
 
 class Saturation(Effect):
@@ -27,11 +31,39 @@ class Saturation(Effect):
         ),
     )
 
+    reading_fault = True
+
     def axes(self, run: Run) -> tuple[int, ...]:
         return (0, 1, 2)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))
+
+    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+        """Readings heaped at the largest value that occurs, more than noise would put there."""
+        readings = np.concatenate([r.gyro_dps[:, axis] for r in runs])
+        size = np.abs(readings)
+        limit = float(size.max())
+        heaped = int(np.count_nonzero(size > limit - 1e-6))
+        below = int(np.count_nonzero(size > limit - BELOW * white_sd_dps(runs, axis))) - heaped
+        # of n readings within a spread of the largest, noise leaves but one or two at exactly the largest
+        if heaped < 10 or heaped <= below / 2:
+            return None
+        return {"full_scale_dps": limit}, {}, float(np.exp(-min(heaped, 500)))
+
+    def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
+        return np.abs(run.gyro_dps[:, axis]) < values["full_scale_dps"] - 1e-6
+
+    def respond(
+        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
+    ) -> Array:
+        """The mean of a Gaussian reading that is cut at both limits."""
+        from scipy.stats import norm
+
+        limit = values["full_scale_dps"]
+        high, low = (limit - modelled_dps) / white_sd_dps, (-limit - modelled_dps) / white_sd_dps
+        inside = modelled_dps * (norm.cdf(high) - norm.cdf(low)) - white_sd_dps * (norm.pdf(high) - norm.pdf(low))
+        return np.asarray(inside + limit * norm.sf(high) - limit * norm.cdf(low))
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
         """The readings [n, 3] with this fault, deg/s."""

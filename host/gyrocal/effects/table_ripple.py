@@ -39,6 +39,10 @@ class TableRipple(Effect):
     scope = "run"
     on_device = True
 
+    def scope_in(self, runs: Sequence[Run]) -> str:
+        known = all(r.column("table_angle_deg") is not None for r in runs)
+        return "session" if known and runs else "run"
+
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         turning = any(r.axis_index == axis and not r.rate_is_mean and np.any(r.rate_dps) for r in runs)
         return None if turning else "a run in which the table turns about this axis at a known rate"

@@ -9,6 +9,19 @@ import numpy as np
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
 from gyrocal.session import Array, Run
 
+LOWEST_HZ = 1.0
+PEAKS = 2
+
+
+def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
+    """Frequencies [k] and the mean periodogram [k] of the readings about each run's mean, over its level between lines."""
+    from gyrocal.spectrum import spectrum
+
+    steady = [r for r in runs if not r.rate_is_mean]
+    residuals = [r.gyro_dps[:, axis] - (r.rate_dps if r.axis_index == axis else 0.0) for r in steady]
+    found = spectrum(residuals, runs[0].sample_rate_hz, LOWEST_HZ)
+    return found.frequency_hz, found.ratio
+
 
 class VibrationTone(Effect):
     id = "vibration_tone"
@@ -35,8 +48,19 @@ class VibrationTone(Effect):
     nonlinear = ("f_hz",)
     scope = "run"
 
+    fast = True
+
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        return [{}]
+        """The strongest lines of the spectrum, averaged over the runs."""
+        frequency_hz, power = _power(runs, axis)
+        peaks = np.argsort(power)[::-1][:PEAKS]
+        return [{"f_hz": float(frequency_hz[k]), "A_dps": 0.0} for k in peaks]
+
+    def looks(self, runs: Sequence[Run], axis: int) -> int:
+        return int(_power(runs, axis)[0].size)
+
+    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
+        return 0.2 / (values["f_hz"] * max(r.duration_s for r in runs))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if not self.used(values):

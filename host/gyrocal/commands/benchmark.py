@@ -1,0 +1,21 @@
+"""``gyrocal benchmark``."""
+
+from typing import Annotated
+
+import typer
+
+
+def run(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="blind: diagnosis of sessions with hidden effects.")],
+    sample: Annotated[bool, typer.Option("--sample", help="Every ninth case alone, for a quick look.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
+    from gyrocal.benchmark import benchmark, show
+    from gyrocal.output import emit
+
+    found = benchmark(name, sample=sample, quiet=as_json)
+    if as_json:
+        emit(found)
+    else:
+        show(found)
