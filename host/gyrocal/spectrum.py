@@ -75,5 +75,6 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     width = min(power.size, max(31, power.size // 3)) | 1
     # an averaged periodogram's ordinate is Gamma(segments)/segments times the level; its median sits a little lower
     level = median_filter(power, width, mode="reflect").astype(np.float64) / (gamma.ppf(0.5, segments) / segments)
+    level = np.maximum(level, np.finfo(np.float64).tiny)  # readings that never change have no level
     tail: Array = gamma.sf(power / level * segments, segments)
     return Spectrum(np.asarray(frequency[use], dtype=np.float64), power, level, tail, segments, length)

@@ -80,6 +80,9 @@ class BiasJumps(Effect):
     def coefficients(self, values: Mapping[str, float]) -> Array:
         return np.full(MOST, values["size_dps"])
 
+    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
+        return {"size_dps": float(np.mean(coefficients))}
+
     def spread(self, values: Mapping[str, float]) -> Array:
         return np.full(MOST, values["size_dps"])
 
