@@ -12,7 +12,8 @@
 extern "C" {
 #endif
 
-#define GC_LSM6DSO_ADDRESS 0x6B /* 0x6A with SDO/SA0 low */
+#define GC_LSM6DSO_ADDRESS 0x6B     /* SDO/SA0 high, as on SparkFun's boards */
+#define GC_LSM6DSO_ADDRESS_LOW 0x6A /* SDO/SA0 low */
 
 #define GC_LSM6DSO_INT1_CTRL 0x0D
 #define GC_LSM6DSO_CTRL1_XL 0x10

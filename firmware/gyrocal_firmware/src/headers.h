@@ -1,0 +1,19 @@
+/* The generated headers, compiled as the C that they are. */
+#ifndef HEADERS_H
+#define HEADERS_H
+
+#include "gc_calibration.h"
+#include "gc_cnn.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+extern const gc_calibration_t *const gyrocal_calibration;
+extern const gc_cnn_net_t *const gyrocal_net;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

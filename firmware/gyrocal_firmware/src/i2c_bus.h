@@ -1,0 +1,27 @@
+/* An I2C bus that gets free again: 400 kHz, transfers that end, and nine clocks for a part that holds the line. */
+#ifndef I2C_BUS_H
+#define I2C_BUS_H
+
+#include <Wire.h>
+#include <freertos/FreeRTOS.h>
+#include <freertos/semphr.h>
+
+class I2cBus {
+public:
+    I2cBus(TwoWire &wire, int sda, int scl);
+    void begin();
+    bool answers(uint8_t address);
+    /* As gc_port.h wants them; from any task. */
+    int write(uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
+    int read(uint8_t address, uint8_t reg, uint8_t *data, size_t n);
+
+private:
+    void recover();
+
+    TwoWire &wire_;
+    int sda_, scl_;
+    SemaphoreHandle_t mutex_;
+    uint32_t recovered_ms_;
+};
+
+#endif

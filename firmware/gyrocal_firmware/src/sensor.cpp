@@ -1,0 +1,119 @@
+#include "sensor.h"
+
+#include "headers.h"
+#include "output.h"
+#include "status_led.h"
+
+#include <Arduino.h>
+#include <esp_task_wdt.h>
+
+#define STACK_BYTES 8192
+#define PRIORITY 18      /* above everything of ours, below the timers that wake it */
+#define COMMAND_BYTES 512
+#define SHORT_US 80u     /* a timer is not worth its while */
+#define WAKE_EARLY_US 40u
+#define LATE_TICKS pdMS_TO_TICKS(20)
+
+/* The callbacks of gc_port.h; context is the Sensor. */
+struct Port {
+    static Sensor &of(void *context) { return *static_cast<Sensor *>(context); }
+
+    static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
+        return of(context).bus_.write(address, reg, data, n);
+    }
+    static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
+        return of(context).bus_.read(address, reg, data, n);
+    }
+    static uint64_t now_us(void *) { return static_cast<uint64_t>(esp_timer_get_time()); }
+    static void wait_until_us(void *context, uint64_t t_us) { of(context).wait(t_us); }
+    static void wait_ready_us(void *context, uint64_t deadline_us) {
+        Sensor &sensor = of(context);
+        ulTaskNotifyTake(pdTRUE, 0);
+        const uint64_t now = now_us(context);
+        if (digitalRead(sensor.pin_int1_) == LOW && deadline_us > now) {
+            ulTaskNotifyTake(pdTRUE, pdMS_TO_TICKS((deadline_us - now) / 1000u + 1u));
+        }
+    }
+    static int send(void *, const char *data, size_t n) { return output_send(data, n); }
+    static int store(void *context, const char *key, const void *data, size_t n) {
+        return of(context).flash_.store(key, data, n);
+    }
+    static int load(void *context, const char *key, void *data, size_t n) { return of(context).flash_.load(key, data, n); }
+    static void led(void *context, gc_led_t state) { status_led_set(of(context).imu_, state); }
+    static void alarm(void *context) { xTaskNotifyGive(of(context).task_); }
+};
+
+Sensor::Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1)
+    : bus_(bus), imu_(imu), pin_int1_(pin_int1), port_(), config_(), device_(), alarm_(nullptr), task_(nullptr),
+      commands_(xStreamBufferCreate(COMMAND_BYTES, 1)) {
+    port_.context = this;
+    port_.bus_write = Port::bus_write;
+    port_.bus_read = Port::bus_read;
+    port_.now_us = Port::now_us;
+    port_.wait_until_us = Port::wait_until_us;
+    port_.wait_ready_us = pin_int1 >= 0 ? Port::wait_ready_us : nullptr;
+    port_.send = Port::send;
+    port_.store = Port::store;
+    port_.load = Port::load;
+    port_.led = Port::led;
+    config_.port = &port_;
+    config_.address = address;
+    config_.imu = imu;
+    config_.calibration = gyrocal_calibration;
+    config_.net = gyrocal_net;
+}
+
+void Sensor::start() {
+    esp_timer_create_args_t alarm = {};
+    alarm.callback = Port::alarm;
+    alarm.arg = this;
+    alarm.name = "sample";
+    ESP_ERROR_CHECK(esp_timer_create(&alarm, &alarm_));
+    flash_.begin(imu_);
+    xTaskCreate(run, "sensor", STACK_BYTES, this, PRIORITY, &task_);
+}
+
+void Sensor::hear(const char *data, size_t n) {
+    xStreamBufferSend(commands_, data, n, 0);
+}
+
+void IRAM_ATTR Sensor::on_data_ready(void *self) {
+    BaseType_t woken = pdFALSE;
+    vTaskNotifyGiveFromISR(static_cast<Sensor *>(self)->task_, &woken);
+    if (woken) {
+        portYIELD_FROM_ISR();
+    }
+}
+
+/* Sleeps on a timer of microseconds, then looks at the clock for the last few of them. */
+void Sensor::wait(uint64_t t_us) {
+    const uint64_t now = Port::now_us(this);
+    if (t_us > now + SHORT_US) {
+        const uint64_t left = t_us - now - WAKE_EARLY_US;
+        ulTaskNotifyTake(pdTRUE, 0);
+        esp_timer_start_once(alarm_, left);
+        ulTaskNotifyTake(pdTRUE, pdMS_TO_TICKS(left / 1000u) + LATE_TICKS);
+        esp_timer_stop(alarm_);
+    }
+    while (Port::now_us(this) < t_us) {
+    }
+}
+
+void Sensor::run(void *self) {
+    Sensor &sensor = *static_cast<Sensor *>(self);
+    if (sensor.pin_int1_ >= 0) {
+        pinMode(sensor.pin_int1_, INPUT);
+        attachInterruptArg(sensor.pin_int1_, on_data_ready, self, RISING);
+    }
+    esp_task_wdt_add(nullptr);
+    gc_device_init(&sensor.device_, &sensor.config_);
+    for (;;) {
+        char data[64];
+        size_t n;
+        while ((n = xStreamBufferReceive(sensor.commands_, data, sizeof data, 0)) > 0) {
+            gc_device_receive(&sensor.device_, data, n);
+        }
+        gc_device_step(&sensor.device_);
+        esp_task_wdt_reset();
+    }
+}

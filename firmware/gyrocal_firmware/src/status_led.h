@@ -1,0 +1,12 @@
+/* One light for all sensors: docs/board.md tells what it shows. */
+#ifndef STATUS_LED_H
+#define STATUS_LED_H
+
+#include "gc_port.h"
+
+void status_led_begin(unsigned sensors);
+void status_led_set(unsigned imu, gc_led_t state);
+/* To be called every few milliseconds. */
+void status_led_show();
+
+#endif
