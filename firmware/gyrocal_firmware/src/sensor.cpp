@@ -28,10 +28,10 @@ struct Port {
     static void wait_until_us(void *context, uint64_t t_us) { of(context).wait(t_us); }
     static void wait_ready_us(void *context, uint64_t deadline_us) {
         Sensor &sensor = of(context);
-        ulTaskNotifyTake(pdTRUE, 0);
-        const uint64_t now = now_us(context);
-        if (digitalRead(sensor.pin_int1_) == LOW && deadline_us > now) {
+        uint64_t now = now_us(context);
+        while (digitalRead(sensor.pin_int1_) == LOW && now < deadline_us) {
             ulTaskNotifyTake(pdTRUE, pdMS_TO_TICKS((deadline_us - now) / 1000u + 1u));
+            now = now_us(context);
         }
     }
     static int send(void *, const char *data, size_t n) { return output_send(data, n); }
@@ -85,14 +85,15 @@ void IRAM_ATTR Sensor::on_data_ready(void *self) {
     }
 }
 
-/* Sleeps on a timer of microseconds, then looks at the clock for the last few of them. */
+/* Sleeps on a timer of microseconds, whatever else wakes it, then looks at the clock for the last few of them. */
 void Sensor::wait(uint64_t t_us) {
-    const uint64_t now = Port::now_us(this);
+    uint64_t now = Port::now_us(this);
     if (t_us > now + SHORT_US) {
-        const uint64_t left = t_us - now - WAKE_EARLY_US;
-        ulTaskNotifyTake(pdTRUE, 0);
-        esp_timer_start_once(alarm_, left);
-        ulTaskNotifyTake(pdTRUE, pdMS_TO_TICKS(left / 1000u) + LATE_TICKS);
+        esp_timer_start_once(alarm_, t_us - now - WAKE_EARLY_US);
+        while (now + WAKE_EARLY_US < t_us) {
+            ulTaskNotifyTake(pdTRUE, pdMS_TO_TICKS((t_us - now) / 1000u) + LATE_TICKS);
+            now = Port::now_us(this);
+        }
         esp_timer_stop(alarm_);
     }
     while (Port::now_us(this) < t_us) {
