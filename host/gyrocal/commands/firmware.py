@@ -1,0 +1,27 @@
+"""``gyrocal firmware``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def run(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder, or a project written before.")],
+    model: Annotated[str | None, typer.Option(help="Error model (name or TOML) that the device calibrates by.")] = None,
+    axis: Annotated[str, typer.Option(help="The sensor's axis along the table's that the model is for: x, y or z.")] = "z",
+    include: Annotated[
+        Path | None, typer.Option(help="Folder of calibration.h and weights.h, as `gyrocal export` writes them.")
+    ] = None,
+) -> None:
+    """Write a PlatformIO project: the firmware with the shipped headers, or those of --model and --include.
+
+    In it, `pio run -t upload` builds and flashes it, `pio device monitor` reads it.
+    """
+    from gyrocal.errors import InputError
+    from gyrocal.firmware_project import create
+
+    if axis not in ("x", "y", "z"):
+        raise InputError(f"--axis {axis}: want x, y or z")
+    create(directory, model, include, axis)
+    typer.echo(f"{directory}: flash it with: cd {directory} && pio run -t upload && pio device monitor")
