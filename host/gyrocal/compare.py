@@ -214,19 +214,21 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
     readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
     codes = np.concatenate([np.rint(g / session.lsb_dps).astype(np.int64) for g in readings])
     noise = float(np.sqrt(np.mean(np.concatenate([np.diff(g) for g in readings]) ** 2) / 2)) / session.lsb_dps
+    mean_codes = np.array([int(np.rint(np.mean(g) / session.lsb_dps)) for g in readings])
     worst: Finding | None = None
     for bit in range(16):
         if 2**bit * session.lsb_dps < 0.75 * known_step_dps:
             continue
-        if 2 ** (bit + 1) > 2 * noise:  # a bit that noise does not reach may well stand still
-            break
         ones = float(np.mean((codes >> bit) & 1))
-        z = abs(ones - 0.5) * 2 * np.sqrt(codes.size) / max(1.0, 2**bit)
-        chance = min(1.0, 2 * float(norm.sf(z)) * 16)
-        if abs(ones - 0.5) > 0.25 and chance < alarm and (worst is None or z > worst.strength):
-            note = (
-                f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
-            )
+        if 2**bit <= noise:  # noise alone toggles it
+            z = abs(ones - 0.5) * 2 * np.sqrt(codes.size) / 2**bit
+            chance = min(1.0, 2 * float(norm.sf(z)) * 16) if abs(ones - 0.5) > 0.25 else 1.0
+        else:  # runs at different rates should, as a coin falls
+            places = np.unique(mean_codes >> bit).size
+            chance = min(1.0, 16 * 0.5 ** (places - 1)) if ones in (0.0, 1.0) else 1.0
+            z = float(norm.isf(max(chance, 1e-300)))
+        if chance < alarm and (worst is None or z > worst.strength):
+            note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
             worst = Finding(axis, "reading", float(z), chance, 2**bit * session.lsb_dps, note)
     return worst
 

@@ -130,7 +130,7 @@ def diagnose(
     unknown = None
     if best is not None:
         verdict = "ambiguous" if len(best.group) > 1 else "add"
-    elif comparison.where and not any(c.decision == "suggest" for c in judged):
+    elif comparison.where:
         verdict = "unknown"
         finding = comparison.where[0]
         unknown = {
