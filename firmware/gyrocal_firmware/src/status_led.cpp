@@ -12,7 +12,7 @@ struct Look {
 };
 
 static const Look looks[] = {
-    {0x0001, 0, 0, 24},   /* idle: a short blink every 2 s, blue */
+    {0x0001, 0, 0, 24},   /* idle: short blink every 2 s, blue */
     {0xFFFF, 24, 24, 24}, /* recording: on, white */
     {0x5555, 24, 16, 0},  /* flip: four blinks a second, yellow */
     {0x00FF, 0, 24, 0},   /* done: 1 s on, 1 s off, green */
