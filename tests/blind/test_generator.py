@@ -50,7 +50,7 @@ def _injected(case: Case, folder: Path, axis: str = "z") -> list[np.ndarray]:
 
 
 def test_imports_nothing_of_the_tool():
-    for path in Path(__file__).parent.glob("*.py"):
+    for path in (Path(__file__).with_name(name) for name in ("generator.py", "cases.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
