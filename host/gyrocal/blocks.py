@@ -94,9 +94,10 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     grouped = y[rows]
     means = grouped.mean(axis=1)
     within = ((grouped - means[:, None, :]) ** 2).sum(axis=(0, 1))
+    counted = 0 if run.rate_is_mean else start.size * (size - 1)
     return Blocks(
-        run, scenario, start, np.full(start.size, float(size)), run.t_s[rows].mean(axis=1), means, within,
-        start.size * (size - 1),
+        run, scenario, start, np.full(start.size, float(size)), run.t_s[rows].mean(axis=1), means,
+        within if counted else np.zeros(3), counted,
     )  # fmt: skip
 
 

@@ -16,6 +16,8 @@ from gyrocal.session import AXES, Array, Run, Session
 
 METHODS = ("baseline", "cnn", "model")
 DEFAULT_SECONDS = (2.0, 4.0, 6.0)
+STEADY = 0.03
+"""Of the rate: what a rate may vary and still be one rate; the device has the same."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,8 @@ def calibrate(
     spans: Sequence[float | None] = seconds if seconds is not None else (DEFAULT_SECONDS if paired else (None,))
     found: list[Estimate] = []
     for span in spans:
-        if span is not None and not span > 0:
-            raise InputError(f"--seconds {span}: must be positive")
+        if span is not None and not 0 < span < np.inf:
+            raise InputError(f"--seconds {span}: must be positive and finite")
         for scenario, runs in session.by_scenario():
             for method in methods:
                 found += _estimates(session, scenario, runs, span, method, model)
@@ -85,16 +87,26 @@ def calibrate(
 
 
 def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
-    """The first two runs of opposite true rate about each axis: (up, down)."""
+    """For each axis the first two runs that turn steadily in opposite true directions: (positive, negative true rate)."""
     out = []
     for axis in AXES:
-        steady = [r for r in runs if r.axis == axis and r.table_rate_dps and r.column("rate_ref_dps") is None]
-        ups = [r for r in steady if r.face == "up"]
-        downs = [r for r in steady if r.face == "down"]
-        match = next(((u, d) for u in ups for d in downs if u.table_rate_dps == d.table_rate_dps), None)
-        if match is not None:
-            out.append(match)
+        steady = [r for r in runs if r.axis == axis and _steady(r)]
+        positive = [r for r in steady if r.rate_dps[0] > 0]
+        negative = [r for r in steady if r.rate_dps[0] < 0]
+        # opposite rates of one size first, else any two
+        match = sorted(
+            ((p, n) for p in positive for n in negative),
+            key=lambda pair: abs(abs(pair[0].rate_dps[0]) - abs(pair[1].rate_dps[0])) > STEADY * abs(pair[0].rate_dps[0]),
+        )
+        if match:
+            out.append(match[0])
     return out
+
+
+def _steady(run: Run) -> bool:
+    """Does the run turn at one known rate all the time?"""
+    rate_dps = run.rate_dps
+    return not run.rate_is_mean and rate_dps[0] != 0 and bool(np.ptp(rate_dps) <= STEADY * abs(rate_dps[0]))
 
 
 def _estimates(
@@ -165,8 +177,8 @@ def _pooled(session: Session, span: float | None, model: Model | str | Path | No
 
 def _informed(runs: Sequence[Run], axis: str) -> bool:
     """Do these runs fix both scale and bias of an axis: two true rates about it at least, one of them not zero?"""
-    rates = {round(float(np.mean(r.rate_dps)), 6) if r.axis == axis else 0.0 for r in runs}
-    return len(rates) > 1
+    ends = [(float(r.rate_dps.min()), float(r.rate_dps.max())) if r.axis == axis else (0.0, 0.0) for r in runs]
+    return bool(ends) and max(high for _, high in ends) - min(low for low, _ in ends) > 1e-6
 
 
 def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
@@ -230,5 +242,5 @@ def _suits_network(run: Run) -> bool:
     from gyrocal.network import RATE_TOLERANCE, Network
 
     net = Network.shipped()
-    near = abs(abs(run.table_rate_dps or 0.0) - net.table_dps) <= RATE_TOLERANCE * net.table_dps
+    near = abs(abs(float(run.rate_dps[0])) - net.table_dps) <= RATE_TOLERANCE * net.table_dps
     return near and abs(run.sample_rate_hz - net.rate_hz) <= 1e-3 * net.rate_hz

@@ -17,6 +17,8 @@ from gyrocal import __version__
 from gyrocal.errors import GyrocalError
 
 PACKAGE = "gyrocal.commands"
+INTERRUPTED = 130
+"""What the argument parser makes of Ctrl-C."""
 
 
 def command_modules() -> dict[str, str]:
@@ -69,6 +71,8 @@ def main(argv: list[str] | None = None) -> int:
     arguments = [a for a in arguments if a != "--debug"]
     try:
         result = get_command(app).main(args=arguments, prog_name="gyrocal", standalone_mode=False)
+        if result == INTERRUPTED:
+            return _fail("stopped", 1)
         return result if isinstance(result, int) else 0
     except GyrocalError as error:
         if debug:

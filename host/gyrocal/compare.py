@@ -1,9 +1,8 @@
 """The model held against the measurements: how much error is left beyond the noise, and where it shows.
 
 ``rms`` is of held-out samples. ``floor`` is what noise alone would leave: white noise and quantisation as the scatter within a
-tenth of a second shows them (lines taken out), drift, and what a power cycle makes of the bias (and, where a session shows
-it, of the scale), which no model can know beforehand. ``excess`` is what
-is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
+tenth of a second shows them (lines taken out), drift, and the turn-on bias, which no model can know beforehand. ``excess`` is
+what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
 """
 
 from __future__ import annotations
@@ -28,6 +27,9 @@ from gyrocal.threads import one_thread
 
 ALARM = 0.01
 """Chance of crying misfit on a session that holds none, all tests together (the contract allows 0.02)."""
+
+LEAST_BLOCKS = 40
+"""With fewer tenths of a second there is nothing to judge a model by."""
 
 Progress = Callable[[str], None]
 
@@ -58,6 +60,9 @@ class Comparison:
     white_power: dict[str, float] = field(repr=False)
     """Mean square of white noise and quantisation, dps^2, by axis: the floor's fast part."""
 
+    note: str = ""
+    """What a person should know of how it came about."""
+
     @property
     def floors(self) -> dict[str, float]:
         """The floor of each axis, deg/s."""
@@ -78,6 +83,7 @@ class Comparison:
                 for f in self.where
             ],
             "held_out": self.held_out,
+            "note": self.note,
             "parameters": [
                 {"effect": t.effect_id, "axis": t.axis, "name": name, "value": value, "se": t.se.get(name)}
                 for t in self.fit.model.terms
@@ -138,6 +144,8 @@ def _white_power(fitted: Fit, axis: str) -> float:
         grouped = by_run[b.run.index][b.start[:, None] + np.arange(int(b.n[0]))]
         total += float(((grouped - grouped.mean(axis=1, keepdims=True)) ** 2).sum())
         count += b.within_n
+    if not by_run:
+        return fitted.axes[axis].noise.white_sd_dps ** 2
     if count < 10:  # a sample a block: the fit's own white level
         return fitted.axes[axis].noise.white_sd_dps ** 2
     lines = spectrum_of(fitted, list(by_run.values())).line_power(1e-3)
@@ -171,6 +179,8 @@ def find_misfit(
     session: Session, fitted: Fit, spectra: dict[str, Spectrum], progress: Progress | None = None
 ) -> list[Finding]:
     """Every probe on every axis; those that noise explains with less than its share of :data:`ALARM`, strongest first."""
+    if sum(b.t_s.size for b in fitted.blocks) < LEAST_BLOCKS:
+        return []
     tests = [
         (axis, against, kind)
         for axis in fitted.axes
@@ -249,3 +259,14 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
         for p in source
     ]  # fmt: skip
     return pl.concat(parts)
+
+
+def write_residuals(comparison: Comparison, path: Path) -> None:
+    """:func:`residual_table` as Parquet or CSV, by the name's ending, whole or not at all."""
+    frame = residual_table(comparison)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        frame.write_parquet(partial) if path.suffix == ".parquet" else frame.write_csv(partial)
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None

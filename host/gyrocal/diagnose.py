@@ -430,8 +430,17 @@ def add(
     judged = {a: _judge(before, before.fit.axes[a], a, kind) for a in axes}
     chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and c.chance * max(1, len(judged)) < FDR]
     if not chosen:  # nothing gains: on the axis that gains most, so that the person sees that it does not help
-        measurable = [a for a, c in judged.items() if c.decision != "not_measurable"]
+        measurable = [a for a, c in judged.items() if c.decision != "not_measurable" and c.values]
         chosen = sorted(measurable, key=lambda a: judged[a].chance)[:1]
+    if not chosen:
+        lacking = next((kind.missing(session.runs, AXES.index(a)) for a in before.fit.axes), None)
+        if all(start.term(kind.id, a) is not None for a in before.fit.axes):
+            reason = "the model has it on every axis already"
+        elif lacking is not None:
+            reason = f"the session lacks {lacking}"
+        else:
+            reason = f"nothing of it can be seen in this session; {kind.measure_next}"
+        before = replace(before, note=f"{kind.id} was not added: {reason}")
     richer = start
     for axis in chosen:
         structure = dict.fromkeys(kind.used(judged[axis].values), 0.0) | {

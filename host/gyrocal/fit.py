@@ -37,6 +37,8 @@ SLOW_S = 4.0
 
 TOLERANCE = 1e-3
 """Log-likelihood to which noise and spreads are found, about: the optimiser stops at this over the number of blocks."""
+LEAST_WHITE_DPS = 1e-5
+"""No reading is less noisy than this: a thousandth of a count."""
 STEP = 1e-4
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
 LEAST_SCENARIOS = 3
@@ -281,14 +283,19 @@ class AxisFit:
 
     @property
     def slow_power(self) -> float:
-        """Mean square, dps^2, of what no model can know of a power cycle beforehand: drift, its own bias and its own scale."""
+        """Mean square, dps^2, of drift and turn-on bias: the floor's slow part."""
+        return self.noise.ou_sd_dps**2 + self.turn_on_sd_dps**2
+
+    @property
+    def scale_spread_dps(self) -> float:
+        """rms, deg/s, of the scale's own spread from power cycle to power cycle; it is no part of the floor."""
         scale_sd = self._scenario_sd(self.spreads.scenario, "scale")
         rates = [
             float(np.mean(b.run.rate_dps**2)) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks
         ]
         samples = [len(b.run) for b in self.design.blocks]
         rate_power = float(np.average(rates, weights=samples))
-        return self.noise.ou_sd_dps**2 + self.turn_on_sd_dps**2 + scale_sd**2 * rate_power
+        return scale_sd * float(np.sqrt(rate_power))
 
     def _scenario_sd(self, of: Array, effect_id: str) -> float:
         for k, j in enumerate(self.design.layout.scenario):
@@ -532,10 +539,10 @@ def white_start(design: Design) -> float:
     """One sample's white noise from the scatter within blocks."""
     ss = sum(b.within_ss[design.axis] for b in design.blocks)
     n = sum(b.within_n for b in design.blocks)
-    if n >= 10 and ss > 0:
-        return float(np.sqrt(ss / n))
+    if n >= 10:
+        return max(float(np.sqrt(ss / n)), LEAST_WHITE_DPS)
     jumps = np.concatenate([np.diff(b.y_dps[:, design.axis]) for b in design.blocks])
-    return float(max(np.sqrt(np.mean(jumps**2) / 2) if jumps.size else 0.0, 1e-6))
+    return float(max(np.sqrt(np.mean(jumps**2) / 2) if jumps.size else 0.0, LEAST_WHITE_DPS))
 
 
 def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:

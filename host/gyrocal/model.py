@@ -65,6 +65,8 @@ class Model:
         if source is None:
             return Model.builtin("default")
         path = Path(source)
+        if str(source) in ("paper", "default"):
+            return Model.builtin(str(source))
         if path.suffix != ".toml" and not path.is_file():
             return Model.builtin(str(source))
         try:

@@ -84,6 +84,8 @@ def explained(before: Comparison, after: Comparison) -> float | None:
 
 
 def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
+    if before.note:
+        stdout.print(before.note, style="bold")
     rows = []
     for axis in after.per_axis:
         old, new = before.per_axis[axis], after.per_axis[axis]
@@ -95,6 +97,12 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     part = explained(before, after)
     told = "" if part is None else f"; {part:.1%} of the excess explained"
     stdout.print(f"{model}: {', '.join(after.fit.model.ids)}{told}")
+    for axis, fitted in after.fit.axes.items():
+        if fitted.scale_spread_dps > 0.1 * after.per_axis[axis].floor_dps:
+            stdout.print(
+                f"of what is left on {axis}, {mdps(fitted.scale_spread_dps)} mdps is the scale's own spread from one power "
+                "cycle to the next, which no model can foretell"
+            )
     stdout.print(headline(after), style="bold")
 
 

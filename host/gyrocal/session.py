@@ -7,6 +7,7 @@ A session is a folder with ``session.toml`` and one table a run (CSV or Parquet)
 from __future__ import annotations
 
 import math
+import shutil
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -27,6 +28,8 @@ NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
 """What a table's rows are made of; nan and inf are read, and then refused with their row."""
 REQUIRED = ("t_s", "gx_dps", "gy_dps", "gz_dps")
 OPTIONAL = ("ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg")
+
+LARGEST_DPS = 1e6
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Axis = Literal["x", "y", "z"]
@@ -252,6 +255,7 @@ class Session:
         if folder.exists():
             raise InputError(f"{folder}: is there already; choose another name or remove it")
         partial = folder.with_name(folder.name + ".partial")
+        shutil.rmtree(partial, ignore_errors=True)  # an interrupted one's
         partial.mkdir(parents=True)
         entries = []
         for run in self.runs:
@@ -378,6 +382,9 @@ def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
             raise InputError(
                 f"{label}: row {row + 2}: {name} is {'empty' if value is None else value}, not a finite number"
             )
+    largest = max(float(table[name].abs().max()) for name in REQUIRED[1:])  # type: ignore[arg-type]
+    if largest > LARGEST_DPS:
+        raise InputError(f"{label}: a rate of {largest:.3g} deg/s is none a gyroscope reads; check the unit")
     t_s = table["t_s"].to_numpy()
     back = np.flatnonzero(np.diff(np.rint(t_s * 1e6)) <= 0)
     if back.size:

@@ -107,6 +107,7 @@ def simulate(
     scenarios: int | None = None,
     seconds: float | None = None,
     vary: bool = False,
+    turn_on_sd_dps: float = TURN_ON_SD_DPS,
     parquet: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Session, dict[str, Any]]:
@@ -135,7 +136,7 @@ def simulate(
     for i, planned in enumerate(plan):
         if planned.scenario != scenario:
             scenario = planned.scenario
-            turn_on_dps = rng.normal(0.0, TURN_ON_SD_DPS, 3)
+            turn_on_dps = rng.normal(0.0, turn_on_sd_dps, 3)
             if (
                 vary or campaign == "table2"
             ):  # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
@@ -153,7 +154,7 @@ def simulate(
     record = {
         "format": "gyrocal-truth/1", "campaign": campaign, "seed": seed,
         "effects": sorted({e["id"] for t in truths for e in t.effects}),
-        "noise": {"white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": OU_SD_DPS, "ou_tau_s": OU_TAU_S, "turn_on_sd_dps": TURN_ON_SD_DPS},
+        "noise": {"white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": OU_SD_DPS, "ou_tau_s": OU_TAU_S, "turn_on_sd_dps": turn_on_sd_dps},
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
     if out is not None:

@@ -11,6 +11,7 @@ from gyrocal.session import Array
 
 LOWEST_HZ = 1.0
 LONGEST_SAMPLES = 1 << 14
+LEAST_SAMPLES = 32
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,10 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     from scipy.ndimage import median_filter
     from scipy.stats import gamma
 
-    length = min(min(r.size for r in residuals), LONGEST_SAMPLES)
+    empty = np.zeros(0)
+    length = min(min((r.size for r in residuals), default=0), LONGEST_SAMPLES)
+    if length < LEAST_SAMPLES:
+        return Spectrum(empty, empty, empty, empty, 0, length)
     window = np.hanning(length)
     gain = rate_hz * float((window**2).sum())
     total = np.zeros(length // 2 + 1)
@@ -69,8 +73,7 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     frequency = np.fft.rfftfreq(length, 1 / rate_hz)
     use = (frequency >= lowest_hz) & (frequency < rate_hz / 2)
     power: Array = total[use] / max(segments, 1)
-    if power.size < 8:
-        empty = np.zeros(0)
+    if power.size < 8 or not power.any():
         return Spectrum(empty, empty, empty, empty, segments, length)
     width = min(power.size, max(31, power.size // 3)) | 1
     # an averaged periodogram's ordinate is Gamma(segments)/segments times the level; its median sits a little lower

@@ -16,19 +16,19 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Hold the model against the measurements: the error left beyond the noise, and where it shows."""
-    from gyrocal.compare import compare, residual_table
+    from gyrocal.compare import compare, write_residuals
+    from gyrocal.errors import InputError
     from gyrocal.output import emit, working
     from gyrocal.report import print_comparison, write_page
     from gyrocal.session import Session
 
+    for target in (html, residuals):
+        if target is not None and not target.absolute().parent.is_dir():
+            raise InputError(f"{target}: no such folder to write into")
     with working(as_json) as say:
         found = compare(Session.open(session), model, progress=say)
         if residuals is not None:
-            frame = residual_table(found)
-            if residuals.suffix == ".parquet":
-                frame.write_parquet(residuals)
-            else:
-                frame.write_csv(residuals)
+            write_residuals(found, residuals)
         if html is not None:
             say("drawing")
             write_page(html, found)

@@ -50,6 +50,8 @@ class Quantization(Effect):
         stated = {r.lsb_dps for r in runs if r.lsb_dps is not None}
         count_dps = min(stated) if stated else finest
         own = grid_dps([r.gyro_dps[:, axis] for r in runs])
+        if not (np.isfinite(own) and np.isfinite(count_dps)):  # readings that never change
+            return None
         factor = round(own / count_dps)
         if factor < 2 or abs(own / count_dps - factor) > 0.01 * factor:
             return None
