@@ -17,7 +17,7 @@ import polars as pl
 
 from gyrocal import heldout
 from gyrocal.errors import InputError
-from gyrocal.fit import Fit, fit
+from gyrocal.fit import LEAST_WHITE_DPS, Fit, fit
 from gyrocal.heldout import Prediction
 from gyrocal.model import Model
 from gyrocal.probes import Finding, beside, probe, slow_probes
@@ -149,7 +149,7 @@ def _white_power(fitted: Fit, axis: str) -> float:
     if count < 10:  # a sample a block: the fit's own white level
         return fitted.axes[axis].noise.white_sd_dps ** 2
     lines = spectrum_of(fitted, list(by_run.values())).line_power(1e-3)
-    return max(total / count - lines, 0.0)
+    return max(total / count - lines, LEAST_WHITE_DPS**2)
 
 
 def spectrum_of(fitted: Fit, residuals: list[Array]) -> Spectrum:

@@ -191,7 +191,9 @@ class Design:
 
     def column_rms(self) -> Array:
         """Root mean square of each column [q] over all blocks: the natural scale of its coefficient."""
-        total = np.sum([(stack**2).sum(axis=(0, 2)) for _, stack, _, _ in self.stacks], axis=0)
+        total = np.zeros(1 + len(self.layout.fixed) + len(self.layout.run))
+        for _, stack, _, _ in self.stacks:
+            total += (stack**2).sum(axis=(0, 2))
         return np.sqrt(total / max(1, int(self.n_blocks.sum()))) + 1e-300
 
 

@@ -47,7 +47,7 @@ class Saturation(Effect):
         heaped = int(np.count_nonzero(size > limit - 1e-6))
         below = int(np.count_nonzero(size > limit - BELOW * white_sd_dps(runs, axis))) - heaped
         # of n readings within a spread of the largest, noise leaves but one or two at exactly the largest
-        if heaped < 10 or heaped <= below / 2:
+        if heaped < 10 or heaped <= below / 2 or heaped > 0.8 * readings.size:
             return None
         return {"full_scale_dps": limit}, {}, float(np.exp(-min(heaped, 500)))
 
