@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from gyrocal.compare import Comparison, compare, residual_table
+from gyrocal import heldout
 from gyrocal.diagnose import Candidate, Diagnosis, add, diagnose
 from gyrocal.effects import base
-from gyrocal.fit import null_loglik, profile_loglik
+from gyrocal.fit import Fit, fit, null_loglik, profile_loglik
 from gyrocal.model import Model, Term
 from gyrocal.session import AXES, Session
 
@@ -151,7 +151,7 @@ def judge(case: Case) -> Outcome:
         except Exception as error:
             tool, note = Answer("failed"), f"{type(error).__name__}: {error}"
         names = tuple(stepwise.select(session))
-        left = error_dps(compare(session, _with(names)), truth) if fits else None
+        left = error_dps(fit(session, _with(names)), truth) if fits else None
         plain = Answer("add" if names else "adequate", names, tuple(id_ for id_, _ in names[:1]), error_dps=left)
         oracle = _oracle(session, truth) if fits else Answer("-")
     faintest = min((detectability(truth, e.id) for e in case.effects), default=0.0)
@@ -170,20 +170,20 @@ def _walk(session: Session, found: Diagnosis, truth: Truth) -> Answer:
         best = diagnose(session, model).best
     group = found.best.group if found.best is not None else ()
     decisions = tuple(c.decision for c in _on_truth(found, truth.case))
-    return Answer(found.verdict, tuple(named), group, decisions, error_dps(after, truth))
+    return Answer(found.verdict, tuple(named), group, decisions, error_dps(after.fit, truth))
 
 
 def _oracle(session: Session, truth: Truth) -> Answer:
     """The planted structure, fitted; "add" where a likelihood ratio of that alone says that it is there."""
-    without = compare(session)
+    without = fit(session, Model.builtin("default"))
     terms = [Term(e.id, axis, _structure(e)) for e in truth.case.effects for axis in e.axes]
     model = Model.builtin("default")
     for term in terms:
         model = model.with_term(term)
-    fitted = compare(session, model)
+    fitted = fit(session, model)
     gain, parameters = 0.0, 0
     for axis in {term.axis for term in terms}:
-        before, after = without.fit.axes[axis], fitted.fit.axes[axis]
+        before, after = without.axes[axis], fitted.axes[axis]
         gain += 2 * (profile_loglik(after) - null_loglik(before, after))
         old, new = before.design.layout, after.design.layout
         parameters += len(new.fixed) - len(old.fixed) + new.n_groups - old.n_groups
@@ -226,21 +226,21 @@ def _note(found: Diagnosis, case: Case) -> str:
     return "; ".join([*map(said, [*best, *on_truth]), *seen]) or "nothing seen"
 
 
-def error_dps(comparison: Comparison, truth: Truth) -> float:
+def error_dps(fitted: Fit, truth: Truth) -> float:
     """What the held-out excess estimates, exactly: rms of model minus the noise-free reading, all axes pooled.
 
     A bias, and on the table's axis a scale, of each day are taken out: the turn-on bias makes them uncertain by more than
     the effects' sizes, and whatever the model, alike.
     """
     runs = {run.file: run for run in truth.runs}
-    table = residual_table(comparison).partition_by("file", "axis", as_dict=True, maintain_order=True)
-    parts: dict[tuple[int, str], list[np.ndarray[Any, Any]]] = {}
-    for (file, axis), rows in table.items():
-        run, i = runs[file], AXES.index(axis)
-        rate = run.rate_dps if axis == truth.case.table_axis else np.zeros_like(run.rate_dps)
-        noise_free = (1 + truth.scale[i]) * rate + truth.bias_dps[i] + sum(s[i] for s in run.injected_dps.values())
-        error = rows["modelled_dps"].to_numpy() - noise_free
-        parts.setdefault((run.day, axis), []).append(np.column_stack([error, np.ones_like(rate), rate]))
+    parts: dict[tuple[int, int], list[np.ndarray[Any, Any]]] = {}
+    for p in heldout.predictions(fitted, heldout.folds(fitted)):
+        run, rows = runs[p.run.file], p.rows
+        rate = run.rate_dps[rows] * (AXES[p.axis] == truth.case.table_axis)
+        added = sum(signal[p.axis, rows] for signal in run.injected_dps.values())
+        noise_free = (1 + truth.scale[p.axis]) * rate + truth.bias_dps[p.axis] + added
+        columns = np.column_stack([p.modelled_dps - noise_free, np.ones_like(rate), rate])
+        parts.setdefault((run.day, p.axis), []).append(columns)
     total, count = 0.0, 0
     for pieces in parts.values():
         all_rows = np.concatenate(pieces)
