@@ -21,6 +21,7 @@ RANDOM = ("turn_on_bias", "colored_noise")
 
 HEADER = """\
 # A gyrocal error model: what each axis reads beyond the true rate. One line an effect; to undo an effect, remove its line.
+# `calibrate` and `export` use the values; `compare`, `diagnose` and `add` fit them anew to their session.
 # Values are as fitted, NAME_se their standard errors, NAME_sd their spread from run to run or power cycle to power cycle.
 """
 
@@ -174,6 +175,9 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError(f"{where} ({kind.id}): {name} is {value!r}, not a finite number")
+            positive = name in kind.nonlinear or name.endswith(("_sd", "_se")) or name == "sd_dps"
+            if positive and (value < 0 or (name.endswith("tau_s") and value == 0)):
+                raise InputError(f"{where} ({kind.id}): {name} is {value:g}, must be positive")
             if name in known:
                 values[name] = float(value)
             elif name.removesuffix("_se") in known and name.endswith("_se"):
@@ -185,6 +189,9 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
         terms.append(Term(kind.id, axis, values, se))
     if not terms:
         raise InputError(f"{path}: no effects; a model has scale and bias at least")
+    strange = sorted(set(raw) - {"format", "name", "white_sd_dps", "effects"})
+    if strange:
+        raise InputError(f"{path}: no key {strange[0]!r}; a model has format, name, white_sd_dps and effects")
     white = raw.get("white_sd_dps", {})
     if not isinstance(white, dict) or not all(
         a in AXES and isinstance(v, int | float) and v >= 0 for a, v in white.items()

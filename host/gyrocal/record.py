@@ -249,6 +249,7 @@ class Recorder:
         self._scenario = scenario
         self._day, self._imu, self._progress = day, imu, progress
         self._writer: RunWriter | None = None
+        self._said = ""
         self._hello: Sentence | None = None
 
     def record(self) -> Report:
@@ -397,11 +398,12 @@ class Recorder:
     def _check_end(self) -> None:
         """The device is gone: an error unless it had come to its end between two runs."""
         if self._writer is not None:
-            raise DeviceError(f"{self.link.name}: the device is gone during the run; {self._kept()}")
+            raise DeviceError(f"{self.link.name}: the device is gone during the run; {self._kept()}{self._said}")
         if self._wanted is not None:
-            raise DeviceError(f"{self.link.name}: the device ended and no such run came (face {self._wanted.face})")
+            wanted = f"face {self._wanted.face}, {self._wanted.table_rate_dps} dps"
+            raise DeviceError(f"{self.link.name}: the device ended and no such run came ({wanted}){self._said}")
         if not self.report.runs:
-            raise DeviceError(f"{self.link.name}: the device is gone and no run came")
+            raise DeviceError(f"{self.link.name}: the device is gone and no run came{self._said}")
 
     def _kept(self) -> str:
         run = self._writer.run if self._writer is not None else None
@@ -423,7 +425,9 @@ class Recorder:
                         return
 
     def _note(self, sentence: Sentence) -> None:
-        if sentence.tag == "CAL":
+        if sentence.tag == "ERR":
+            self._said = f"; the device said: {describe_error(sentence)}"
+        elif sentence.tag == "CAL":
             self.report.results.append({k: parse_value(v) for k, v in sentence.fields.items()})
         elif sentence.tag == "ERR":
             self.report.errors.append(describe_error(sentence))

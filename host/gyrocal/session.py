@@ -435,11 +435,17 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
 
 
 def _check_rate_known(run: Run) -> None:
+    where = run.path or run.file
+    measured_hz = 1.0 / float(np.median(np.diff(run.t_s)))
+    if not 0.5 < measured_hz / run.sample_rate_hz < 2.0:
+        raise InputError(
+            f"{where}: t_s has {measured_hz:.4g} samples a second, session.toml says sample_rate_hz = {run.sample_rate_hz:g}"
+        )
     reference = run.column("rate_ref_dps")
     if reference is not None and not all(map(math.isfinite, reference)):
         row = int(np.flatnonzero(~np.isfinite(reference))[0])
-        raise InputError(f"{run.file}: row {row + 2}: rate_ref_dps is empty; the true rate is needed at every sample")
+        raise InputError(f"{where}: row {row + 2}: rate_ref_dps is empty; the true rate is needed at every sample")
     if reference is None and run.table_rate_dps is None and run.turn_deg is None:
         raise InputError(
-            f"{run.file}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column"
+            f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column"
         )

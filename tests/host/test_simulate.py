@@ -1,4 +1,4 @@
-"""The simulator: the pinned campaign errs as the paper's Table 2, noise has the sizes stated, the same seed the same session."""
+"""The simulator: the pinned campaign errs as the paper's Table 2, noise has the sizes stated, a seed gives one session."""
 
 import json
 from pathlib import Path
