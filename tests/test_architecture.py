@@ -15,6 +15,7 @@ LAYERS = [
     {"session", "output", "wire", "core", "network", "spectrum"},
     {"port"},
     {"effects"},
+    {"formula"},
     {"model", "blocks", "noise"},
     {"allan", "fit"},
     {"heldout", "probes", "simulate", "estimator", "importer"},

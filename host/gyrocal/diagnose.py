@@ -8,7 +8,7 @@ form a group; the measurement that parts them is named instead of a cause.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -32,6 +32,7 @@ from gyrocal.fit import (
     refine,
     with_noise,
 )
+from gyrocal.formula import effect_or_formula
 from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import one_thread
@@ -114,12 +115,17 @@ class Diagnosis:
 
 @one_thread
 def diagnose(
-    session: Session, model: Model | str | Path | None = None, *, progress: Progress | None = None
+    session: Session,
+    model: Model | str | Path | None = None,
+    *,
+    formulas: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Diagnosis:
-    """Rank every effect of the library on every axis as the one that the model lacks."""
+    """Rank every effect of the library, and the ``formulas`` given, on every axis as the one that the model lacks."""
+    own = [effect_or_formula(text) for text in formulas]
     comparison = compare(session, model, progress=progress)
     judged = [
-        candidate for axis in comparison.fit.axes for candidate in _candidates_on(session, comparison, axis, progress)
+        candidate for axis in comparison.fit.axes for candidate in _candidates_on(session, comparison, axis, own, progress)
     ]
     judged = _decide(_q_values(judged), comparison)
     order = {"add": 0, "suggest": 1, "reject": 2, "not_measurable": 3}
@@ -139,11 +145,13 @@ def diagnose(
     return Diagnosis(verdict, judged, unknown, comparison)
 
 
-def _candidates_on(session: Session, comparison: Comparison, axis: str, progress: Progress | None) -> list[Candidate]:
+def _candidates_on(
+    session: Session, comparison: Comparison, axis: str, own: list[Effect], progress: Progress | None
+) -> list[Candidate]:
     current = comparison.fit.axes[axis]
     present = {t.effect_id for t in current.terms}
     out = []
-    for kind in base.effects().values():
+    for kind in [*base.effects().values(), *own]:
         if kind.id in present or kind.id in BASE or kind.id in RANDOM:
             continue
         if progress is not None:
@@ -167,7 +175,7 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
         if peak is None or peak[2] > FDR:
             return Candidate(kind, axis, "reject")
         current = fit_noise(Design(by_sample(comparison.fit.blocks), AXES.index(axis), current.design.terms), start=current)
-    tried = choose_variant(current, Term(kind.id, axis))
+    tried = choose_variant(current, Term.of(kind, axis))
     if not _measurable(current, tried):
         return Candidate(kind, axis, "not_measurable", next_measurement=kind.measure_next)
     fitted = finish(refine(tried))
@@ -419,7 +427,7 @@ def add(
 
     Returns (before, after, the model with parameters fitted on all data).
     """
-    kind = base.effect(effect_id)
+    kind = effect_or_formula(effect_id)
     start = Model.open(model)
     before = compare(session, start, only_day=only_day, progress=progress)
     axes = [
@@ -446,7 +454,7 @@ def add(
         structure = dict.fromkeys(kind.used(judged[axis].values), 0.0) | {
             n: judged[axis].values[n] for n in kind.nonlinear if n in judged[axis].values
         }
-        richer = richer.with_term(Term(kind.id, axis, structure))
+        richer = richer.with_term(Term.of(kind, axis, structure))
     after = compare(session, richer, only_day=only_day, progress=progress)
     before = compare_again(before, after)
     return before, after, after.fit.model

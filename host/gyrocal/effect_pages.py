@@ -15,7 +15,7 @@ import polars as pl
 
 from gyrocal.effects.base import Effect, effects
 from gyrocal.session import AXES, Array, Face, Run
-from gyrocal.simulate import RATE_HZ, WHITE_SD_DPS, ou_noise
+from gyrocal.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS, ou_noise
 
 SECONDS = 20.0
 FACES: tuple[Face, ...] = ("up", "down")
@@ -128,7 +128,9 @@ def demonstration_run(face: Face, rate_dps: Array, power_on_s: float) -> Run:
         columns["rate_ref_dps"] = sign * rate_dps
     table_rate_dps = float(rate_dps[0]) if steady else None
     frame = pl.DataFrame(columns)
-    return Run(0, "demonstration.csv", "s000", face, "z", table_rate_dps, None, 1, power_on_s, RATE_HZ, frame=frame)
+    return Run(
+        0, "demonstration.csv", "s000", face, "z", table_rate_dps, None, 1, power_on_s, RATE_HZ, frame=frame, lsb_dps=LSB_DPS
+    )  # fmt: skip
 
 
 def shown_axis(kind: Effect, run: Run) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
 from gyrocal.errors import InputError
+from gyrocal.formula import FormulaEffect, effect_or_formula
 from gyrocal.session import AXES
 
 FORMAT = "gyrocal-model/1"
@@ -36,6 +37,12 @@ class Term:
     se: Values = field(default_factory=dict)
     own: Effect | None = field(default=None, repr=False, compare=False)
     """An effect that is not in the library: a user's, or a probe of the comparison."""
+
+    @staticmethod
+    def of(kind: Effect, axis: str, values: Values | None = None) -> Term:
+        """A term of an effect that may be a user's own."""
+        own = None if base.effects().get(kind.id) is kind else kind
+        return Term(kind.id, axis, {} if values is None else values, own=own)
 
     @property
     def effect(self) -> Effect:
@@ -104,10 +111,10 @@ class Model:
         return replace(self, terms=tuple(term if (t.effect_id, t.axis) == same else t for t in self.terms))
 
     def add(self, effect_id: str, axis: str = "z") -> Model:
-        """The model with an effect on one axis, not fitted yet: ``compare`` and ``fit`` find its parameters."""
+        """The model with an effect (or a formula) on one axis, not fitted yet: ``compare`` and ``fit`` find its parameters."""
         if axis not in AXES:
             raise InputError(f"axis is {axis!r}, not x, y or z")
-        return self.with_term(Term(base.effect(effect_id).id, axis))
+        return self.with_term(Term.of(effect_or_formula(effect_id), axis))
 
     def without(self, effect_id: str, axis: str | None = None) -> Model:
         """The model without an effect, on one axis or all."""
@@ -135,12 +142,14 @@ class Model:
             lines.append(f"white_sd_dps = {{ {levels} }}  # one sample's white noise")
         lines.append("effects = [")
         for effect_id in self.ids:
-            kind = base.effect(effect_id)
+            kind = next(t.effect for t in self.terms if t.effect_id == effect_id)
             lines.append(f"  # {kind.title}: {kind.equation}")
             for term in self.terms:
                 if term.effect_id == effect_id:
                     numbers = {**term.values, **{f"{n}_se": se for n, se in term.se.items() if math.isfinite(se)}}
                     parts = [f'id = "{term.effect_id}"', f'axis = "{term.axis}"']
+                    if isinstance(term.own, FormulaEffect):
+                        parts.append(f"formula = '{term.own.equation}'")
                     parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
                     lines.append("  { " + ", ".join(parts) + " },")
         return "\n".join([*lines, "]", ""])
@@ -160,8 +169,12 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
     terms: list[Term] = []
     for number, entry in enumerate(entries, start=1):
         where = f"{path}: effect {number}"
+        formula = entry.get("formula")
+        own: Effect | None = None
         try:
-            kind = base.effect(str(entry.get("id")))
+            if formula is not None:
+                own = FormulaEffect(str(formula), str(entry.get("id")))
+            kind = own or base.effect(str(entry.get("id")))
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         axis = entry.get("axis")
@@ -171,7 +184,7 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
         values: Values = {}
         se: Values = {}
         for name, value in entry.items():
-            if name in ("id", "axis"):
+            if name in ("id", "axis", "formula"):
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError(f"{where} ({kind.id}): {name} is {value!r}, not a finite number")
@@ -186,7 +199,7 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
                 raise InputError(f"{where} ({kind.id}): no parameter {name!r}; it has {', '.join(sorted(known))}")
         if any(t.effect_id == kind.id and t.axis == axis for t in terms):
             raise InputError(f"{where} ({kind.id}): stands twice for axis {axis}")
-        terms.append(Term(kind.id, axis, values, se))
+        terms.append(Term(kind.id, axis, values, se, own))
     if not terms:
         raise InputError(f"{path}: no effects; a model has scale and bias at least")
     strange = sorted(set(raw) - {"format", "name", "white_sd_dps", "effects"})

@@ -34,7 +34,10 @@ def make(
     ).fill_nan(None)
     rate_hz = float(1 / np.median(np.diff(t_s)))
     rate_dps = None if "rate_ref_dps" in columns else table_rate_dps
-    return Run(index, f"{index}.csv", scenario, face, axis, rate_dps, None, None, power_on_s, round(rate_hz, 6), frame=frame)
+    return Run(
+        index, f"{index}.csv", scenario, face, axis, rate_dps, None, None, power_on_s, round(rate_hz, 6), frame=frame,
+        lsb_dps=0.00875,
+    )  # fmt: skip
 
 
 @pytest.fixture

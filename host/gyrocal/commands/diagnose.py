@@ -9,16 +9,26 @@ import typer
 def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
     model: Annotated[str | None, typer.Option(help="paper, default, or a model file.")] = None,
+    formula: Annotated[
+        list[str] | None, typer.Option(metavar="[NAME:] FORMULA", help="Try a formula of your own too; may be repeated.")
+    ] = None,
+    effects: Annotated[
+        Path | None, typer.Option(help="A folder with effects of your own (Python files, which are run).")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Find the physical effect that the model is missing, with evidence on held-out data."""
+    if effects is not None:
+        from gyrocal.effects import base
+
+        base.load(effects)
     from gyrocal.diagnose import diagnose
     from gyrocal.output import emit, working
     from gyrocal.report import print_diagnosis
     from gyrocal.session import Session
 
     with working(as_json) as say:
-        found = diagnose(Session.open(session), model, progress=say)
+        found = diagnose(Session.open(session), model, formulas=formula or (), progress=say)
     if as_json:
         emit(found.to_json())
     else:

@@ -44,11 +44,15 @@ class Quantization(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))
 
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if all(r.lsb_dps is not None for r in runs) else "lsb_dps in session.toml: what one count should be"
+
     def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
-        """The grid that all readings sit on, if it is coarser than the finest step that occurs on any axis."""
-        finest = min(grid_dps([r.gyro_dps[:, i] for r in runs]) for i in range(3))
-        stated = {r.lsb_dps for r in runs if r.lsb_dps is not None}
-        count_dps = min(stated) if stated else finest
+        """The grid that all readings of the axis sit on, if it is coarser than the count that the session states."""
+        stated = [r.lsb_dps for r in runs if r.lsb_dps is not None]
+        if len(stated) < len(runs):
+            return None
+        count_dps = min(stated)
         own = grid_dps([r.gyro_dps[:, axis] for r in runs])
         if not (np.isfinite(own) and np.isfinite(count_dps)):  # readings that never change
             return None
