@@ -1,7 +1,7 @@
 """The blind benchmark: is the missing effect named, is nothing named where nothing is missing, and does the error fall?
 
 The tool sees the session's folder alone. Beside it, on the same sessions: forward selection by the ordinary F-test
-(`stepwise`), and the oracle, which fits the structure that was planted. `report` defines every figure.
+(`stepwise`), and the oracle, which fits the structure that was planted. docs/blind.md defines every figure.
 """
 
 from __future__ import annotations
