@@ -276,8 +276,7 @@ def _signal(fitted: AxisFit, comparison: Comparison) -> Array | None:
     p = len(layout.fixed)
     parts, rests = [], []
     for i, _ in enumerate(fitted.design.blocks):
-        index, matrices, _, n = next(s for s in fitted.design.stacks if i in s[0])
-        matrix = matrices[index.index(i)]
+        matrix, n = fitted.design.block(i)
         u = fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
         weight = np.sqrt(n)
         part = sum(

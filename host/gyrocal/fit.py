@@ -41,6 +41,8 @@ LEAST_WHITE_DPS = 1e-5
 """No reading is less noisy than this: a thousandth of a count."""
 STEP = 1e-4
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
+NO_SPREAD = 1e-6
+"""Of a variance, against what one run knows of it: less is none."""
 LEAST_SCENARIOS = 3
 """Fewer power cycles say nothing of their spread."""
 
@@ -63,13 +65,34 @@ class Layout:
 class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run."""
 
-    def __init__(self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term]) -> None:
+    def __init__(
+        self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], like: Design | None = None
+    ) -> None:  # fmt: skip
         self.axis = axis
         self.terms = tuple(terms)
         self.blocks = [self._usable(b) for b in blocks]
         runs = [b.run for b in blocks]
         self.scopes = [term.effect.scope_in(runs) for term in terms]
+        self.means = [self._means(i, like) for i in range(len(self.blocks))]
         self.layout, self.stacks = self._build()
+
+    def changed(self, terms: Sequence[Term]) -> Design:
+        """The same runs with other terms; what stays the same is not computed again."""
+        return Design(self.blocks, self.axis, terms, like=self)
+
+    def _means(self, i: int, like: Design | None) -> list[Array | None]:
+        """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
+        known = []
+        if like is not None and like.axis == self.axis and like.blocks[i] is self.blocks[i]:
+            known = [(t, m) for t, m in zip(like.terms, like.means[i], strict=True)]
+        out: list[Array | None] = []
+        for term in self.terms:
+            same = next((m for t, m in known if t.effect is term.effect and t.values == term.values), None)
+            if same is None and term.effect_id != "colored_noise":
+                columns = self._columns(term, self.blocks[i])
+                same = self.blocks[i].mean(columns) if columns.shape[1] else None
+            out.append(same)
+        return out
 
     def _usable(self, b: Blocks) -> Blocks:
         """The blocks of a run without samples that a fault of the reading has emptied of meaning."""
@@ -99,7 +122,7 @@ class Design:
                 run += [(i, j) for j in range(k)]
                 group += [n_groups + g for g in kind.groups(term.values)]
                 n_groups = max(group) + 1
-        matrices = [self._matrix(b, fixed, run) for b in self.blocks]
+        matrices = [self._matrix(i, fixed, run) for i in range(len(self.blocks))]
         kept = self._identified(matrices, fixed)
         fixed = [f for f, keep in zip(fixed, kept, strict=True) if keep]
         columns = [0, *(1 + j for j, keep in enumerate(kept) if keep), *range(1 + kept.size, 1 + kept.size + len(run))]
@@ -122,19 +145,23 @@ class Design:
             rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
         return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
 
-    def _matrix(self, b: Blocks, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
-        per_term = self.sample_columns(b)
-        means = {i: b.mean(c) for i, c in per_term.items() if c.shape[1]}
-        columns = [b.y_dps[:, self.axis]] + [means[i][:, j] for i, j in (*fixed, *run)]
+    def _matrix(self, i: int, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
+        means = self.means[i]
+        columns = [self.blocks[i].y_dps[:, self.axis]]
+        for term, j in (*fixed, *run):
+            found = means[term]
+            assert found is not None
+            columns.append(found[:, j])
         return np.column_stack(columns)
 
     def sample_columns(self, b: Blocks) -> dict[int, Array]:
         """Each term's columns at every sample of a run, by the term's index."""
         return {
-            i: term.effect.columns(b.run, self.axis, term.values or dict.fromkeys(term.effect.linear, 0.0))
-            for i, term in enumerate(self.terms)
-            if term.effect_id != "colored_noise"
+            i: self._columns(term, b) for i, term in enumerate(self.terms) if term.effect_id != "colored_noise"
         }
+
+    def _columns(self, term: Term, b: Blocks) -> Array:
+        return term.effect.columns(b.run, self.axis, term.values or dict.fromkeys(term.effect.linear, 0.0))
 
     def _identified(self, matrices: Sequence[Array], fixed: Sequence[tuple[int, int]]) -> Mask:
         """Keep a column only if something of it is left when the ones before it are taken out."""
@@ -162,15 +189,21 @@ class Design:
         for i, b in enumerate(self.blocks):
             if not b.t_s.size:
                 continue
-            steps = np.diff(b.t_s)
-            even = b.t_s.size > 2 and np.ptp(b.n) == 0 and np.ptp(steps) <= 1e-3 * steps.mean()
-            key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 3)) if even else i
+            even = b.t_s.size > 2 and np.ptp(b.n) == 0 and _off_grid_s(b.t_s) <= 1e-3 * SLOW_S
+            key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
             stacks.setdefault(key, []).append(i)
         out = []
         for index in stacks.values():
             first = self.blocks[index[0]]
             out.append((index, np.stack([np.ascontiguousarray(matrices[i].T) for i in index]), first.t_s, first.n))
         return out
+
+    def block(self, i: int) -> tuple[Array, Array]:
+        """``[y | fixed | run]`` of one run, shape [q, m], and the samples in each block [m]."""
+        for index, stack, _, n in self.stacks:
+            if i in index:
+                return stack[index.index(i)], n
+        return np.zeros((1 + len(self.layout.fixed) + len(self.layout.run), 0)), np.zeros(0)
 
     def grams(self, noise: Noise) -> tuple[Array, Array]:
         """Whitened normal equations of each run, shape [runs, q, q], and log-determinants [runs]."""
@@ -215,51 +248,102 @@ class Solution:
     chi2: float
 
 
-def eliminate(gram: Array, index: Index, keep: Index, sd: Array) -> tuple[Array, Array]:
-    """Integrate out coefficients ``~ N(0, sd^2)`` of columns ``index``; Grams of columns ``keep`` and log-determinants."""
+@dataclass(frozen=True)
+class _Integrated:
+    """Grams with random coefficients integrated out, and what is known of these: standardised, ``v = weights (y, -X)``.
+
+    ``inverse`` is the covariance of v given the rest; one of each for every Gram.
+    """
+
+    grams: Array
+    logdet: Array
+    weights: Array
+    inverse: Array
+
+
+def _integrate(gram: Array, index: Index, keep: Index, sd: Array) -> _Integrated:
+    """Integrate out coefficients ``~ N(0, sd^2)`` of columns ``index``; Grams of columns ``keep`` are left."""
     b = sd[:, None] * gram[..., index, :][..., keep]
     m = np.eye(index.size) + sd[:, None] * gram[..., index, :][..., index] * sd
     chol = np.linalg.cholesky(m)
-    half = np.linalg.solve(chol, b)
+    root = np.linalg.inv(chol)
+    half = root @ b
     logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
-    return gram[..., keep, :][..., keep] - half.swapaxes(-1, -2) @ half, logdet
+    transposed = root.swapaxes(-1, -2)
+    kept = gram[..., keep, :][..., keep] - half.swapaxes(-1, -2) @ half
+    return _Integrated(kept, logdet, transposed @ half, transposed @ root)
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
     """Integrate out the random coefficients, solve for the shared ones."""
+    return _solve(layout, grams, logdet, scenarios, n, spreads)[0]
+
+
+def _solve(
+    layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads, slopes: bool = False
+) -> tuple[Solution, Array]:
+    """The solution; and, if asked for, the slopes of its log-likelihood in the logarithm of each spread, run's first.
+
+    By Fisher's identity the slope is the sum, over the coefficients that share a spread, of E[v^2 | y] - 1, v the coefficient
+    over its spread.
+    """
     p = len(layout.fixed)
     total_logdet = float(logdet.sum())
     keep = np.arange(1 + p)
+    of_runs = of_scenarios = None
     if layout.run:
-        index = np.arange(1 + p, grams.shape[-1])
-        grams, ld = eliminate(grams, index, keep, spreads.run[list(layout.run_group)])
-        total_logdet += float(ld.sum())
+        of_runs = _integrate(grams, np.arange(1 + p, grams.shape[-1]), keep, spreads.run[list(layout.run_group)])
+        grams = of_runs.grams
+        total_logdet += float(of_runs.logdet.sum())
     if layout.scenario:
-        names, inverse = np.unique(scenarios, return_inverse=True)
-        summed = np.zeros((names.size, 1 + p, 1 + p))
-        np.add.at(summed, inverse, grams)
-        index = np.array(layout.scenario) + 1
-        grams, ld = eliminate(summed, index, keep, spreads.scenario)
-        total_logdet += float(ld.sum())
+        member = (np.unique(scenarios)[:, None] == scenarios).astype(float)
+        summed = (member @ grams.reshape(grams.shape[0], -1)).reshape(-1, 1 + p, 1 + p)
+        of_scenarios = _integrate(summed, np.array(layout.scenario) + 1, keep, spreads.scenario)
+        grams = of_scenarios.grams
+        total_logdet += float(of_scenarios.logdet.sum())
     total = grams.sum(axis=0)
-    if p == 0:
-        return Solution(
-            -0.5 * (total_logdet + total[0, 0] + n * np.log(2 * np.pi)), np.zeros(0), np.zeros((0, 0)), total[0, 0]
-        )
+    none = np.zeros(spreads.run.size + spreads.scenario.size)
     h, g = total[1:, 1:], total[1:, 0]
     scale = np.sqrt(np.maximum(np.diag(h), 1e-300))
     try:
         chol = np.linalg.cholesky(h / np.outer(scale, scale))
     except np.linalg.LinAlgError:
-        return Solution(-np.inf, np.full(p, np.nan), np.full((p, p), np.nan), np.nan)
-    half = np.linalg.solve(chol, g / scale)
+        return Solution(-np.inf, np.full(p, np.nan), np.full((p, p), np.nan), np.nan), none
     inverse_chol = np.linalg.inv(chol)
+    half = inverse_chol @ (g / scale)
     cov = (inverse_chol.T @ inverse_chol) / np.outer(scale, scale)
     beta = inverse_chol.T @ half / scale
     chi2 = float(total[0, 0] - half @ half)
     logdet_h = 2 * float(np.log(np.diag(chol)).sum() + np.log(scale).sum())
     loglik = -0.5 * (total_logdet + logdet_h + chi2 + (n - p) * np.log(2 * np.pi))
-    return Solution(loglik, beta, cov, chi2)
+    solution = Solution(loglik, beta, cov, chi2)
+    if not slopes or none.size == 0:
+        return solution, none
+    center, spread = np.broadcast_to(beta, (1, p)), cov[None]
+    slope_scenario = np.zeros(spreads.scenario.size)
+    if of_scenarios is not None:
+        slope_scenario = _slopes(of_scenarios, center, spread).sum(axis=0)
+        pull = np.zeros((grams.shape[0], p, 1 + p))  # a power cycle's own coefficients: beta plus what is random of them
+        pull[:, layout.scenario] = spreads.scenario[:, None] * of_scenarios.weights
+        own = np.eye(p) - pull[:, :, 1:]
+        random = np.zeros((grams.shape[0], p, p))
+        rows = np.ix_(range(grams.shape[0]), layout.scenario, layout.scenario)
+        random[rows] = spreads.scenario[:, None] * of_scenarios.inverse * spreads.scenario
+        which = member.argmax(axis=0)
+        center = (own @ beta + pull[:, :, 0])[which]
+        spread = (own @ cov @ own.swapaxes(-1, -2) + random)[which]
+    slope_run = np.zeros(spreads.run.size)
+    if of_runs is not None:
+        np.add.at(slope_run, list(layout.run_group), _slopes(of_runs, center, spread).sum(axis=0))
+    return solution, np.concatenate([slope_run, slope_scenario])
+
+
+def _slopes(of: _Integrated, center: Array, spread: Array) -> Array:
+    """E[v^2 | y] - 1 for the coefficients that were integrated out, shape [grams, k]."""
+    b = of.weights[..., 1:]
+    v = of.weights[..., 0] - (b @ center[..., None])[..., 0]
+    variance = np.diagonal(of.inverse, axis1=-2, axis2=-1) + np.einsum("...ij,...jk,...ik->...i", b, spread, b)
+    return np.asarray(v**2 + variance - 1)
 
 
 @dataclass(frozen=True)
@@ -406,7 +490,7 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
             break
         chosen = values
         terms = [*current.design.terms, replace(term, values=values)]
-        design = Design(current.design.blocks, current.design.axis, terms)
+        design = current.design.changed(terms)
         fitted = fit_noise(design, start=with_noise(design, noise, carry_spreads(current, design)))
         noise = fitted.noise
     return fitted
@@ -419,7 +503,7 @@ def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
     best: tuple[float, Values] | None = None
     for values in term.effect.variants(runs, current.design.axis):
         terms = [*current.design.terms, replace(term, values=values)]
-        design = Design(current.design.blocks, current.design.axis, terms)
+        design = current.design.changed(terms)
         trial = with_noise(design, noise, carry_spreads(current, design))
         parameters = len(trial.design.layout.fixed) + trial.design.layout.n_groups + len(term.effect.nonlinear)
         score = profile_loglik(trial) - 0.5 * np.log(count) * parameters
@@ -463,8 +547,8 @@ def _needs_choice(term: Term) -> bool:
 
 
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
-    """Spreads for a design with one more term: the old ones, and a starting value for the new."""
-    fresh = _start_spreads(design, old.noise)
+    """Spreads for a design with more terms: the old ones; the new are not known yet."""
+    fresh = _unknown_spreads(design)
     fresh.run[: old.spreads.run.size] = old.spreads.run
     return Spreads(
         fresh.run, old.spreads.scenario if old.spreads.scenario.size == fresh.scenario.size else fresh.scenario
@@ -475,8 +559,8 @@ def _reordered(current: AxisFit, order: dict[str, int]) -> AxisFit:
     terms = sorted(current.design.terms, key=lambda t: order[t.effect_id])
     if list(current.design.terms) == terms:
         return current
-    design = Design(current.design.blocks, current.design.axis, terms)
-    return fit_noise(design, start=with_noise(design, current.noise, _start_spreads(design, current.noise)))
+    design = current.design.changed(terms)
+    return fit_noise(design, start=with_noise(design, current.noise, _unknown_spreads(design)))
 
 
 def _random_rms(design: Design) -> tuple[Array, Array]:
@@ -489,10 +573,9 @@ def _random_rms(design: Design) -> tuple[Array, Array]:
     return run, rms[np.array(design.layout.scenario, dtype=np.intp) + 1]
 
 
-def _start_spreads(design: Design, noise: Noise) -> Spreads:
-    run, scenario = _random_rms(design)
-    size = max(noise.white_sd_dps / 5, 1e-6)
-    return Spreads(size / run, size / scenario)
+def _unknown_spreads(design: Design) -> Spreads:
+    layout = design.layout
+    return Spreads(np.full(layout.n_groups, np.nan), np.full(len(layout.scenario), np.nan))
 
 
 def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
@@ -504,32 +587,89 @@ def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
     return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
 
 
-def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
-    """REML of the spreads alone."""
+@dataclass(frozen=True)
+class _Scale:
+    """Spreads as unbounded-ly smooth coordinates, ``log(1 + (sd / unit)^2)``: the variance where it is small, else its logarithm.
+
+    ``unit`` [k]: what one run (power cycle) by itself knows of its coefficient. A spread far below that is none, and there the
+    likelihood is straight in the variance, where in the logarithm it is flat and a search would be lost.
+    """
+
+    unit: Array
+    high: Array
+
+    @staticmethod
+    def of(design: Design, grams: Array) -> _Scale:
+        layout = design.layout
+        information = np.zeros(layout.n_groups + len(layout.scenario))
+        diagonal = np.diagonal(grams, axis1=-2, axis2=-1)
+        per_run = diagonal[:, 1 + len(layout.fixed) :].mean(axis=0)
+        for group in range(layout.n_groups):
+            information[group] = np.mean([per_run[j] for j, g in enumerate(layout.run_group) if g == group])
+        cycles = np.unique(design.scenarios).size
+        information[layout.n_groups :] = diagonal[:, np.array(layout.scenario, dtype=np.intp) + 1].sum(axis=0) / cycles
+        unit = np.where(information > 0, 1 / np.sqrt(np.maximum(information, 1e-300)), 0.0)
+        largest = np.where(unit > 0, _largest_dps(design) / np.concatenate(_random_rms(design)), 0.0)
+        return _Scale(unit, np.log1p((largest / np.maximum(unit, 1e-300)) ** 2))
+
+    def coordinates(self, sd: Array) -> Array:
+        """Of spreads [k]; what is not known yet (NaN) starts at its unit."""
+        given = np.where(np.isnan(sd), self.unit, sd)
+        ratio = np.divide(given, self.unit, out=np.zeros_like(given), where=self.unit > 0)
+        return np.clip(np.log1p(ratio**2), NO_SPREAD, np.maximum(self.high, NO_SPREAD))
+
+    def spreads(self, x: Array) -> Array:
+        return self.unit * np.sqrt(np.expm1(x))
+
+    def slopes(self, x: Array, of_log_sd: Array) -> Array:
+        """Slopes in the coordinates from those in log sd."""
+        return of_log_sd / (-2 * np.expm1(-x))
+
+    def settled(self, x: Array) -> Array:
+        """The spreads at the end of a search: a vanishing one is none."""
+        return np.where(x > 10 * NO_SPREAD, self.spreads(x), 0.0)
+
+    @property
+    def bounds(self) -> list[tuple[float, float]]:
+        return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
+
+
+def _maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]], n: int) -> Array:
+    """Where a log-likelihood, given with its slopes, is largest."""
     from scipy.optimize import minimize
 
+    def cost(x: Array) -> tuple[float, Array]:
+        value, slope = loglik(x)
+        return (-value, -slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
+
+    found = minimize(
+        cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1)}
+    )
+    return np.asarray(found.x)
+
+
+def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
+    """REML of the spreads alone; those of ``start`` that are NaN are not known yet."""
     k = start.run.size
     if k + start.scenario.size == 0:
         return start
-    rms = np.concatenate(_random_rms(design))
-    low, high = np.log(1e-6 / rms), np.log(_largest_dps(design) / rms)
-    x0 = np.clip(np.log(np.maximum(np.concatenate([start.run, start.scenario]), 1e-300)), low + 3.0, high)
+    scale = _Scale.of(design, grams)
 
-    def objective(x: Array) -> float:
-        sd = np.exp(x)
-        value = -solve(design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:])).loglik
-        return value if np.isfinite(value) else 1e300
+    def loglik(x: Array) -> tuple[float, Array]:
+        sd = scale.spreads(x)
+        solution, slopes = _solve(
+            design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:]), slopes=True
+        )  # fmt: skip
+        return solution.loglik, scale.slopes(x, slopes)
 
-    found = minimize(
-        objective,
-        x0,
-        method="L-BFGS-B",
-        bounds=list(zip(low, high, strict=True)),
-        options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP},
-    )
-    sd = np.exp(np.minimum(found.x, high))
-    sd[found.x < low + 1.0] = 0.0
+    x = _maximise(loglik, scale.coordinates(np.concatenate([start.run, start.scenario])), scale.bounds, n)
+    sd = scale.settled(x)
     return Spreads(sd[:k], sd[k:])
+
+
+def _off_grid_s(t_s: Array) -> float:
+    """How far times [n] stray from an even grid, s."""
+    return float(np.max(np.abs(t_s - np.linspace(t_s[0], t_s[-1], t_s.size))))
 
 
 def _largest_dps(design: Design) -> float:
@@ -549,68 +689,60 @@ def white_start(design: Design) -> float:
 
 def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     """REML of white level, drift and spreads together."""
-    from scipy.optimize import minimize
-
     white0 = white_start(design)
     given = next((t for t in design.terms if t.effect_id == "colored_noise"), None)
-    spreads0 = start.spreads if start is not None else _start_spreads(design, Noise(white0))
-    rms = np.concatenate(_random_rms(design)) if spreads0.run.size + spreads0.scenario.size else np.zeros(0)
     n = int(design.n_blocks.sum())
     longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in design.blocks if b.t_s.size)
     block_s = min((float(np.median(np.diff(b.t_s))) for b in design.blocks if b.t_s.size > 1), default=1.0)
     drift = given is not None and longest_s > 10 * block_s
-    k = spreads0.run.size
     slow_s = max(SLOW_S, 5 * block_s)
-    lows = [np.log(white0) - 0.2] + ([np.log(white0) - 9.0, np.log(slow_s)] if drift else [])
-    highs = [np.log(white0) + 3.0] + ([np.log(white0) + 5.0, np.log(max(4 * slow_s, 5 * longest_s))] if drift else [])
-    begin = start.noise if start is not None else Noise(white0, white0 / 10, 20.0)
-    x0 = [np.log(begin.white_sd_dps)]
+    if start is None:
+        start = with_noise(design, Noise(white0, white0 / 10, 20.0) if drift else Noise(white0), _unknown_spreads(design))
+    # a drift of this spread moves a mean over SLOW_S as white noise does
+    unit = white0 / np.sqrt(SLOW_S / block_s * max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks])))))
+    lows, highs = [np.log(white0) - 0.2], [np.log(white0) + 3.0]
+    x0 = [np.log(start.noise.white_sd_dps)]
     if drift:
-        x0 += [np.log(max(begin.ou_sd_dps, white0 / 50)), np.log(begin.ou_tau_s)]
-    lows += list(np.log(1e-6 / rms))
-    highs += list(np.log(_largest_dps(design) / rms))
-    x0 += list(np.log(np.maximum(np.concatenate([spreads0.run, spreads0.scenario]), 1e-4 / np.maximum(rms, 1e-300))))
-    m = 3 if drift else 1
+        lows += [NO_SPREAD, np.log(slow_s)]
+        highs += [np.log1p((150 * white0 / unit) ** 2), np.log(max(4 * slow_s, 5 * longest_s))]
+        x0 += [np.log1p((start.noise.ou_sd_dps / unit) ** 2), np.log(start.noise.ou_tau_s)]
+        x0[1] = max(x0[1], np.log(2.0))  # no drift in the poorer model may be one in the richer
+    m, k = len(x0), start.spreads.run.size
+    scale = _Scale.of(design, start.grams)
     cache: dict[bytes, tuple[Array, Array]] = {}
 
-    def unpack(x: Array) -> tuple[Noise, Spreads]:
-        noise = (
-            Noise(float(np.exp(x[0])), float(np.exp(x[1])), float(np.exp(x[2])))
-            if drift
-            else Noise(float(np.exp(x[0])))
-        )
-        sd = np.exp(x[m:])
-        return noise, Spreads(sd[:k], sd[k:])
+    def noise_at(x: Array) -> Noise:
+        white = float(np.exp(x[0]))
+        return Noise(white, unit * float(np.sqrt(np.expm1(x[1]))), float(np.exp(x[2]))) if drift else Noise(white)
 
-    def objective(x: Array) -> float:
-        noise, spreads = unpack(x)
+    def grams_at(x: Array) -> tuple[Array, Array]:
         key = x[:m].tobytes()
         if key not in cache:
             if len(cache) > 8:
                 cache.clear()
-            cache[key] = design.grams(noise)
-        grams, logdet = cache[key]
-        value = -solve(design.layout, grams, logdet, design.scenarios, n, spreads).loglik
-        return value if np.isfinite(value) else 1e300
+            cache[key] = design.grams(noise_at(x))
+        return cache[key]
 
-    begin_at = np.clip(x0, lows, highs)
-    found = minimize(
-        objective,
-        begin_at,
-        method="L-BFGS-B",
-        bounds=list(zip(lows, highs, strict=True)),
-        options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1), "eps": STEP},
-    )
-    x = found.x
-    noise, spreads = unpack(x)
-    if drift and x[1] < lows[1] + 1.0:
+    def loglik(x: Array) -> tuple[float, Array]:
+        sd = scale.spreads(x[m:])
+        spreads = Spreads(sd[:k], sd[k:])
+        solution, slopes = _solve(design.layout, *grams_at(x), design.scenarios, n, spreads, slopes=True)
+        of_noise = np.zeros(m)
+        for j in range(m):
+            step = np.zeros_like(x)
+            step[j] = STEP
+            moved = solve(design.layout, *grams_at(x + step), design.scenarios, n, spreads)
+            of_noise[j] = (moved.loglik - solution.loglik) / STEP
+        return solution.loglik, np.concatenate([of_noise, scale.slopes(x[m:], slopes)])
+
+    begin = np.concatenate([
+        np.clip(x0, lows, highs), scale.coordinates(np.concatenate([start.spreads.run, start.spreads.scenario]))
+    ])  # fmt: skip
+    x = _maximise(loglik, begin, [*zip(lows, highs, strict=True), *scale.bounds], n)
+    noise, sd = noise_at(x), scale.settled(x[m:])
+    if drift and x[1] < 10 * NO_SPREAD:
         noise = replace(noise, ou_sd_dps=0.0)
-    sd = np.concatenate([spreads.run, spreads.scenario])
-    sd[x[m:] < np.array(lows[m:]) + 1.0] = 0.0
-    grams, logdet = design.grams(noise)
-    spreads = fit_spreads(design, grams, logdet, design.scenarios, n, Spreads(sd[:k], sd[k:]))
-    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
-    return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
+    return with_noise(design, noise, Spreads(sd[:k], sd[k:]))
 
 
 def refine(current: AxisFit) -> AxisFit:
@@ -630,7 +762,7 @@ def refine(current: AxisFit) -> AxisFit:
             values = {**term.values, **dict(zip(names, map(float, np.exp(x)), strict=True))}
             terms = list(base.design.terms)
             terms[i] = replace(term, values=values)
-            return with_noise(Design(base.design.blocks, base.design.axis, terms), base.noise, base.spreads)
+            return with_noise(base.design.changed(terms), base.noise, base.spreads)
 
         runs = [b.run for b in current.design.blocks]
         steps = [term.effect.step(name, term.values, runs) for name in names]
@@ -733,9 +865,7 @@ def _nonlinear_errors(current: AxisFit, i: int) -> Values:
             terms = list(current.design.terms)
             terms[i] = replace(term, values={**term.values, name: term.values[name] * float(np.exp(sign))})
             ends.append(
-                with_noise(
-                    Design(current.design.blocks, current.design.axis, terms), current.noise, current.spreads
-                ).loglik
+                with_noise(current.design.changed(terms), current.noise, current.spreads).loglik
             )
         curvature = (2 * current.loglik - ends[0] - ends[1]) / step**2
         errors[name] = float(term.values[name] / np.sqrt(curvature)) if curvature > 0 else float("nan")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
-from gyrocal.fit import AxisFit, Design, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
+from gyrocal.fit import AxisFit, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
 from gyrocal.model import Term
 from gyrocal.noise import Noise
 from gyrocal.session import Array, Run, Session
@@ -109,7 +109,7 @@ class Finding:
 def beside(current: AxisFit, axis: str, kinds: Sequence[Effect]) -> AxisFit:
     """The model fitted with probes beside it: the noise that is left when what they found is taken out."""
     terms = [Term(f"probe_{i}", axis, dict.fromkeys(kind.linear, 0.0), own=kind) for i, kind in enumerate(kinds)]
-    design = Design(current.design.blocks, current.design.axis, [*current.design.terms, *terms])
+    design = current.design.changed([*current.design.terms, *terms])
     return fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
 
 
@@ -191,7 +191,7 @@ def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float)
     from scipy.stats import chi2
 
     term = Term("probe", axis, dict.fromkeys(kind.linear, 0.0), own=kind)
-    design = Design(current.design.blocks, current.design.axis, [*current.design.terms, term])
+    design = current.design.changed([*current.design.terms, term])
     mine = len(design.terms) - 1
     if kind.scope == "run":
         start = with_noise(design, current.noise, carry_spreads(current, design))
@@ -249,5 +249,4 @@ def _wald(fit: AxisFit, columns: Sequence[int]) -> float:
 
 
 def _part(fit: AxisFit, i: int, columns: Sequence[int]) -> Array:
-    index, matrices, _, _ = next(s for s in fit.design.stacks if i in s[0])
-    return fit.solution.beta[list(columns)] @ np.asarray(matrices[index.index(i)][[1 + c for c in columns]])
+    return fit.solution.beta[list(columns)] @ fit.design.block(i)[0][[1 + c for c in columns]]
