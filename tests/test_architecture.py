@@ -12,15 +12,15 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 # From the bottom up; a file may import what stands in its own row or a row above it. Folders stand for their files.
 LAYERS = [
     {"errors", "threads", "__init__"},
-    {"session", "output", "wire", "core", "network", "spectrum"},
+    {"session", "output", "wire", "core", "network", "spectrum", "climate", "campaigns"},
     {"port"},
     {"effects"},
     {"formula"},
     {"model", "blocks", "noise"},
     {"allan", "fit"},
     {"heldout", "probes", "simulate", "estimator", "importer"},
-    {"device", "record", "monitor", "verify"},
-    {"compare", "calibrate", "calibration_header"},
+    {"scenarios", "device", "record", "monitor", "verify"},
+    {"compare", "calibrate", "calibration_header", "limit"},
     {"diagnose", "pictures"},
     {"report", "api"},
     {"demo"},

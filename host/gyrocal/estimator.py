@@ -7,17 +7,22 @@ a :class:`Calibration`, Gaussian priors and effect columns, and a few seconds of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values
 from gyrocal.errors import InputError
-from gyrocal.model import Model
+from gyrocal.model import Model, Term
 from gyrocal.noise import Noise, normal_equations
 from gyrocal.session import AXES, Array, Run
 
 BLOCK_US = 250_000
+MAX_COLUMNS = 8
+"""Effect columns that the device holds."""
+MOST_ALTERNATIVES = 8
+MOST_HYPOTHESES = 4096
+"""Combinations of the runs' alternatives that are weighed; of more, the least likely ones of each run are left out."""
 TIGHTEST = 1e-6
 """No prior is tighter than this fraction of a typical size: what a fit cannot spread it has not proven constant."""
 
@@ -35,7 +40,11 @@ class Column:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a device knows before it measures. Parameters in the order [run columns, shared columns, bias, scale]."""
+    """What a device knows before it measures. Parameters in the order [run columns, shared columns, bias, scale].
+
+    The last ``alternatives`` run columns exclude each other: one of them acts in a run, each as likely as another before it is
+    measured. So a nonlinear parameter that differs from run to run (a time constant) is told from a few of its values.
+    """
 
     name: str
     axis: str
@@ -45,6 +54,7 @@ class Calibration:
     scale: tuple[float, float]
     """(mean, sd) of the priors; sd infinite = flat."""
     noise: Noise
+    alternatives: int = 0
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -80,6 +90,7 @@ def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -
     """
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
+    spread_terms: list[tuple[Term, Column]] = []
     priors = {"bias": (0.0, np.inf), "scale": (0.0, np.inf)}
     for term in model.on(axis):
         kind = term.effect
@@ -105,18 +116,39 @@ def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -
         smallest = TIGHTEST * np.repeat(typical, mean.size // len(typical))
         sd = np.sqrt(spread**2 + se**2 + smallest**2)
         columns = [Column(kind, term.values, j, float(mean[j]), float(sd[j])) for j in range(mean.size)]
+        if spread_parameter(term) is not None:
+            spread_terms.append((term, columns[0]))
+            continue
         (run_columns if kind.scope == "run" else shared_columns).extend(columns)
+    alternatives: list[Column] = []
+    for term, column in spread_terms:
+        room = min(MOST_ALTERNATIVES, MAX_COLUMNS - len(run_columns) - len(shared_columns))
+        alternatives = [replace(column, values=v) for v in alternative_values(term, max(2, room))]
     white = model.white_sd_dps.get(axis, white_sd_dps)
     if white is None or white <= 0:
-        raise InputError(
-            f"model {model.name}: no white noise level for {axis}; fit it with `gyrocal add` or give white_sd_dps"
-        )
-    noise = Noise(
-        white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0)
-    )
+        raise InputError(f"model {model.name}: no white noise level for {axis}; fit it with `gyrocal add` or give white_sd_dps")
+    noise = Noise(white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0))
     return Calibration(
-        model.name, axis, tuple(run_columns), tuple(shared_columns), priors["bias"], priors["scale"], noise
-    )
+        model.name, axis, (*run_columns, *alternatives), tuple(shared_columns), priors["bias"], priors["scale"], noise,
+        len(alternatives),
+    )  # fmt: skip
+
+
+def spread_parameter(term: Term) -> str | None:
+    """The nonlinear parameter that differs from run to run, where the model knows its spread (``NAME_sd``)."""
+    kind = term.effect
+    if kind.scope != "run" or len(kind.used(term.values)) != 1:
+        return None
+    return next((n for n in kind.nonlinear if term.values.get(f"{n}_sd", 0.0) > 0 and n in term.values), None)
+
+
+def alternative_values(term: Term, count: int) -> list[Values]:
+    """``count`` values of the spread parameter, equally likely: evenly in its logarithm over mean +- sqrt(3) sd."""
+    name = spread_parameter(term)
+    assert name is not None
+    middle, sd = term.values[name], term.values[f"{name}_sd"]
+    steps = np.sqrt(3.0) * sd / middle * (2 * (np.arange(count) + 0.5) / count - 1)
+    return [{**term.values, name: float(middle * np.exp(step))} for step in steps]
 
 
 def _se(kind: Effect, values: Values, se: Values) -> Array:
@@ -126,9 +158,7 @@ def _se(kind: Effect, values: Values, se: Values) -> Array:
 def _base_prior(model: Model, axis: str, effect_id: str) -> tuple[float, float]:
     term = model.term(effect_id, axis)
     name = "bias_dps" if effect_id == "bias" else "scale"
-    spread_term, spread_name = (
-        (model.term("turn_on_bias", axis), "sd_dps") if effect_id == "bias" else (term, "scale_sd")
-    )
+    spread_term, spread_name = (model.term("turn_on_bias", axis), "sd_dps") if effect_id == "bias" else (term, "scale_sd")
     if term is None or name not in term.values or spread_term is None or spread_name not in spread_term.values:
         return 0.0, np.inf
     parts = [spread_term.values[spread_name], spread_term.se.get(spread_name, 0.0), term.se.get(name, 0.0)]
@@ -153,43 +183,129 @@ def run_equations(run: Run, calibration: Calibration) -> tuple[Array, int]:
     return gram[0], int(full.sum())
 
 
+@dataclass(frozen=True)
+class Posterior:
+    """Answers for many calibrations at once, arrays [n]; NaN where the runs do not fix both scale and bias.
+
+    ``log_evidence`` is the log-likelihood of the data up to a constant of the noise and of what is flat.
+    """
+
+    scale: Array
+    scale_se: Array
+    bias_dps: Array
+    bias_se_dps: Array
+    chi2: Array
+    log_evidence: Array
+
+
+def _hypotheses(calibration: Calibration, gram: Array) -> tuple[Array, Array]:
+    """What one run says of [shared, bias, scale, y - w] under each of its alternatives.
+
+    ``gram`` [n, q, q] as :func:`run_equations` gives it. Returns equations [n, K, r, r] and the logarithm [n, K] of the
+    determinant that integrating the run's own coefficients leaves.
+    """
+    k, a = len(calibration.run_columns), calibration.alternatives
+    plain = k - a
+    information, mean = calibration.prior_information, calibration.prior_mean
+    gram = gram.copy()
+    for i in range(k):
+        square = information[i] ** 2
+        gram[:, i, i] += square
+        gram[:, i, -1] += square * mean[i]
+        gram[:, -1, i] += square * mean[i]
+    own_y2 = information[:k] ** 2 * mean[:k] ** 2
+    logdet = np.zeros(len(gram))
+    if plain:
+        norm = np.sqrt(np.maximum(np.einsum("nii->ni", gram[:, :plain, :plain]), 0.0))
+        norm = np.where(norm > 0, norm, 1.0)
+        inner = gram[:, :plain, :plain] / (norm[:, :, None] * norm[:, None, :])
+        inner += np.eye(plain) * (np.einsum("nii->ni", inner) == 0)[:, :, None]
+        cross = gram[:, :plain, plain:] / norm[:, :, None]
+        logdet = np.linalg.slogdet(inner)[1] + 2 * np.log(norm).sum(1) - 2 * _log_positive(information[:plain]).sum()
+        gram = gram[:, plain:, plain:] - cross.swapaxes(1, 2) @ np.linalg.solve(inner, cross)
+    gram[:, -1, -1] += own_y2[:plain].sum()
+    if not a:
+        return gram[:, None], logdet[:, None]
+    pivot = np.einsum("nii->ni", gram[:, :a, :a])
+    cross, rest = gram[:, :a, a:], gram[:, a:, a:]
+    equations = rest[:, None] - cross[..., :, None] * cross[..., None, :] / pivot[..., None, None]
+    equations[..., -1, -1] += own_y2[plain:]
+    return equations, logdet[:, None] + np.log(pivot) - 2 * np.log(information[plain:k])
+
+
+def _log_positive(x: Array) -> Array:
+    return np.log(x[x > 0])
+
+
+def posterior(calibration: Calibration, grams: Sequence[Array]) -> Posterior:
+    """The exact posterior of scale and bias, from the equations [n, q, q] of each run that shares them.
+
+    Linear terms are integrated out in closed form; combinations of the runs' alternatives are weighed by their evidence.
+    """
+    s = len(calibration.shared_columns)
+    n = s + 2
+    k = len(calibration.run_columns)
+    runs = [_hypotheses(calibration, g) for g in grams]
+    most = max(1, int(MOST_HYPOTHESES ** (1 / len(runs)) + 1e-9))
+    equations, logdet = _likeliest(*runs[0], most)
+    for other in runs[1:]:
+        more, more_logdet = _likeliest(*other, most)
+        equations = (equations[:, :, None] + more[:, None]).reshape(len(more), -1, n + 1, n + 1)
+        logdet = (logdet[:, :, None] + more_logdet[:, None]).reshape(len(more), -1)
+    prior = calibration.prior_information[k:, None] * np.column_stack([np.eye(n), calibration.prior_mean[k:]])
+    equations = equations + prior.T @ prior
+    h, g = equations[..., :n, :n], equations[..., :n, n]
+    norm = np.sqrt(np.maximum(np.einsum("...ii->...i", h), 0.0))
+    used = norm.max(axis=(0, 1)) > 0
+    if not used[-2:].all():
+        return Posterior(*np.full((6, len(h)), np.nan))
+    h, g, norm = h[..., used, :][..., used], g[..., used], norm[..., used]
+    norm = np.where(norm > 0, norm, 1.0)
+    scaled = h / (norm[..., :, None] * norm[..., None, :])
+    known = np.linalg.eigvalsh(scaled)[..., 0].min(axis=1) >= 1e-12
+    scaled[~known] = np.eye(int(used.sum()))
+    cov = np.linalg.inv(scaled) / (norm[..., :, None] * norm[..., None, :])
+    beta = np.einsum("...ij,...j->...i", cov, g)
+    chi2 = np.maximum(equations[..., n, n] - np.einsum("...i,...i->...", g, beta), 0.0)
+    log_weight = (
+        -0.5 * (chi2 + logdet + np.linalg.slogdet(scaled)[1] + 2 * np.log(norm).sum(-1))
+        + _log_positive(calibration.prior_information[k:]).sum()
+    )
+    top = log_weight.max(axis=1, keepdims=True)
+    weight = np.exp(log_weight - top)
+    total = weight.sum(axis=1, keepdims=True)
+    weight /= total
+    mean = np.einsum("nk,nki->ni", weight, beta)
+    variance = np.einsum("nk,nki->ni", weight, np.einsum("nkii->nki", cov) + (beta - mean[:, None]) ** 2)
+    sd = np.sqrt(variance)
+    alternatives = len(runs) * np.log(max(1, calibration.alternatives))
+    found = (mean[:, -1], sd[:, -1], mean[:, -2], sd[:, -2], (weight * chi2).sum(1), (top + np.log(total))[:, 0] - alternatives)
+    return Posterior(*(np.where(known, x, np.nan) for x in found))
+
+
+def _likeliest(equations: Array, logdet: Array, most: int) -> tuple[Array, Array]:
+    """At most ``most`` alternatives of a run, by their likelihood at its best values of what runs share."""
+    if logdet.shape[1] <= most:
+        return equations, logdet
+    h, g = equations[..., :-1, :-1], equations[..., :-1, -1]
+    best = equations[..., -1, -1] - np.einsum("nki,nkij,nkj->nk", g, np.linalg.pinv(h, hermitian=True), g)
+    order = np.argsort(best + logdet, axis=1)[:, :most]
+    return np.take_along_axis(equations, order[..., None, None], 1), np.take_along_axis(logdet, order, 1)
+
+
 def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
     """Scale and bias from runs that share them; None where the runs do not fix both."""
-    k, s = len(calibration.run_columns), len(calibration.shared_columns)
-    information, mean = calibration.prior_information, calibration.prior_mean
-    n = s + 2
-    total = np.zeros((n + 1, n + 1))
-    dof = 0
-    for run in runs:
-        gram, blocks = run_equations(run, calibration)
-        if k:
-            prior = information[:k, None] * np.column_stack([np.eye(k), np.zeros((k, n)), mean[:k]])
-            gram = gram + prior.T @ prior
-            norm = np.sqrt(np.maximum(np.diag(gram)[:k], 1e-300))
-            inner = gram[:k, :k] / np.outer(norm, norm)
-            cross = gram[:k, k:] / norm[:, None]
-            gram = gram[k:, k:] - cross.T @ np.linalg.solve(inner, cross)
-            dof += int(np.count_nonzero(information[:k])) - k
-        else:
-            gram = gram[k:, k:]
-        total += gram
-        dof += blocks
-    prior = information[k:, None] * np.column_stack([np.eye(n), mean[k:]])
-    total += prior.T @ prior
-    dof += int(np.count_nonzero(information[k:])) - n
-    h, g = total[:n, :n], total[:n, n]
-    norm = np.sqrt(np.diag(h))
-    used = norm > 0
-    if not used[-2:].all():
+    k, a = len(calibration.run_columns), calibration.alternatives
+    equations = [run_equations(run, calibration) for run in runs]
+    found = posterior(calibration, [gram[None] for gram, _ in equations])
+    if not np.isfinite(found.scale[0]):
         return None
-    h, g, norm = h[np.ix_(used, used)], g[used], norm[used]
-    scaled = h / np.outer(norm, norm)
-    if np.linalg.eigvalsh(scaled)[0] < 1e-12:
-        return None
-    cov = np.linalg.inv(scaled) / np.outer(norm, norm)
-    beta = cov @ g
-    chi2 = max(0.0, float(total[n, n] - g @ beta))
+    flat = calibration.prior_information == 0
+    shared_norm = sum(np.diag(gram)[k:-1] for gram, _ in equations)
+    absent = int(np.count_nonzero((shared_norm == 0) & flat[k:]))
+    # each alternative has a prior and is a parameter; of the others, those with a prior count as data
+    dof = sum(blocks for _, blocks in equations) - len(runs) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
     return Answer(
-        float(beta[-1]), float(np.sqrt(cov[-1, -1])), float(beta[-2]), float(np.sqrt(cov[-2, -2])),
-        float(np.sqrt(chi2 / dof)) if dof > 0 else None,
+        float(found.scale[0]), float(found.scale_se[0]), float(found.bias_dps[0]), float(found.bias_se_dps[0]),
+        float(np.sqrt(found.chi2[0] / dof)) if dof > 0 else None,
     )  # fmt: skip
