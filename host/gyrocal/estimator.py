@@ -247,13 +247,14 @@ def posterior(calibration: Calibration, grams: Sequence[Array]) -> Posterior:
     k = len(calibration.run_columns)
     runs = [_hypotheses(calibration, g) for g in grams]
     most = max(1, int(MOST_HYPOTHESES ** (1 / len(runs)) + 1e-9))
-    equations, logdet = _likeliest(*runs[0], most)
+    root = calibration.prior_information[k:, None] * np.column_stack([np.eye(n), calibration.prior_mean[k:]])
+    prior = root.T @ root
+    equations, logdet = _likeliest(*runs[0], most, prior)
     for other in runs[1:]:
-        more, more_logdet = _likeliest(*other, most)
+        more, more_logdet = _likeliest(*other, most, prior)
         equations = (equations[:, :, None] + more[:, None]).reshape(len(more), -1, n + 1, n + 1)
         logdet = (logdet[:, :, None] + more_logdet[:, None]).reshape(len(more), -1)
-    prior = calibration.prior_information[k:, None] * np.column_stack([np.eye(n), calibration.prior_mean[k:]])
-    equations = equations + prior.T @ prior
+    equations = equations + prior
     h, g = equations[..., :n, :n], equations[..., :n, n]
     norm = np.sqrt(np.maximum(np.einsum("...ii->...i", h), 0.0))
     used = norm.max(axis=(0, 1)) > 0
@@ -283,13 +284,14 @@ def posterior(calibration: Calibration, grams: Sequence[Array]) -> Posterior:
     return Posterior(*(np.where(known, x, np.nan) for x in found))
 
 
-def _likeliest(equations: Array, logdet: Array, most: int) -> tuple[Array, Array]:
+def _likeliest(equations: Array, logdet: Array, most: int, prior: Array) -> tuple[Array, Array]:
     """At most ``most`` alternatives of a run, by their likelihood at its best values of what runs share."""
     if logdet.shape[1] <= most:
         return equations, logdet
-    h, g = equations[..., :-1, :-1], equations[..., :-1, -1]
-    best = equations[..., -1, -1] - np.einsum("nki,nkij,nkj->nk", g, np.linalg.pinv(h, hermitian=True), g)
-    order = np.argsort(best + logdet, axis=1)[:, :most]
+    both = equations + prior
+    h, g = both[..., :-1, :-1], both[..., :-1, -1]
+    chi2 = both[..., -1, -1] - np.einsum("nki,nkij,nkj->nk", g, np.linalg.pinv(h, hermitian=True), g)
+    order = np.argsort(chi2 + logdet, axis=1)[:, :most]
     return np.take_along_axis(equations, order[..., None, None], 1), np.take_along_axis(logdet, order, 1)
 
 
