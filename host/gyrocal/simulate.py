@@ -1,4 +1,4 @@
-"""Campaigns with a known truth: the sensor of eq. (4), its noise, and any effects planted.
+"""Sessions with a known truth: the sensor of eq. (4), its noise, and any effects planted.
 
 The sensor chain: true rate -> (1 + scale)·w + bias -> effects -> white noise and a slow Ornstein-Uhlenbeck drift -> LSB steps
 and clipping. White noise is the LSM6DSO's 3.8 mdps/sqrt(Hz) (datasheet, table 3) through its 136 Hz low-pass at 416 Hz,
@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from gyrocal.campaigns import CAMPAIGNS, OFF_S, PAUSE_EVERY, PAUSE_S, TABLE_RATE_DPS, Planned, Swing
+from gyrocal.climate import ROOM_SD_C, Day
 from gyrocal.effects import base
 from gyrocal.errors import InputError
-from gyrocal.session import AXES, Array, Axis, Face, Run, Session
+from gyrocal.session import AXES, Array, Run, Session
 
 RATE_HZ = 145.0
-TABLE_RATE_DPS = 78.0
 LSB_DPS = 0.00875
 FULL_SCALE_DPS = 250.0
 WHITE_SD_DPS = 0.0038 * np.sqrt(136.0)
@@ -30,6 +31,8 @@ OU_TAU_S = 30.0
 TURN_ON_SD_DPS = 0.005
 SCALE_MEAN, SCALE_SD = 0.004, 0.0005
 BIAS_MEAN_DPS, BIAS_SD_DPS = -0.05, 0.04
+INNATE = ("scale", "bias", "turn_on_bias", "colored_noise")
+"""Effects that every simulated sensor has."""
 
 # The campaign whose baseline errs as the paper's Table 2 does (bias, and 78 deg/s times scale, within 30 % of 55, 35 and
 # 30 mdps at 2, 4 and 6 s): what each run draws. Measured by `gyrocal benchmark paper`.
@@ -52,50 +55,37 @@ class RunTruth:
 
 
 @dataclass(frozen=True)
-class Planned:
-    """One run of a campaign before it is simulated."""
+class Sensor:
+    """What every simulated part has: how its scale and bias are spread, its turn-on bias and its drift."""
 
-    scenario: str
-    day: int
-    face: Face
-    table_rate_dps: float
-    power_on_s: float
-    seconds: float
-    axis: Axis = "z"
+    turn_on_sd_dps: float
+    ou_sd_dps: float
+    ou_tau_s: float
+    scale: float | None = None
+    bias_dps: float | None = None
+    """Given, not drawn."""
 
+    @staticmethod
+    def of(
+        wanted: Sequence[tuple[str, base.Values]], turn_on_sd_dps: float, rng: np.random.Generator
+    ) -> tuple[Sensor, list[tuple[str, base.Values]]]:
+        """The sensor that the wanted effects ask for, and the effects that are left to plant."""
+        own = {effect_id: base.effect(effect_id).draw(values, rng) for effect_id, values in wanted if effect_id in INNATE}
+        drift = own.get("colored_noise", {"sd_dps": OU_SD_DPS, "tau_s": OU_TAU_S})
+        sensor = Sensor(
+            own.get("turn_on_bias", {"sd_dps": turn_on_sd_dps})["sd_dps"], drift["sd_dps"], drift["tau_s"],
+            own.get("scale", {}).get("scale"), own.get("bias", {}).get("bias_dps"),
+        )  # fmt: skip
+        return sensor, [(effect_id, values) for effect_id, values in wanted if effect_id not in INNATE]
 
-def paper_plan(scenarios: int | None = None, seconds: float = 70.0) -> list[Planned]:
-    """Three days of 13, 7 and 28 scenarios; each one power cycle, face up then face down at 78 deg/s."""
-    total = 48 if scenarios is None else scenarios
-    if total < 1:
-        raise InputError("--scenarios: at least 1")
-    plan = []
-    for number in range(total):
-        day = 1 + int(np.searchsorted(np.cumsum([13, 7, 28]) * total / 48, number, side="right"))
-        for face, power_on_s in (("up", 3.0), ("down", 3.0 + seconds + 12.0)):
-            plan.append(Planned(f"s{number:03d}", day, face, TABLE_RATE_DPS, power_on_s, seconds))  # type: ignore[arg-type]
-    return plan
-
-
-def full_plan(scenarios: int | None = None, seconds: float = 40.0) -> list[Planned]:
-    """Three days; each run a power cycle; both faces at rest and at 30, 78 and 150 deg/s in both directions, each rate off by
-    a few percent that the session file states."""
-    days = 3 if scenarios is None else scenarios
-    rng = np.random.default_rng(2024)
-    plan: list[Planned] = []
-    for day in range(1, days + 1):
-        for face in ("up", "down"):
-            for nominal in (0.0, 30.0, -30.0, 78.0, -78.0, 150.0, -150.0):
-                rate = round(nominal * (1 + rng.uniform(-0.03, 0.03)), 3)
-                plan.append(Planned(f"s{len(plan):03d}", day, face, rate, 3.0, seconds))
-    return plan
-
-
-PLANS: dict[str, Callable[[int | None, float | None], list[Planned]]] = {
-    "paper": lambda n, s: paper_plan(n, 70.0 if s is None else s),
-    "table2": lambda n, s: paper_plan(n, 70.0 if s is None else s),
-    "full": lambda n, s: full_plan(n, 40.0 if s is None else s),
-}
+    def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Scale and bias of the three axes, [3] each."""
+        scale = rng.normal(SCALE_MEAN, SCALE_SD, 3)
+        bias_dps = rng.normal(BIAS_MEAN_DPS, BIAS_SD_DPS, 3)
+        return (
+            scale if self.scale is None else np.full(3, self.scale),
+            bias_dps if self.bias_dps is None else np.full(3, self.bias_dps),
+        )
 
 
 def simulate(
@@ -114,47 +104,54 @@ def simulate(
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. With ``vary`` scale and bias are drawn for each scenario, as the paper's differ. The campaign
-    ``table2`` is ``paper`` with the ripple and the transient that make its baseline err as the paper's Table 2. Returns
-    the session and its truth; with ``out=None`` nothing is written.
+    drawn for each run. ``scale``, ``bias``, ``turn_on_bias`` and ``colored_noise`` set what every simulated sensor has. With
+    ``vary`` scale and bias are drawn for each scenario, as the paper's differ. The campaign ``table2`` is ``paper`` with the
+    ripple and the transient that make its baseline err as the paper's Table 2. Returns the session and its truth; with
+    ``out=None`` nothing is written.
     """
-    if campaign not in PLANS:
-        raise InputError(f"--campaign {campaign}: there are {', '.join(PLANS)}")
+    if campaign not in CAMPAIGNS:
+        raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}")
     if seconds is not None and not seconds > 0:
         raise InputError("--seconds: must be positive")
-    planted = [base.parse(e) if isinstance(e, str) else (base.effect(e[0]).id, dict(e[1])) for e in effects]
+    wanted = [base.parse(e) if isinstance(e, str) else (base.effect(e[0]).id, dict(e[1])) for e in effects]
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: is there already; choose another name or remove it")
-    plan = PLANS[campaign](scenarios, seconds)
-    rng = np.random.default_rng(seed)
-    days = {day: rng.normal(24.0, 2.0) for day in sorted({p.day for p in plan})}
-    scale = np.array([rng.normal(SCALE_MEAN, SCALE_SD) for _ in AXES])
-    bias_dps = np.array([rng.normal(BIAS_MEAN_DPS, BIAS_SD_DPS) for _ in AXES])
+    chosen = CAMPAIGNS[campaign]
+    plan = chosen.plan(scenarios, seconds)
+    rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
+    sensor, planted = Sensor.of(wanted, turn_on_sd_dps, rng)
+    rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in sorted({p.day for p in plan})}
+    days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
+    scale, bias_dps = sensor.draw(rng)
     runs: list[Run] = []
     truths: list[RunTruth] = []
-    scenario, turn_on_dps = "", np.zeros(3)
+    shared: dict[str, base.Values] = {}
+    turn_on_dps = np.zeros(3)
     for i, planned in enumerate(plan):
-        if planned.scenario != scenario:
-            scenario = planned.scenario
-            turn_on_dps = rng.normal(0.0, turn_on_sd_dps, 3)
-            if (
-                vary or campaign == "table2"
-            ):  # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
-                scale = rng.normal(SCALE_MEAN, SCALE_SD, 3)
-                bias_dps = rng.normal(BIAS_MEAN_DPS, BIAS_SD_DPS, 3)
+        day = days[planned.day]
+        if i == 0 or planned.scenario != plan[i - 1].scenario:
+            if i and planned.day == plan[i - 1].day:
+                day.switch_off(plan[i - 1].power_on_s + plan[i - 1].seconds)
+                cycles = len({p.scenario for p in plan[:i] if p.day == planned.day})
+                day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
+            turn_on_dps = rng.normal(0.0, sensor.turn_on_sd_dps, 3)
+            # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
+            if vary or campaign == "table2":
+                scale, bias_dps = sensor.draw(rng)
         truth = RunTruth(f"{i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
-        wanted = [(kind, dict(values)) for kind, values in planted]
-        if campaign == "table2":
-            wanted += table2_draw(rng)
-        runs.append(simulate_run(i, planned, truth, wanted, days[planned.day], rng))
+        extra = table2_draw(rng) if campaign == "table2" else []
+        runs.append(simulate_run(i, planned, truth, [*planted, *extra], shared, sensor, day, rng))
         truths.append(truth)
         if progress is not None:
             progress(i + 1, len(plan))
     session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
     record = {
         "format": "gyrocal-truth/1", "campaign": campaign, "seed": seed,
-        "effects": sorted({e["id"] for t in truths for e in t.effects}),
-        "noise": {"white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": OU_SD_DPS, "ou_tau_s": OU_TAU_S, "turn_on_sd_dps": turn_on_sd_dps},
+        "effects": sorted({e["id"] for t in truths for e in t.effects} | {i for i, _ in wanted}),
+        "noise": {
+            "white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": sensor.ou_sd_dps, "ou_tau_s": sensor.ou_tau_s,
+            "turn_on_sd_dps": sensor.turn_on_sd_dps,
+        },
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
     if out is not None:
@@ -178,31 +175,41 @@ def simulate_run(
     planned: Planned,
     truth: RunTruth,
     effects: Sequence[tuple[str, Mapping[str, float]]],
-    room_c: float,
+    shared: dict[str, base.Values],
+    sensor: Sensor,
+    day: Day,
     rng: np.random.Generator,
 ) -> Run:
-    """One run; ``truth.effects`` is filled with what was planted."""
+    """One run; ``truth.effects`` is filled with what was planted, ``shared`` with what is the same in all runs."""
     n = round(planned.seconds * RATE_HZ)
     t_s = np.round(np.arange(n) / RATE_HZ, 6)
     axis = AXES.index(planned.axis)
     gravity = np.zeros((n, 3))
     gravity[:, axis] = 1.0 if planned.face == "up" else -1.0
-    warming_c = 1.5 * (1 - np.exp(-(planned.power_on_s + t_s) / 90.0))
     acc_g = np.round((gravity + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
-    temp_c = np.round((room_c + warming_c + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
+    temp_c = np.round((day.on(planned.power_on_s + t_s) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
     still = {f"g{a}_dps": np.zeros(n) for a in AXES}
     frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})
-    bare = Run(
-        index, truth.file, planned.scenario, planned.face, planned.axis, planned.table_rate_dps, None, planned.day,
-        planned.power_on_s, RATE_HZ, frame=frame, lsb_dps=LSB_DPS,
-    )  # fmt: skip
+    if planned.swing is not None:
+        frame = frame.with_columns(**swinging(t_s, planned.swing, 1.0 if planned.face == "up" else -1.0))
+
+    def run_of(table: pl.DataFrame) -> Run:
+        return Run(
+            index, truth.file, planned.scenario, planned.face, planned.axis,
+            planned.table_rate_dps if planned.swing is None else None, None, planned.day, planned.power_on_s, RATE_HZ,
+            frame=table, lsb_dps=LSB_DPS,
+        )  # fmt: skip
+
+    bare = run_of(frame)
     rate_dps = np.zeros((n, 3))
     rate_dps[:, axis] = bare.rate_dps
     y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
     faults: list[tuple[base.Effect, base.Values]] = []
     for effect_id, given in effects:
         kind = base.effect(effect_id)
-        values = kind.draw(given, rng)
+        values = shared.get(effect_id) or kind.draw(given, rng)
+        if kind.scope_in([bare]) == "session":
+            shared[effect_id] = values
         if kind.reading_fault:
             faults.append((kind, values))
             truth.effects.append({"id": effect_id, "axis": "all", **values})
@@ -210,15 +217,24 @@ def simulate_run(
         for on in kind.axes(bare):
             y_dps[:, on] += kind.term(bare, on, values)
             truth.effects.append({"id": effect_id, "axis": AXES[on], **values})
-    y_dps += rng.normal(0.0, WHITE_SD_DPS, (n, 3)) + ou_noise(n, 1 / RATE_HZ, OU_SD_DPS, OU_TAU_S, 3, rng)
+    y_dps += rng.normal(0.0, WHITE_SD_DPS, (n, 3))
+    y_dps += ou_noise(n, 1 / RATE_HZ, sensor.ou_sd_dps, sensor.ou_tau_s, 3, rng)
     for kind, values in faults:
         y_dps = kind.distort(bare, y_dps, values, rng)
     y_dps = np.clip(np.round(y_dps / LSB_DPS), -32768, 32767) * LSB_DPS + 0.0  # no minus zero
-    frame = frame.with_columns(pl.Series(f"g{a}_dps", np.round(y_dps[:, i], 6)) for i, a in enumerate(AXES))
-    return Run(
-        index, truth.file, planned.scenario, planned.face, planned.axis, planned.table_rate_dps, None, planned.day,
-        planned.power_on_s, RATE_HZ, frame=frame, lsb_dps=LSB_DPS,
-    )  # fmt: skip
+    return run_of(frame.with_columns(pl.Series(f"g{a}_dps", np.round(y_dps[:, i], 6)) for i, a in enumerate(AXES)))
+
+
+def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]:
+    """What the encoder of a swinging table says: ``rate_ref_dps`` in the sensor's sign, ``table_angle_deg`` [n] each."""
+    sweep_hz_s = (swing.to_hz - swing.from_hz) / t_s[-1]
+    rate_dps = swing.peak_dps * np.sin(2 * np.pi * (swing.from_hz + sweep_hz_s * t_s / 2) * t_s)
+    steps = np.diff(t_s) * (rate_dps[1:] + rate_dps[:-1]) / 2
+    angle_deg = np.concatenate([[0.0], np.cumsum(steps)])
+    return {
+        "rate_ref_dps": pl.Series(np.round(face_sign * rate_dps, 6) + 0.0),
+        "table_angle_deg": pl.Series(np.round(angle_deg, 4) + 0.0),
+    }
 
 
 def ou_noise(n: int, dt_s: float, sd: float, tau_s: float, columns: int, rng: np.random.Generator) -> Array:

@@ -41,6 +41,58 @@ def test_protocols() -> None:
     assert {round(r.table_rate_dps / 10) * 10 for r in full.runs if abs(r.table_rate_dps) < 40} == {0, 30, -30}
 
 
+def test_a_swinging_table_has_an_encoder() -> None:
+    session, _ = simulate(None, "swing", ["lag:tau_s=0.01"], seed=1, scenarios=1, seconds=20.0)
+    for run in session.runs:
+        rate, angle = run.rate_dps, np.unwrap(np.deg2rad(run.column("table_angle_deg")))
+        assert run.table_rate_dps is None
+        assert np.abs(rate).max() == pytest.approx(round(np.abs(rate).max(), -1), rel=0.01)
+        turned = np.rad2deg(np.gradient(angle, run.t_s)) * run.face_sign
+        np.testing.assert_allclose(turned[2:-2], rate[2:-2], atol=0.02 * np.abs(rate).max())
+        late = np.interp(run.t_s - 0.01, run.t_s, rate)
+        assert np.std(run.gyro_dps[:, 2] - 1.004 * late) < np.std(run.gyro_dps[:, 2] - 1.004 * rate)
+
+
+def test_the_bench_shows_six_poses_warm_and_cold() -> None:
+    session, _ = simulate(None, "bench", seed=1, scenarios=1, seconds=4.0)
+    poses = {(run.axis, run.face) for run in session.runs}
+    assert len(poses) == 6
+    for run in session.runs:
+        assert run.acc_g[:, run.axis_index].mean() == pytest.approx(run.face_sign, abs=0.01)
+    temp_c = np.concatenate([run.temp_c for run in session.runs])
+    assert np.ptp(temp_c) > 25
+
+
+@pytest.mark.parametrize("campaign", ["paper", "full"])
+def test_temperature_is_not_the_time_since_power_on(campaign: str) -> None:
+    """A board that is still warm from the power cycle before, a room that changes: else warm-up and temperature are one."""
+    session, _ = simulate(None, campaign, seed=4, scenarios=None if campaign == "full" else 12)
+    temp_c = np.array([run.temp_c.mean() for run in session.runs])
+    power_on_s = np.array([run.power_on_s for run in session.runs])
+    day = np.array([run.day for run in session.runs])
+    within = temp_c - np.array([temp_c[day == d].mean() for d in day])
+    assert np.std(within) > 0.3
+    assert np.corrcoef(temp_c, power_on_s)[0, 1] ** 2 < 0.5
+    assert max(np.ptp(run.temp_c) for run in session.runs) > 0.8  # and it moves within a run
+
+
+def test_what_every_sensor_has_is_set_not_added() -> None:
+    """scale, bias, turn_on_bias and colored_noise: the truth says what was asked for, and the readings have it."""
+    asked = ["scale:scale=0.01", "bias:bias_dps=0.2", "turn_on_bias:sd_dps=0.5", "colored_noise:sd_dps=0.3,tau_s=1"]
+    session, truth = simulate(None, "paper", asked, seed=2, scenarios=20, seconds=8.0)
+    assert truth["effects"] == ["bias", "colored_noise", "scale", "turn_on_bias"]
+    assert truth["noise"]["ou_sd_dps"] == 0.3
+    assert {tuple(run["scale"]) for run in truth["runs"]} == {(0.01, 0.01, 0.01)}
+    offsets = np.array([run["bias_dps"] for run in truth["runs"]])[::2]
+    assert np.std(offsets) == pytest.approx(0.5, rel=0.25)
+    assert np.mean(offsets) == pytest.approx(0.2, abs=0.25)
+    drift = np.concatenate(
+        [r.gyro_dps[:, 2] - 1.01 * r.rate_dps - t["bias_dps"][2] for r, t in zip(session.runs, truth["runs"], strict=True)]
+    )
+    lag = 145  # one time constant
+    assert np.cov(drift[:-lag], drift[lag:])[0, 1] == pytest.approx(0.09 * np.exp(-1), rel=0.4)
+
+
 def test_noise_and_counts() -> None:
     session, _ = simulate(None, "paper", seed=3, scenarios=1)
     y = session.runs[0].gyro_dps

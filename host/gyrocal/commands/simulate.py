@@ -5,20 +5,23 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.campaigns import CAMPAIGNS
+
 
 def run(
     out: Annotated[
         Path, typer.Argument(metavar="OUT", help="The session's folder, made anew; OUT.truth.json beside it.")
     ],
     campaign: Annotated[
-        str, typer.Option(help="paper, full, or table2 (paper with what makes it err as the paper's Table 2).")
+        str,
+        typer.Option(help=f"What is recorded: {'; '.join(f'{name}: {c.about}' for name, c in CAMPAIGNS.items())}."),
     ] = "paper",
     effect: Annotated[
         list[str] | None, typer.Option(metavar="ID[:name=value,...]", help="Plant an effect; may be repeated.")
     ] = None,
     seed: Annotated[int, typer.Option(help="The same seed gives the same session.")] = 0,
-    scenarios: Annotated[int | None, typer.Option(help="How many scenarios (paper: 48) or days (full: 3).")] = None,
-    seconds: Annotated[float | None, typer.Option(help="Length of a run (paper: 70, full: 40).")] = None,
+    scenarios: Annotated[int | None, typer.Option(help="How many scenarios (paper: 48) or days (others: 3).")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Length of a run, s (paper: 70, full: 40).")] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet instead of CSV.")] = False,
 ) -> None:
     """Simulate a campaign with known truth: a session folder, and what was planted beside it."""
