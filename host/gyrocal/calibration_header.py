@@ -8,10 +8,9 @@ import numpy as np
 
 from gyrocal import __version__
 from gyrocal.errors import InputError
-from gyrocal.estimator import Calibration, calibration_of
+from gyrocal.estimator import MAX_COLUMNS, Calibration, calibration_of
 from gyrocal.model import Model
 
-MAX_COLUMNS = 8
 ARGUMENTS = 4
 
 TEMPLATE = """\
@@ -30,6 +29,7 @@ TEMPLATE = """\
     .rate_hz = {rate_hz},
     .table_dps = {table_dps},
     .n_run_columns = {n_run},
+    .n_alternatives = {n_alternatives},
     .n_shared_columns = {n_shared},
     .columns = {columns},
     .white_sd_dps = {white},
@@ -64,8 +64,7 @@ def render_calibration(calibration: Calibration, rate_hz: float = 145.0, table_d
     tables = ""
     if columns:
         rows = [
-            f"    {{gc_effect_{c.effect.id}, {{{_arguments(c.effect.device_arguments(c.values)[c.index])}}}}},"
-            for c in columns
+            f"    {{gc_effect_{c.effect.id}, {{{_arguments(c.effect.device_arguments(c.values)[c.index])}}}}}," for c in columns
         ]
         tables = "static const gc_effect_column_t gyrocal_columns[] = {\n" + "\n".join(rows) + "\n};\n\n"
     information = np.diag(calibration.prior_information)
@@ -76,7 +75,7 @@ def render_calibration(calibration: Calibration, rate_hz: float = 145.0, table_d
         version=__version__, name=_text(calibration.name), axis=calibration.axis, comment=_comment(calibration),
         declarations="".join(f"GC_EFFECT({i});\n" for i in ids), tables=tables,
         rate_hz=_float(rate_hz), table_dps=_float(table_dps),
-        n_run=len(calibration.run_columns), n_shared=len(calibration.shared_columns),
+        n_run=len(calibration.run_columns), n_alternatives=calibration.alternatives, n_shared=len(calibration.shared_columns),
         columns="gyrocal_columns" if columns else "0",
         white=_float(calibration.noise.white_sd_dps),
         ou_sd=_float(calibration.noise.ou_sd_dps), ou_tau=_float(calibration.noise.ou_tau_s),
@@ -99,8 +98,7 @@ def write(model: Model, path: str | Path, axis: str = "z", rate_hz: float = 145.
 def _comment(calibration: Calibration) -> str:
     lines = ["Parameters, in this order, with the mean and standard deviation of their priors:"]
     names = [
-        f"{c.effect.id} {'(each run its own)' if c in calibration.run_columns else ''}".strip()
-        for c in calibration.columns
+        f"{c.effect.id} {'(each run its own)' if c in calibration.run_columns else ''}".strip() for c in calibration.columns
     ]
     for name, mean, info in zip(
         [*names, "bias_dps", "scale"], calibration.prior_mean, calibration.prior_information, strict=True

@@ -2,7 +2,7 @@
  *
  *     baseline LSB W_A W_B RATE, then twice: N and N lines "T_US COUNT"
  *         one line a checkpoint that both have: scale scale_se bias bias_se misfit n_a n_b
- *     estimator N_RUN N_SHARED WHITE OU_SD OU_TAU, the prior's mean and root information (n and n x n numbers),
+ *     estimator N_RUN N_ALTERNATIVES N_SHARED WHITE OU_SD OU_TAU, the prior's mean and root information (n and n x n numbers),
  *     then twice: N and N lines "BLOCK COUNT Y W X..."
  *         scale scale_se bias bias_se misfit, or the error's name; a calibration that is refused ends the program
  */
@@ -55,6 +55,7 @@ static void estimator(void) {
     double mean[16] = {0}, root[256] = {0};
     gc_calibration_t c = {.name = "test", .axis = 'z'};
     c.n_run_columns = (unsigned)number();
+    c.n_alternatives = (unsigned)number();
     c.n_shared_columns = (unsigned)number();
     c.white_sd_dps = (float)number();
     c.ou_sd_dps = (float)number();

@@ -40,6 +40,7 @@ class Case:
     prior_mean: Array
     prior_root: Array
     runs: list[Blocks]
+    n_alternatives: int = 0
 
 
 def numbers(values: list[float]) -> str:
@@ -47,7 +48,7 @@ def numbers(values: list[float]) -> str:
 
 
 def ask(program: Path, case: Case) -> str:
-    text = f"estimator {case.n_run} {case.n_shared} {WHITE!r} {case.ou_sd!r} {case.ou_tau!r}\n"
+    text = f"estimator {case.n_run} {case.n_alternatives} {case.n_shared} {WHITE!r} {case.ou_sd!r} {case.ou_tau!r}\n"
     text += numbers([*case.prior_mean, *case.prior_root.ravel()])
     for r in case.runs:
         text += f"\n{len(r.y)}\n"
@@ -128,6 +129,90 @@ def test_against_dense_least_squares(estimate: Path, n_run: int, n_shared: int, 
     np.testing.assert_allclose(got[[1, 3, 4]], want[[1, 3, 4]], rtol=1e-6)
 
 
+def draw_alternatives(rng: np.random.Generator, n_plain: int, n_alternatives: int, n_shared: int) -> Case:
+    """Readings that one alternative of each run makes; the others are much like it."""
+    n_run = n_plain + n_alternatives
+    case = draw(rng, n_run, n_shared, True, "full")
+    root = case.prior_root
+    root[:n_plain, n_plain:n_run] = 0
+    root[n_plain:n_run, n_plain:n_run] = np.diag(rng.uniform(200, 800, n_alternatives))
+    case.n_alternatives = n_alternatives
+    case.prior_mean[n_plain:n_run] = 0.001
+    for r in case.runs:
+        t = 0.25 * r.block
+        r.x[:, n_plain:n_run] = -r.w[:, None] * np.exp(-t[:, None] / np.geomspace(0.7, 5, n_alternatives))
+        r.y[:] = 0.004 * r.w - 0.05 + r.x[:, n_plain + 1] * 0.002 + rng.normal(0, WHITE / np.sqrt(r.count))
+    return case
+
+
+def dense_average(case: Case) -> Array:
+    """Each pair of alternatives by dense least squares, averaged by the density of the readings."""
+    n_plain, n = case.n_run - case.n_alternatives, case.n_run + case.n_shared + 2
+    answers, weights = [], []
+    for i in range(case.n_alternatives):
+        for j in range(case.n_alternatives):
+            kept = [[*range(n_plain), n_plain + c, *range(case.n_run, n)] for c in (i, j)]
+            values = np.concatenate([r.y for r in case.runs])
+            designs = []
+            for r, keep in zip(case.runs, kept, strict=True):
+                x = np.column_stack([r.x, np.ones(len(r.y)), r.w])[:, keep]
+                lag = np.abs(np.subtract.outer(r.block, r.block)) * 0.25
+                designs.append((x, case.ou_sd**2 * np.exp(-lag / case.ou_tau) + np.diag(WHITE**2 / r.count)))
+            k = n_plain + 1
+            blocks = []
+            for keep in kept:
+                root = case.prior_root[np.ix_(keep[:k], keep[:k])]
+                blocks.append((np.linalg.inv(root.T @ root), case.prior_mean[keep[:k]]))
+            shared = range(case.n_run, n)
+            root = case.prior_root[np.ix_(shared, shared)]
+            p_shared, m_shared = np.linalg.inv(root.T @ root), case.prior_mean[case.n_run :]
+            common = np.vstack([x[:, k:] for x, _ in designs])
+            y_cov = common @ p_shared @ common.T
+            mean = common @ m_shared
+            at = 0
+            for (x, noise), (p, m) in zip(designs, blocks, strict=True):
+                own = slice(at, at + len(x))
+                y_cov[own, own] += x[:, :k] @ p @ x[:, :k].T + noise
+                mean[own] += x[:, :k] @ m
+                at += len(x)
+            solve = linalg.cho_factor(y_cov)
+            off = linalg.cho_solve(solve, values - mean)
+            gain = p_shared @ common.T
+            cov = p_shared - gain @ linalg.cho_solve(solve, gain.T)
+            chi2 = (values - mean) @ off
+            answers.append([*(m_shared + gain @ off)[[-1, -2]], *np.diag(cov)[[-1, -2]], chi2])
+            weights.append(-0.5 * chi2 - np.log(np.diag(solve[0])).sum())
+    weight = np.exp(np.array(weights) - max(weights))
+    weight /= weight.sum()
+    table = np.array(answers)
+    mean = weight @ table[:, :2]
+    sd = np.sqrt(weight @ (table[:, 2:4] + (table[:, :2] - mean) ** 2))
+    dof = sum(len(r.y) for r in case.runs)  # every parameter has a prior
+    return np.array([mean[0], sd[0], mean[1], sd[1], np.sqrt(weight @ table[:, 4] / dof)])
+
+
+@pytest.mark.parametrize(("n_plain", "n_alternatives", "n_shared"), [(2, 6, 0), (0, 8, 0), (1, 4, 3), (0, 2, 6), (2, 2, 1)])
+def test_alternatives_are_averaged_by_their_evidence(estimate: Path, n_plain: int, n_alternatives: int, n_shared: int) -> None:
+    case = draw_alternatives(np.random.default_rng([n_plain, n_alternatives]), n_plain, n_alternatives, n_shared)
+    got, want = np.array(ask(estimate, case).split(), float), dense_average(case)
+    assert abs(got[0] - want[0]) < 1e-5 * want[1]
+    assert abs(got[2] - want[2]) < 1e-5 * want[3]
+    np.testing.assert_allclose(got[[1, 3, 4]], want[[1, 3, 4]], rtol=1e-5)
+
+
+def test_alternatives_stand_alone(estimate: Path) -> None:
+    rng = np.random.default_rng(12)
+    flat = draw_alternatives(rng, 1, 3, 0)
+    flat.prior_root[2] = 0
+    assert ask(estimate, flat) == "unidentified"
+    tied = draw_alternatives(rng, 1, 3, 0)
+    tied.prior_root[0, 2] = 0.1
+    assert ask(estimate, tied) == "prior_coupled"
+    many = draw_alternatives(rng, 0, 3, 0)
+    many.n_alternatives = 4
+    assert ask(estimate, many) == "too_many_columns"
+
+
 @pytest.mark.parametrize("ou_tau", [0.05, 1e5])
 def test_drift_from_white_to_random_walk(estimate: Path, ou_tau: float) -> None:
     case = draw(np.random.default_rng(3), 1, 1, True, "flat")
@@ -174,8 +259,8 @@ def test_refuses_what_it_cannot_know(estimate: Path) -> None:
     coupled.prior_root[0, 2] = 0.5
     assert ask(estimate, coupled) == "prior_coupled"
 
-    assert run(estimate, "estimator 0 0 0 0 1\n0 0\n0 0 0 0\n").strip() == "no_white_noise"
-    assert run(estimate, "estimator 5 4 0.04 0 1\n" + "0 " * (11 + 121)).strip() == "too_many_columns"
+    assert run(estimate, "estimator 0 0 0 0 0 1\n0 0\n0 0 0 0\n").strip() == "no_white_noise"
+    assert run(estimate, "estimator 5 0 4 0.04 0 1\n" + "0 " * (11 + 121)).strip() == "too_many_columns"
 
 
 def test_a_column_that_is_zero_throughout_changes_nothing(estimate: Path) -> None:

@@ -1,5 +1,6 @@
 """`$CAL` over the serial port equals `calibrate` on the same rows, to float rounding; and would not with a broken sign."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,10 @@ ROUNDING = {"baseline": (1e-8, 1e-8), "model": (1e-7, 1e-7), "cnn": (1e-7, 1e-5)
 def model() -> Model:
     campaign, _ = simulate(None, "table2", seed=5, scenarios=9, seconds=25.0)
     start = Model.builtin("default").with_term(Term("table_ripple", "z", {"amplitude_1": 0.0}))
-    return fit(campaign, start.with_term(Term("spin_up", "z", {"A": 0.0, "tau_s": 2.0})), axes=["z"]).model
+    fitted = fit(campaign, start.with_term(Term("spin_up", "z", {"A": 0.0, "tau_s": 2.0})), axes=["z"]).model
+    term = fitted.term("spin_up", "z")
+    assert term is not None
+    return fitted.with_term(replace(term, values={**term.values, "tau_s_sd": 0.5 * term.values["tau_s"]}))
 
 
 @pytest.fixture(scope="module")

@@ -33,13 +33,16 @@ typedef struct {
 
 /* Parameters stand in the order [run columns, shared columns, bias, scale]; run columns have coefficients of their own in
    each run, shared ones keep theirs. The prior is the Gaussian with this mean and with information R^T R, R upper
-   triangular, n x n row-major; a zero row is flat. R must not tie run columns to the others. NULL: all flat. */
+   triangular, n x n row-major; a zero row is flat. R must not tie run columns to the others. NULL: all flat.
+   The last n_alternatives run columns exclude each other: one of them acts in a run, each as likely as another beforehand.
+   They need priors, not tied to any other column's. */
 typedef struct {
     const char *name;
     char axis;        /* 'x', 'y' or 'z': the axis it was made for */
     float rate_hz;    /* settings that a device starts with; 0 = the firmware's own */
     float table_dps;
     unsigned n_run_columns;
+    unsigned n_alternatives; /* of the run columns */
     unsigned n_shared_columns;
     const gc_effect_column_t *columns;
     float white_sd_dps; /* of one sample */

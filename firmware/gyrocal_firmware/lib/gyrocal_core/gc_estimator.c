@@ -8,6 +8,8 @@
 #define BLOCK_S (1e-6 * GC_BLOCK_US)
 #define PIVOT_MIN_SQ 1e-18 /* a pivot below 1e-9 of its column is rounding, not information */
 #define MAX_COLUMNS (GC_ESTIMATOR_PARAMETERS + 2u)
+/* K alternatives' triangles of [8 - K shared columns, bias, scale, right-hand side]: K = 4 takes most. */
+#define MOST_CHOSEN (4u * GC_TRIANGLE(7u))
 
 /* State and a calibration's marginals at each checkpoint fit 4 kB. */
 typedef char gc_estimator_fits_4_kb[sizeof(gc_estimator_t) + GC_CHECKPOINTS * sizeof(gc_marginal_t) <= 4096u ? 1 : -1];
@@ -50,8 +52,29 @@ static bool prior_row(const gc_calibration_t *c, unsigned i, unsigned begin, dou
     return any;
 }
 
+/* Alternatives stand alone: each has a prior, and no other column's prior knows of them. */
+static int check_alternatives(const gc_calibration_t *c) {
+    const unsigned plain = c->n_run_columns - c->n_alternatives;
+    for (unsigned i = 0; i < c->n_run_columns; i++) {
+        double row[MAX_COLUMNS];
+        const bool any = prior_row(c, i, 0, row);
+        if (i >= plain && (!any || !(row[i] > 0.0))) {
+            return GC_E_UNIDENTIFIED;
+        }
+        for (unsigned j = plain; j < c->n_run_columns; j++) {
+            if (j != i && row[j] != 0.0) {
+                return GC_E_PRIOR_COUPLED;
+            }
+        }
+    }
+    return GC_OK;
+}
+
 int gc_estimator_check(const gc_calibration_t *c) {
     if (c->n_run_columns > GC_MAX_EFFECT_COLUMNS || c->n_shared_columns > GC_MAX_EFFECT_COLUMNS - c->n_run_columns) {
+        return GC_E_TOO_MANY_COLUMNS;
+    }
+    if (c->n_alternatives > c->n_run_columns) {
         return GC_E_TOO_MANY_COLUMNS;
     }
     if (!(c->white_sd_dps > 0.0f)) {
@@ -63,7 +86,7 @@ int gc_estimator_check(const gc_calibration_t *c) {
             return GC_E_PRIOR_COUPLED;
         }
     }
-    return GC_OK;
+    return check_alternatives(c);
 }
 
 bool gc_estimator_has_model(const gc_calibration_t *c) {
@@ -83,7 +106,7 @@ void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibrati
     if (calibration->ou_sd_dps > 0.0f) {
         e->triangle[0] = 1.0 / (double)calibration->ou_sd_dps;
     }
-    for (unsigned i = 0; i < calibration->n_run_columns; i++) {
+    for (unsigned i = 0; i < calibration->n_run_columns - calibration->n_alternatives; i++) {
         double row[MAX_COLUMNS] = {0.0};
         if (prior_row(calibration, i, 0, row + 1)) {
             e->dof++;
@@ -190,65 +213,175 @@ static bool unidentified(double pivot, double norm_sq) {
 
 void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal) {
     close_block(e);
-    const unsigned columns = n_parameters(e->calibration) + 2u;
-    const unsigned run_columns = e->calibration->n_run_columns;
+    const gc_calibration_t *calibration = e->calibration;
+    const unsigned columns = n_parameters(calibration) + 2u;
+    const unsigned plain = calibration->n_run_columns - calibration->n_alternatives;
     marginal->error = GC_OK;
-    marginal->n = e->calibration->n_shared_columns + 2u;
+    marginal->n = n_parameters(calibration) - plain;
     marginal->dof = e->dof;
     const double *pivot = e->triangle + columns;
-    for (unsigned i = 0; i < run_columns; pivot += columns - 1u - i, i++) {
+    for (unsigned i = 0; i < plain; pivot += columns - 1u - i, i++) {
         if (unidentified(pivot[0], e->norm_sq[i])) {
             marginal->error = GC_E_UNIDENTIFIED;
         }
         marginal->dof -= e->norm_sq[i] > 0.0 ? 1 : 0;
     }
     /* To drop the rows of drift and run columns is to integrate them out. */
-    memcpy(marginal->norm_sq, e->norm_sq + run_columns, marginal->n * sizeof(double));
+    memcpy(marginal->norm_sq, e->norm_sq + plain, marginal->n * sizeof(double));
     memcpy(marginal->triangle, pivot, GC_TRIANGLE(marginal->n + 1u) * sizeof(double));
+}
+
+/* [shared columns, bias, scale, right-hand side]: the last columns of a run's triangle. */
+static unsigned common_columns(const gc_calibration_t *c) {
+    return c->n_shared_columns + 3u;
+}
+
+/* Adds the rows of a triangle of `columns` columns to another of the same. */
+static void add_triangle(double *to, const double *from, unsigned columns) {
+    for (unsigned i = 0; i < columns; i++) {
+        double row[MAX_COLUMNS] = {0.0};
+        for (unsigned j = i; j < columns; j++) {
+            row[j] = *from++;
+        }
+        rotate_in(to, columns, i, row);
+    }
+}
+
+/* The common triangle of a run under alternative k, whose coefficient is integrated out; returns the evidence's factor. */
+static double choose(const gc_calibration_t *c, const gc_marginal_t *run, unsigned k, double *common) {
+    const unsigned alternatives = c->n_alternatives;
+    const unsigned columns = common_columns(c);
+    const double *rows = run->triangle;
+    const double *rest = rows + GC_TRIANGLE(columns + alternatives) - GC_TRIANGLE(columns);
+    if (alternatives == 0u) {
+        memcpy(common, rest, GC_TRIANGLE(columns) * sizeof(double));
+        return 1.0;
+    }
+    const unsigned parameter = c->n_run_columns - alternatives + k;
+    const double information = c->prior_sqrt_information[parameter * (n_parameters(c) + 1u)];
+    double with[GC_TRIANGLE(MAX_COLUMNS)] = {information};
+    with[columns] = information * c->prior_mean[parameter];
+    memcpy(with + columns + 1u, rest, GC_TRIANGLE(columns) * sizeof(double));
+    for (unsigned i = 0; i < alternatives; rows += columns + alternatives - i, i++) {
+        double row[MAX_COLUMNS];
+        row[0] = i <= k ? rows[k - i] : 0.0;
+        memcpy(row + 1, rows + alternatives - i, columns * sizeof(double));
+        rotate_in(with, columns + 1u, 0, row);
+    }
+    memcpy(common, with + columns + 1u, GC_TRIANGLE(columns) * sizeof(double));
+    return information / fabs(with[0]);
+}
+
+/* Weighted sums over pairs of alternatives; deviations are from the first pair's answer, weights relative to exp(-least / 2). */
+typedef struct {
+    double least;
+    double weight;
+    double first[2];
+    double sum[2];
+    double sum_sq[2];
+    double chi2;
+} gc_average_t;
+
+static void average(gc_average_t *all, double factor, double chi2, const double value[2], const double variance[2]) {
+    if (all->weight == 0.0) {
+        all->least = chi2;
+        memcpy(all->first, value, sizeof all->first);
+    } else if (chi2 < all->least) {
+        const double shrink = decay(0.5 * (all->least - chi2));
+        all->least = chi2;
+        all->weight *= shrink;
+        all->chi2 *= shrink;
+        for (unsigned i = 0; i < 2u; i++) {
+            all->sum[i] *= shrink;
+            all->sum_sq[i] *= shrink;
+        }
+    }
+    const double weight = factor * decay(0.5 * (chi2 - all->least));
+    all->weight += weight;
+    all->chi2 += weight * chi2;
+    for (unsigned i = 0; i < 2u; i++) {
+        const double off = value[i] - all->first[i];
+        all->sum[i] += weight * off;
+        all->sum_sq[i] += weight * (off * off + variance[i]);
+    }
+}
+
+/* Bias and scale from a common triangle, into the average. GC_E_UNIDENTIFIED if it does not fix them. */
+static int add_answer(const double *triangle, unsigned columns, const double *norm_sq, double factor, gc_average_t *all) {
+    const unsigned n = columns - 1u;
+    const double *pivot = triangle;
+    for (unsigned i = 0; i < n; pivot += columns - i, i++) {
+        if (unidentified(pivot[0], norm_sq[i]) || (i + 2u >= n && norm_sq[i] == 0.0)) {
+            return GC_E_UNIDENTIFIED;
+        }
+        if (norm_sq[i] > 0.0) {
+            factor /= fabs(pivot[0]) / sqrt(norm_sq[i]);
+        }
+    }
+    const double *last = pivot - 5; /* rows of bias, scale, residual */
+    const double scale = last[4] / last[3];
+    const double value[2] = {scale, (last[2] - last[1] * scale) / last[0]};
+    const double tilt = last[1] / last[3];
+    const double variance[2] = {1.0 / (last[3] * last[3]), (1.0 + tilt * tilt) / (last[0] * last[0])};
+    average(all, factor, last[5] * last[5], value, variance);
+    return GC_OK;
 }
 
 int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t *a, const gc_marginal_t *b, gc_answer_t *answer) {
     if (a->error != GC_OK || b->error != GC_OK) {
         return a->error != GC_OK ? a->error : b->error;
     }
-    const unsigned n = a->n;
-    gc_marginal_t both = *a;
-    both.dof += b->dof;
-    const double *from = b->triangle;
-    for (unsigned i = 0; i <= n; i++) {
-        double row[MAX_COLUMNS] = {0.0};
-        for (unsigned j = i; j <= n; j++) {
-            row[j] = *from++;
-        }
-        rotate_in(both.triangle, n + 1u, i, row);
+    const unsigned columns = common_columns(calibration);
+    const unsigned n = columns - 1u;
+    const unsigned alternatives = calibration->n_alternatives;
+    const unsigned each = alternatives > 0u ? alternatives : 1u;
+
+    double norm_sq[GC_ESTIMATOR_PARAMETERS];
+    double prior[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)] = {0.0};
+    int32_t dof = a->dof + b->dof;
+    for (unsigned i = 0; i < n; i++) {
+        norm_sq[i] = a->norm_sq[alternatives + i] + b->norm_sq[alternatives + i];
     }
     for (unsigned i = 0; i < n; i++) {
-        both.norm_sq[i] += b->norm_sq[i];
-    }
-    const unsigned run_columns = calibration->n_run_columns;
-    for (unsigned i = 0; i < n; i++) {
         double row[MAX_COLUMNS] = {0.0};
-        if (prior_row(calibration, run_columns + i, run_columns, row)) {
-            both.dof++;
+        if (prior_row(calibration, calibration->n_run_columns + i, calibration->n_run_columns, row)) {
+            dof++;
             for (unsigned j = 0; j < n; j++) {
-                both.norm_sq[j] += row[j] * row[j];
+                norm_sq[j] += row[j] * row[j];
             }
-            rotate_in(both.triangle, n + 1u, i, row);
+            rotate_in(prior, columns, i, row);
         }
+    }
+    for (unsigned i = 0; i < n; i++) {
+        dof -= norm_sq[i] > 0.0 ? 1 : 0;
     }
 
-    const double *pivot = both.triangle;
-    for (unsigned i = 0; i < n; pivot += n + 1u - i, i++) {
-        if (unidentified(pivot[0], both.norm_sq[i]) || (i + 2u >= n && both.norm_sq[i] == 0.0)) {
-            return GC_E_UNIDENTIFIED;
-        }
-        both.dof -= both.norm_sq[i] > 0.0 ? 1 : 0;
+    double second[MOST_CHOSEN];
+    double second_factor[GC_MAX_EFFECT_COLUMNS];
+    for (unsigned j = 0; j < each; j++) {
+        second_factor[j] = choose(calibration, b, j, second + j * GC_TRIANGLE(columns));
     }
-    const double *last = both.triangle + GC_TRIANGLE(n + 1u) - GC_TRIANGLE(3); /* rows of bias, scale, residual */
-    answer->scale = last[4] / last[3];
-    answer->scale_se = 1.0 / fabs(last[3]);
-    answer->bias_dps = (last[2] - last[1] * answer->scale) / last[0];
-    answer->bias_se_dps = sqrt(1.0 + (last[1] / last[3]) * (last[1] / last[3])) / fabs(last[0]);
-    answer->misfit = both.dof > 0 ? fabs(last[5]) / sqrt((double)both.dof) : NAN;
+    gc_average_t all = {0};
+    for (unsigned i = 0; i < each; i++) {
+        double first[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+        const double first_factor = choose(calibration, a, i, first);
+        add_triangle(first, prior, columns);
+        for (unsigned j = 0; j < each; j++) {
+            double both[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+            memcpy(both, first, GC_TRIANGLE(columns) * sizeof(double));
+            add_triangle(both, second + j * GC_TRIANGLE(columns), columns);
+            const int error = add_answer(both, columns, norm_sq, first_factor * second_factor[j], &all);
+            if (error != GC_OK) {
+                return error;
+            }
+        }
+    }
+    const double scale_off = all.sum[0] / all.weight;
+    const double bias_off = all.sum[1] / all.weight;
+    answer->scale = all.first[0] + scale_off;
+    answer->scale_se = sqrt(all.sum_sq[0] / all.weight - scale_off * scale_off);
+    answer->bias_dps = all.first[1] + bias_off;
+    answer->bias_se_dps = sqrt(all.sum_sq[1] / all.weight - bias_off * bias_off);
+    answer->misfit = dof > 0 ? sqrt(all.chi2 / all.weight / (double)dof) : NAN;
     return GC_OK;
 }

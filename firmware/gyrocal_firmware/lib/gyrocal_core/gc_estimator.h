@@ -4,6 +4,7 @@
  * Ornstein-Uhlenbeck process that stands still within a block. Square-root information filter by Givens rotations
  * (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977) in float64; the drift is one state more,
  * eliminated block by block, a run's own columns at its end, and two runs meet on [shared columns, bias, scale].
+ * Where a run has alternative columns, each pair of them gives an answer; they are averaged, weighed by their evidence.
  */
 #ifndef GC_ESTIMATOR_H
 #define GC_ESTIMATOR_H
@@ -21,14 +22,14 @@ extern "C" {
 #define GC_ESTIMATOR_PARAMETERS (GC_MAX_EFFECT_COLUMNS + 2u)
 #define GC_TRIANGLE(columns) ((columns) * ((columns) + 1u) / 2u)
 
-/* What a run says about [shared columns, bias, scale]: upper triangle by rows, its last column the right-hand side, its
-   last element the root of the sum of squared residuals. */
+/* What a run says about [alternatives, shared columns, bias, scale]: upper triangle by rows, its last column the right-hand
+   side, its last element the root of the sum of squared residuals. */
 typedef struct {
     int error; /* GC_OK, or why there is nothing */
     unsigned n;
     int32_t dof;
     double norm_sq[GC_ESTIMATOR_PARAMETERS]; /* of each column before rotation: what a pivot is judged by */
-    double triangle[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+    double triangle[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)]; /* n + 1 columns */
 } gc_marginal_t;
 
 typedef struct {
