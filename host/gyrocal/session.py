@@ -29,6 +29,9 @@ NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
 REQUIRED = ("t_s", "gx_dps", "gy_dps", "gz_dps")
 OPTIONAL = ("ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg")
 
+UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
+"""The unit at the end of a column's name."""
+
 LARGEST_DPS = 1e6
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -297,7 +300,7 @@ def read_header(folder: Path) -> SessionFile:
     if raw.get("format") != FORMAT:
         raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")
     try:
-        return SessionFile.model_validate(raw)
+        return SessionFile.model_validate(raw, strict=True)  # a number in quotes is none
     except ValidationError as error:
         raise InputError(f"{path}: {describe(error)}") from None
 
@@ -308,9 +311,7 @@ def describe(error: ValidationError) -> str:
     where = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in fault["loc"])
     message = fault["msg"].removeprefix("Value error, ")
     return (
-        f"{where}: {message} (got {fault['input']!r})"
-        if where and fault["type"] != "missing"
-        else f"{where} {message}".strip()
+        f"{where}: {message} (got {fault['input']!r})" if where and fault["type"] != "missing" else f"{where} {message}".strip()
     )
 
 
@@ -344,12 +345,13 @@ def read_table(path: Path, name: str | None = None) -> pl.DataFrame:
         content = path.read_bytes()
         first, _, body = content.partition(b"\n")
         header = [name.strip() for name in first.decode("utf-8-sig").strip().split(",")]
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError:
+        raise InputError(f"{label}: row 1: not text in UTF-8; save the table as CSV in UTF-8") from None
+    except OSError as error:
         raise InputError(f"{label}: {_first_line(error)}") from None
     _check_columns(header, label)
     if body.translate(None, NUMBERS):  # anything but numbers: name the row, before the fast reader meets it
         _find_bad_row(path, label, len(header))
-        raise InputError(f"{label}: holds more than numbers and commas")
     if not body.strip():
         raise InputError(f"{label}: row 2: no samples")
     try:
@@ -379,9 +381,7 @@ def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
         if bad.any():
             row = int(bad.arg_true()[0])
             value = column[row]
-            raise InputError(
-                f"{label}: row {row + 2}: {name} is {'empty' if value is None else value}, not a finite number"
-            )
+            raise InputError(f"{label}: row {row + 2}: {name} is {'empty' if value is None else value}, not a finite number")
     largest = max(float(table[name].abs().max()) for name in REQUIRED[1:])  # type: ignore[arg-type]
     if largest > LARGEST_DPS:
         raise InputError(f"{label}: a rate of {largest:.3g} deg/s is none a gyroscope reads; check the unit")
@@ -402,6 +402,14 @@ def _check_columns(columns: list[str], label: str) -> None:
     if missing:
         raise InputError(f"{label}: row 1: the header lacks {', '.join(missing)}; it has {', '.join(columns)[:120]}")
 
+    for name in OPTIONAL:
+        stem, _, unit = name.rpartition("_")
+        other = next((c for c in columns if c == stem or c.startswith(f"{stem}_")), None)
+        if name not in columns and other is not None:
+            raise InputError(
+                f"{label}: row 1: {other} would not be read; what is read is {name}, in {UNITS[unit]}: convert it, or drop it"
+            )
+
 
 def _find_bad_row(path: Path, label: str, width: int) -> None:
     """Name the first row that is short, long or not a number; returns where there is none."""
@@ -414,11 +422,16 @@ def _find_bad_row(path: Path, label: str, width: int) -> None:
             if len(cells) != width:
                 raise InputError(f"{label}: row {number}: {len(cells)} cells, the header has {width}")
             for cell in cells:
-                try:
-                    if cell.strip():
-                        float(cell)
-                except ValueError:
-                    raise InputError(f"{label}: row {number}: {cell.strip()!r} is not a number") from None
+                if not _is_number(cell):
+                    raise InputError(f"{label}: row {number}: {cell.strip()!r} is not a number")
+
+
+def _is_number(cell: str) -> bool:
+    """Empty counts; digits of other scripts and 1_000 do not, which Python would read."""
+    try:
+        return not cell.strip() or (cell.encode().translate(None, NUMBERS) == b"" and isinstance(float(cell), float))
+    except ValueError:
+        return False
 
 
 def _first_line(error: BaseException) -> str:
@@ -446,6 +459,4 @@ def _check_rate_known(run: Run) -> None:
         row = int(np.flatnonzero(~np.isfinite(reference))[0])
         raise InputError(f"{where}: row {row + 2}: rate_ref_dps is empty; the true rate is needed at every sample")
     if reference is None and run.table_rate_dps is None and run.turn_deg is None:
-        raise InputError(
-            f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column"
-        )
+        raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gyrocal.cli import main
 from gyrocal.diagnose import add, diagnose
 from gyrocal.effects import base
 from gyrocal.errors import InputError
@@ -109,6 +110,11 @@ def test_a_file_in_a_folder_is_equal_to_the_built_in_ones(session: Session, tmp_
         planted, truth = simulate(None, "paper", ["own_wobble:k=0.02"], 4, scenarios=6, seconds=20.0)
         assert truth["effects"] == ["own_wobble"]
         assert diagnose(planted).candidates[0].effect.id == "own_wobble"
+        base.effects().pop("own_wobble")
+        words = ["simulate", str(tmp_path / "s"), "--scenarios", "1", "--seconds", "2", "--effect", "own_wobble"]
+        assert main(words) == 2  # code: only when asked for
+        assert main([*words, "--effects", str(tmp_path)]) == 0
+        assert main(["compare", str(tmp_path / "s"), "--effects", str(tmp_path)]) == 0
     finally:
         base.effects().pop("own_wobble", None)
     with pytest.raises(InputError, match="no effect in it"):

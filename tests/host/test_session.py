@@ -72,7 +72,13 @@ def test_the_face_signs_the_rate(tmp_path: Path) -> None:
         (7, "0.04,0,0,78,25", "row 7: t_s repeats"),
         (7, "0.03,0,0,78,25", "row 7: t_s goes back"),
         (7, "", "row 7: empty row"),
+        (7, "0.05,0,0,78,\u0661", "row 7: '\u0661' is not a number"),
+        (7, "0.05,0,0,78,1_0", "row 7: '1_0' is not a number"),
+        (7, "0.05,0,0,78,25\x0b", "row 7: '25' is not a number"),
         (1, "t_s,gx_dps,gy_dps,gz_rad,temp_c", "row 1: the header lacks gz_dps"),
+        (1, "t_s,gx_dps,gy_dps,gz_dps,temp_f", "row 1: temp_f would not be read; what is read is temp_c, in degC"),
+        (1, "t_s,gx_dps,gy_dps,gz_dps,ax_mps2", "row 1: ax_mps2 would not be read; what is read is ax_g, in g"),
+        (1, "t_s,gx_dps,gy_dps,gz_dps,rate_ref", "row 1: rate_ref would not be read; what is read is rate_ref_dps"),
         (1, "t_s,gx_dps,gy_dps,gz_dps,gz_dps", "row 1: column 'gz_dps' stands twice"),
     ],
 )
@@ -92,6 +98,9 @@ def test_a_bad_row_is_named(folder: Path, row: int, text: str, says: str) -> Non
         ('face = "up"', 'face = "left"', "face"),
         ("sample_rate_hz = 100.0", "sample_rate_hz = -1.0", "sample_rate_hz"),
         ("sample_rate_hz = 100.0", "sample_rate_hz = nan", "sample_rate_hz"),
+        ("table_rate_dps = 78.0", 'table_rate_dps = "78.0"', "table_rate_dps: .* number"),
+        ("table_rate_dps = 78.0", "table_rate_dps = true", "table_rate_dps: .* number"),
+        ("day = 1", "day = 1.5", "day: .* integer"),
         ("table_rate_dps = 78.0", "", "no true rate"),
         ('file = "000_up.csv"', 'file = "gone.csv"', "no such file"),
         ("[[run]]", "[[run", "session.toml"),
@@ -105,6 +114,29 @@ def test_a_bad_header_is_named(folder: Path, old: str, new: str, says: str) -> N
     with pytest.raises(InputError, match=says) as caught:
         Session.open(folder)
     assert "\n" not in str(caught.value)
+
+
+def test_a_whole_number_is_a_rate_too(folder: Path) -> None:
+    path = folder / "session.toml"
+    path.write_text(path.read_text().replace("table_rate_dps = 78.0", "table_rate_dps = 78"))
+    assert Session.open(folder).runs[0].rate_dps[0] == 78.0
+
+
+def test_a_table_that_is_not_utf_8_is_named_with_its_row(folder: Path) -> None:
+    path = folder / "000_up.csv"
+    lines = path.read_bytes().splitlines()
+    for row, text, says in (
+        (0, "t_s,gx_dps,gy_dps,gz_dps,\u00b0C".encode("latin-1"), "row 1: not text in UTF-8"),
+        (6, b"0.05,0,0,78,\xff25", "row 7: .* is not a number"),
+    ):
+        path.write_bytes(b"\n".join([*lines[:row], text, *lines[row + 1 :]]))
+        with pytest.raises(InputError, match=says):
+            Session.open(folder)
+
+
+def test_columns_of_other_names_may_be_there(folder: Path) -> None:
+    edit(folder, 1, "t_s,gx_dps,gy_dps,gz_dps,humidity")
+    assert Session.open(folder).runs[0].temp_c is None
 
 
 def test_saving_over_a_folder_is_refused_and_leaves_nothing(folder: Path) -> None:

@@ -1,1 +1,24 @@
-"""One file a command: ``gyrocal VERB`` is ``run`` in ``commands/VERB.py`` (``import`` is ``import_.py``)."""
+"""One file a command: ``gyrocal VERB`` is ``run`` in ``commands/VERB.py`` (``import`` is ``import_.py``).
+
+Here are the options that several commands share.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def _load(folder: Path | None) -> Path | None:
+    if folder is not None:
+        from gyrocal.effects import base
+
+        base.load(folder)
+    return folder
+
+
+OwnEffects = Annotated[
+    Path | None,
+    typer.Option("--effects", callback=_load, help="A folder with effects of your own (Python files, which are run)."),
+]
+"""Taken up as soon as the option is read: from then on they are equal to the built-in ones."""

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import OwnEffects
+
 
 def run(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect's id, e.g. table_ripple, or [NAME:] FORMULA.")],
@@ -13,16 +15,10 @@ def run(
         Path, typer.Option(help="The model file that gains the effect; made from `default` if it is not there.")
     ],
     heldout_day: Annotated[int | None, typer.Option(help="Judge on this day alone.")] = None,
-    effects: Annotated[
-        Path | None, typer.Option(help="A folder with effects of your own (Python files, which are run).")
-    ] = None,
+    effects: OwnEffects = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""
-    if effects is not None:
-        from gyrocal.effects import base
-
-        base.load(effects)
     from gyrocal.diagnose import add
     from gyrocal.errors import InputError
     from gyrocal.output import emit, working

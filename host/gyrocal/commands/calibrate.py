@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import OwnEffects
+
 
 def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
@@ -13,16 +15,10 @@ def run(
     model: Annotated[
         str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")
     ] = None,
-    effects: Annotated[
-        Path | None, typer.Option(help="A folder with effects of your own (Python files, which are run).")
-    ] = None,
+    effects: OwnEffects = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
-    if effects is not None:
-        from gyrocal.effects import base
-
-        base.load(effects)
     from gyrocal.calibrate import calibrate
     from gyrocal.errors import InputError
     from gyrocal.output import emit, mdps, table

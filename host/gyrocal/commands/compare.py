@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import OwnEffects
+
 
 def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
@@ -13,16 +15,10 @@ def run(
     residuals: Annotated[
         Path | None, typer.Option(help="Write file,t_s,axis,measured_dps,modelled_dps as CSV or Parquet.")
     ] = None,
-    effects: Annotated[
-        Path | None, typer.Option(help="A folder with effects of your own (Python files, which are run).")
-    ] = None,
+    effects: OwnEffects = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Hold the model against the measurements: the error left beyond the noise, and where it shows."""
-    if effects is not None:
-        from gyrocal.effects import base
-
-        base.load(effects)
     from gyrocal.compare import compare, write_residuals
     from gyrocal.errors import InputError
     from gyrocal.output import emit, working

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import OwnEffects
+
 
 def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
@@ -12,16 +14,10 @@ def run(
     formula: Annotated[
         list[str] | None, typer.Option(metavar="[NAME:] FORMULA", help="Try a formula of your own too; may be repeated.")
     ] = None,
-    effects: Annotated[
-        Path | None, typer.Option(help="A folder with effects of your own (Python files, which are run).")
-    ] = None,
+    effects: OwnEffects = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Find the physical effect that the model is missing, with evidence on held-out data."""
-    if effects is not None:
-        from gyrocal.effects import base
-
-        base.load(effects)
     from gyrocal.diagnose import diagnose
     from gyrocal.output import emit, working
     from gyrocal.report import print_diagnosis

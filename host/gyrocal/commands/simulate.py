@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from gyrocal.campaigns import CAMPAIGNS
+from gyrocal.commands import OwnEffects
 
 
 def run(
@@ -19,6 +20,7 @@ def run(
     effect: Annotated[
         list[str] | None, typer.Option(metavar="ID[:name=value,...]", help="Plant an effect; may be repeated.")
     ] = None,
+    effects: OwnEffects = None,
     seed: Annotated[int, typer.Option(help="The same seed gives the same session.")] = 0,
     scenarios: Annotated[int | None, typer.Option(help="How many scenarios (paper: 48) or days (others: 3).")] = None,
     seconds: Annotated[float | None, typer.Option(help="Length of a run, s (paper: 70, full: 40).")] = None,
