@@ -74,16 +74,22 @@ def calibrate(
         if "model" in methods and not any(e.method == "model" and e.seconds == (span or e.seconds) for e in found):
             found += _pooled(session, span, model)
     if not found:
-        longest = max(run.duration_s for run in session.runs)
-        told = (
-            ""
-            if seconds is None
-            else f" from the first {', '.join(f'{s:g}' for s in seconds)} s (the longest run lasts {longest:.3g} s)"
-        )
-        raise InputError(
-            f"{session.path or 'the session'}: scale and bias cannot be told{told}; record both faces, or rest and a known turn"
-        )
+        raise InputError(f"{session.path or 'the session'}: {_why_nothing(session, spans, methods)}")
     return found
+
+
+def _why_nothing(session: Session, spans: Sequence[float | None], methods: Sequence[str]) -> str:
+    """What keeps scale and bias from being told, and what to do."""
+    longest_s = max(run.duration_s for run in session.runs)
+    asked = [span for span in spans if span is not None]
+    if asked and min(asked) > longest_s:
+        return (
+            f"the runs are too short: the longest lasts {longest_s:.3g} s, asked for are the first {min(asked):g}; "
+            "record longer runs, or ask for less with --seconds"
+        )
+    if set(methods) == {"cnn"}:
+        return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
+    return "scale and bias cannot be told; record both faces, or rest and a known turn"
 
 
 def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:

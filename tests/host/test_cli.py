@@ -112,6 +112,21 @@ def test_bad_usage_is_exit_2_and_one_line(
     assert list(tmp_path.iterdir()) == []  # nothing half-written
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--seconds", "100"], "too short: the longest lasts 8 s, asked for are the first 100; record longer runs"),
+        (["--seconds", "1", "--method", "cnn"], "too short for the network, which takes windows of 2 s"),
+    ],
+)
+def test_runs_that_are_too_short_are_called_so(
+    session: str, capsys: pytest.CaptureFixture[str], words: list[str], says: str
+) -> None:
+    code, _, err = run(capsys, "calibrate", session, *words)
+    assert code == 2
+    assert says in err
+
+
 def test_baseline_without_a_pair_is_exit_2_and_model_takes_it(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
