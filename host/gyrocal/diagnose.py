@@ -44,6 +44,8 @@ SMALLEST_PART = 0.01
 """A candidate with less than this left of its norm beside the model cannot be measured with the session."""
 SIMILAR_SHAPE = 0.7
 SAME_SHAPE = 0.97
+PARAMETER_GAIN = 2.0
+"""Held-out log-likelihood that one more parameter must gain where the shapes are the same."""
 LEAST_EXPLAINED = 0.10
 RANGE_FACTOR = 10.0
 
@@ -188,13 +190,14 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     chance = min(1.0, looks * float(chi2.sf(gain_ml, max(1, count + spreads + nonlinear))))
     folds = heldout.folds(comparison.fit)
     gains = held_out_gain(current, fitted, folds)
-    explained, enough = _explained(comparison, axis, current, fitted, folds)
+    signal = _signal(fitted)
+    explained, enough = _explained(comparison, axis, current, fitted, folds, signal)
     total = float(np.sum(gains)) if gains.size else None
     se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
     return Candidate(
         kind, axis, "reject", term.values, term.se, gain=total, gain_se=se, chance=chance,
         parameters=count + spreads + nonlinear, next_measurement=kind.measure_next,
-        signal=_signal(fitted, comparison), unit_gains=gains, explained=explained, enough=enough,
+        signal=signal, unit_gains=gains, explained=explained, enough=enough,
     )  # fmt: skip
 
 
@@ -217,7 +220,7 @@ def _judge_reading(comparison: Comparison, current: AxisFit, axis: str, kind: Ef
     return Candidate(
         kind, axis, "reject", values, se, gain=total, gain_se=spread, chance=chance, parameters=1,
         next_measurement=kind.measure_next, unit_gains=gains,
-        explained=_explained(comparison, axis, current, fitted, folds)[0],
+        explained=_explained(comparison, axis, current, fitted, folds, np.zeros(0))[0],
         enough=True,  # seen in the codes themselves; it need not leave an error over the floor
     )  # fmt: skip
 
@@ -264,13 +267,11 @@ def _measurable(current: AxisFit, tried: AxisFit) -> bool:
     return False
 
 
-def _signal(fitted: AxisFit, comparison: Comparison) -> Array | None:
+def _signal(fitted: AxisFit) -> Array:
     """The candidate's fitted part at every block, shared model columns projected out, shape [blocks].
 
-    Each block is weighted by its white noise.
+    Each block is weighted by its number of samples, so that the sum of squares is that over all samples.
     """
-    if len(fitted.design.blocks[0].t_s) != len(comparison.fit.blocks[0].t_s):  # by sample: like no slow effect
-        return None
     mine = len(fitted.design.terms) - 1
     layout = fitted.design.layout
     p = len(layout.fixed)
@@ -293,18 +294,23 @@ def _signal(fitted: AxisFit, comparison: Comparison) -> Array | None:
 
 
 def _explained(
-    comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]
+    comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold], signal: Array
 ) -> tuple[float | None, bool]:
     """1 - (excess after / excess before)^2 on this axis, held out, the floor the richer model's in both; and is it a tenth?
 
-    A few power cycles say little of the spread of their offsets, so the floor has an error of its own: the second answer asks
-    for a tenth of the excess that is left when two standard errors of the floor are granted.
+    A few power cycles say little of the spread of their offsets, so the floor has an error of its own, and the offset of a
+    held-out cycle moves its excess by more than a small effect does. The second answer grants both: it asks whether the
+    candidate's own power, or the fall of the excess, is a tenth of what is left beyond two standard errors of the floor.
     """
     if not folds:
         return None, False
     before, after = (_mean_square(comparison, axis, f, folds) for f in (current, fitted))
     floor = comparison.white_power[axis] + fitted.slow_power
-    enough = before - after >= LEAST_EXPLAINED * max(before - floor - 2 * _floor_error(fitted), 0.0) and before > after
+    sure = floor + 2 * _floor_error(fitted)
+    samples = sum(len(b.run) for b in fitted.design.blocks)
+    power = float(signal @ signal) / samples
+    enough = power >= LEAST_EXPLAINED * (power + max(after - sure, 0.0)) and power > 0
+    enough = enough or (before - after >= LEAST_EXPLAINED * max(before - sure, 0.0) and before > after)
     if before <= floor:
         return None, enough
     return float(1 - max(0.0, after - floor) / (before - floor)), enough
@@ -370,7 +376,7 @@ def in_range(candidate: Candidate) -> bool:
 def _groups(candidates: list[Candidate]) -> list[Candidate]:
     """Who cannot be told from whom: shapes that overlap, and held-out gains that do not differ by two standard errors.
 
-    Of two with the very same shape the one with more parameters yields; a candidate that only just failed to pass still counts
+    Of two with the very same shape the one with more parameters yields, unless it pays for them; a candidate that only just failed to pass still counts
     as a rival of one that passed.
     """
     rivals = [c for c in candidates if c.decision in ("add", "suggest")]
@@ -384,7 +390,8 @@ def _groups(candidates: list[Candidate]) -> list[Candidate]:
             if other is c or other.axis != c.axis:
                 continue
             cosine = _cosine(c.signal, other.signal)
-            if cosine <= SIMILAR_SHAPE or not _as_good(c, other):
+            price = PARAMETER_GAIN * max(0, c.parameters - other.parameters) if cosine > SAME_SHAPE else 0.0
+            if cosine <= SIMILAR_SHAPE or not _as_good(c, other, price):
                 continue
             if cosine > SAME_SHAPE and c.parameters != other.parameters:
                 if other.parameters < c.parameters and other.decision == "add":
@@ -404,13 +411,13 @@ def _cosine(a: Array | None, b: Array | None) -> float:
     return abs(float(a @ b)) / norm if norm > 0 else 0.0
 
 
-def _as_good(c: Candidate, other: Candidate) -> bool:
-    """Is the other's held-out gain at least as large, within two standard errors of the difference?"""
+def _as_good(c: Candidate, other: Candidate, price: float) -> bool:
+    """Is the other's held-out gain at least as large, within two standard errors of the difference or the ``price``?"""
     if c.unit_gains is None or other.unit_gains is None or c.unit_gains.shape != other.unit_gains.shape:
         return False
     difference = c.unit_gains - other.unit_gains
     se = float(np.sqrt(difference.size) * np.std(difference, ddof=1)) if difference.size > 1 else 0.0
-    return float(difference.sum()) < 2 * se
+    return float(difference.sum()) < max(2 * se, price)
 
 
 def _finite(value: float | None) -> float | None:

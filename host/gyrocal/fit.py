@@ -497,9 +497,9 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
 
 
 def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
-    """The variant with the best BIC at a given noise."""
+    """The variant with the best BIC at a given noise; what is independent of one another is runs, not blocks."""
     runs = [b.run for b in current.design.blocks]
-    count = int(current.design.n_blocks.sum())
+    count = len(runs)
     best: tuple[float, Values] | None = None
     for values in term.effect.variants(runs, current.design.axis):
         terms = [*current.design.terms, replace(term, values=values)]
@@ -589,7 +589,7 @@ def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
 
 @dataclass(frozen=True)
 class _Scale:
-    """Spreads as unbounded-ly smooth coordinates, ``log(1 + (sd / unit)^2)``: the variance where it is small, else its logarithm.
+    """Spreads as coordinates of a search, ``log(1 + (sd / unit)^2)``: the variance where it is small, else its logarithm.
 
     ``unit`` [k]: what one run (power cycle) by itself knows of its coefficient. A spread far below that is none, and there the
     likelihood is straight in the variance, where in the logarithm it is flat and a search would be lost.

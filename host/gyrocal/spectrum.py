@@ -12,6 +12,10 @@ from gyrocal.session import Array
 LOWEST_HZ = 1.0
 LONGEST_SAMPLES = 1 << 14
 LEAST_SAMPLES = 32
+PAD = 2
+"""Frequencies are looked at so many times as densely as the stretch's length gives: a line may lie between two."""
+TAPER = 0.25
+"""Of a stretch, cosine at its ends: a line keeps nearly all of its power, and what is slow does not leak into it."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Spectrum:
             return None
         k = int(np.argmin(self.tail)) if self.tail.min() > 0 else int(np.argmax(self.ratio))
         bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0])
-        near = slice(max(0, k - 2), k + 3)
+        near = slice(max(0, k - 2 * PAD), k + 2 * PAD + 1)
         line_power = float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
         chance = min(1.0, float(self.tail[k]) * self.frequency_hz.size)
         return float(self.frequency_hz[k]), float(np.sqrt(2 * line_power)), chance
@@ -47,30 +51,31 @@ class Spectrum:
     def line_power(self, chance: float) -> float:
         """Mean square in lines that noise makes with less than ``chance``, dps^2."""
         lines = self.tail * self.frequency_hz.size < chance
-        near = lines | np.roll(lines, 1) | np.roll(lines, -1)
+        near = np.any([np.roll(lines, shift) for shift in range(-PAD, PAD + 1)], axis=0)
         bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0]) if self.frequency_hz.size > 1 else 0.0
         return float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
 
 
 def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWEST_HZ) -> Spectrum:
-    """Average periodogram (Hann) of residuals [n], each cut into stretches as long as the shortest of them allows."""
+    """Average periodogram of residuals [n], each cut into stretches as long as the shortest of them allows."""
     from scipy.ndimage import median_filter
+    from scipy.signal.windows import tukey
     from scipy.stats import gamma
 
     empty = np.zeros(0)
     length = min(min((r.size for r in residuals), default=0), LONGEST_SAMPLES)
     if length < LEAST_SAMPLES:
         return Spectrum(empty, empty, empty, empty, 0, length)
-    window = np.hanning(length)
+    window = tukey(length, TAPER)
     gain = rate_hz * float((window**2).sum())
-    total = np.zeros(length // 2 + 1)
+    total = np.zeros(PAD * length // 2 + 1)
     segments = 0
     for r in residuals:
         for start in range(0, r.size - length + 1, length):
             piece = r[start : start + length]
-            total += 2 * np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2 / gain
+            total += 2 * np.abs(np.fft.rfft((piece - piece.mean()) * window, PAD * length)) ** 2 / gain
             segments += 1
-    frequency = np.fft.rfftfreq(length, 1 / rate_hz)
+    frequency = np.fft.rfftfreq(PAD * length, 1 / rate_hz)
     use = (frequency >= lowest_hz) & (frequency < rate_hz / 2)
     power: Array = total[use] / max(segments, 1)
     if power.size < 8 or not power.any():

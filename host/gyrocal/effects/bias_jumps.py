@@ -11,8 +11,8 @@ from gyrocal.session import Array, Run
 
 MOST = 4
 """Jumps a run that are told apart."""
-WINDOW_S = 3.0
-STANDS_OUT = 7.0
+WINDOW_S = 5.0
+STANDS_OUT = 6.0
 """Standard errors by which the means before and after must differ: over all moments of a session noise does not reach it."""
 
 
@@ -21,7 +21,7 @@ def jumps(run: Run, axis: int) -> list[int]:
     if run.rate_is_mean:
         return []
     y = run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0)
-    width = round(min(WINDOW_S, run.duration_s / 6) * run.sample_rate_hz)
+    width = round(_window_s(run) * run.sample_rate_hz)
     if width < 4 or y.size < 4 * width:
         return []
     total = np.concatenate([[0.0], np.cumsum(y)])
@@ -35,6 +35,10 @@ def jumps(run: Run, axis: int) -> list[int]:
         found.append(k + width)
         score[max(0, k - width) : k + width] = 0.0
     return sorted(found)
+
+
+def _window_s(run: Run) -> float:
+    return min(WINDOW_S, run.duration_s / 6)
 
 
 class BiasJumps(Effect):
@@ -66,6 +70,12 @@ class BiasJumps(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
         return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
+
+    def looks(self, runs: Sequence[Run], axis: int) -> int:
+        """Each jump was picked from all moments."""
+        steady = [r for r in runs if not r.rate_is_mean]
+        moments = sum(round(r.duration_s / _window_s(r)) for r in steady)
+        return max(1, moments) ** min(20, sum(len(jumps(r, axis)) for r in steady))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """One step for each jump that stands out in this run, at most MOST; nothing (zeros) where there is none."""

@@ -9,7 +9,7 @@ import numpy as np
 from gyrocal.effects.base import Effect, Mask, Parameter, Values
 from gyrocal.session import Array, Run
 
-APART = 3
+APART = range(3, 11)
 """Samples: farther than a stale reading lasts, nearer than the rate changes."""
 
 
@@ -51,10 +51,10 @@ class SamplingFault(Effect):
 
         pairs = sum(len(r) - 1 for r in runs)
         equal = sum(int(np.count_nonzero(stale(r))) for r in runs)
-        apart = sum(int(np.count_nonzero((r.gyro_dps[APART:] == r.gyro_dps[:-APART]).all(axis=1))) for r in runs)
-        by_chance = (apart + 1) / max(1, pairs)
-        chance = float(binom.sf(equal - 1, pairs, min(by_chance, 1.0)))
-        if equal < 5 or equal < 3 * apart or chance > 1e-4:
+        apart = sum(int((r.gyro_dps[k:] == r.gyro_dps[:-k]).all(axis=1).sum()) for r in runs for k in APART if k < len(r))
+        # by chance alone, equal pairs fall on neighbours as often as on each of the other distances
+        chance = float(binom.sf(equal - 1, equal + apart, 1 / (1 + len(APART))))
+        if chance > 1e-4:
             return None
         fraction = equal / pairs
         return {"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance

@@ -53,7 +53,8 @@ class VibrationTone(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """The strongest lines of the spectrum, averaged over the runs."""
         frequency_hz, power = _power(runs, axis)
-        peaks = np.argsort(power)[::-1][:PEAKS]
+        tops = np.flatnonzero((power >= np.roll(power, 1)) & (power >= np.roll(power, -1)))
+        peaks = tops[np.argsort(power[tops])[::-1][:PEAKS]]
         return [{"f_hz": float(frequency_hz[k]), "A_dps": 0.0} for k in peaks]
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
