@@ -19,7 +19,7 @@ LAYERS = [
     {"model", "blocks", "noise"},
     {"allan", "fit"},
     {"heldout", "probes", "simulate", "estimator", "importer"},
-    {"scenarios", "device", "record", "monitor", "verify"},
+    {"scenarios", "spreads", "device", "record", "monitor", "verify"},
     {"compare", "calibrate", "calibration_header", "limit"},
     {"diagnose", "pictures"},
     {"report", "api"},

@@ -116,7 +116,7 @@ def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -
         smallest = TIGHTEST * np.repeat(typical, mean.size // len(typical))
         sd = np.sqrt(spread**2 + se**2 + smallest**2)
         columns = [Column(kind, term.values, j, float(mean[j]), float(sd[j])) for j in range(mean.size)]
-        if spread_parameter(term) is not None:
+        if spread_parameter(term) is not None and not spread_terms:  # one effect's alternatives at most
             spread_terms.append((term, columns[0]))
             continue
         (run_columns if kind.scope == "run" else shared_columns).extend(columns)
@@ -134,12 +134,18 @@ def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -
     )  # fmt: skip
 
 
-def spread_parameter(term: Term) -> str | None:
-    """The nonlinear parameter that differs from run to run, where the model knows its spread (``NAME_sd``)."""
+def spreadable(term: Term) -> str | None:
+    """The nonlinear parameter that may differ from run to run: that of an effect with one column of each run's own."""
     kind = term.effect
     if kind.scope != "run" or len(kind.used(term.values)) != 1:
         return None
-    return next((n for n in kind.nonlinear if term.values.get(f"{n}_sd", 0.0) > 0 and n in term.values), None)
+    return next((name for name in kind.nonlinear if name in term.values), None)
+
+
+def spread_parameter(term: Term) -> str | None:
+    """The parameter that differs from run to run, where the model knows its spread (``NAME_sd``)."""
+    name = spreadable(term)
+    return name if name is not None and term.values.get(f"{name}_sd", 0.0) > 0 else None
 
 
 def alternative_values(term: Term, count: int) -> list[Values]:
@@ -165,8 +171,8 @@ def _base_prior(model: Model, axis: str, effect_id: str) -> tuple[float, float]:
     return term.values[name], float(np.sqrt(np.sum(np.square(parts))) + TIGHTEST)
 
 
-def run_equations(run: Run, calibration: Calibration) -> tuple[Array, int]:
-    """Whitened normal equations of one run over [run, shared, bias, scale, y - w], and how many blocks they are from."""
+def run_blocks(run: Run, calibration: Calibration) -> tuple[Array, Array, Array]:
+    """Block means of [run, shared, bias, scale, y - w], shape [q, m], the blocks' times (s) and numbers of samples [m]."""
     axis = AXES.index(calibration.axis)
     rate_dps = run.rate_dps if run.axis_index == axis else np.zeros(len(run))
     columns = np.column_stack([
@@ -177,10 +183,7 @@ def run_equations(run: Run, calibration: Calibration) -> tuple[Array, int]:
     blocks, first, count = np.unique(label, return_index=True, return_counts=True)
     means = np.add.reduceat(columns, first, axis=0) / count[:, None]
     full = run.rate_is_mean | (2e6 * count >= run.sample_rate_hz * BLOCK_US)
-    gram, _ = normal_equations(
-        means[full].T[None], blocks[full] * BLOCK_US * 1e-6, count[full].astype(float), calibration.noise
-    )
-    return gram[0], int(full.sum())
+    return means[full].T, blocks[full] * BLOCK_US * 1e-6, count[full].astype(float)
 
 
 @dataclass(frozen=True)
@@ -298,15 +301,16 @@ def _likeliest(equations: Array, logdet: Array, most: int, prior: Array) -> tupl
 def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
     """Scale and bias from runs that share them; None where the runs do not fix both."""
     k, a = len(calibration.run_columns), calibration.alternatives
-    equations = [run_equations(run, calibration) for run in runs]
-    found = posterior(calibration, [gram[None] for gram, _ in equations])
+    blocks = [run_blocks(run, calibration) for run in runs]
+    grams = [normal_equations(means[None], t_s, count, calibration.noise)[0] for means, t_s, count in blocks]
+    found = posterior(calibration, grams)
     if not np.isfinite(found.scale[0]):
         return None
     flat = calibration.prior_information == 0
-    shared_norm = sum(np.diag(gram)[k:-1] for gram, _ in equations)
+    shared_norm = sum(np.diag(gram[0])[k:-1] for gram in grams)
     absent = int(np.count_nonzero((shared_norm == 0) & flat[k:]))
     # each alternative has a prior and is a parameter; of the others, those with a prior count as data
-    dof = sum(blocks for _, blocks in equations) - len(runs) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
+    dof = sum(count.size for _, _, count in blocks) - len(runs) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
     return Answer(
         float(found.scale[0]), float(found.scale_se[0]), float(found.bias_dps[0]), float(found.bias_se_dps[0]),
         float(np.sqrt(found.chi2[0] / dof)) if dof > 0 else None,
