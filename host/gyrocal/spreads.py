@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from gyrocal.estimator import Calibration, calibration_of, posterior, run_blocks
 from gyrocal.model import Model, Term
 from gyrocal.noise import Noise, normal_equations
 from gyrocal.session import AXES, Array, Run, Session
+
+Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
 LEARN_S = 30.0
 """Of each run: transients are over by then."""
@@ -116,10 +119,10 @@ def _learn(start: Calibration, term: Term, scenarios: list[list[Run]]) -> _Learn
                 trial, logdet = equations(noise)
                 return 0.5 * logdet - float(_each_run(grid, replace(now, noise=noise), values, trial)[0].sum())
 
-            x0 = np.log([np.clip(now.noise.ou_sd_dps, 1e-4, 0.02), np.clip(now.noise.ou_tau_s, 2.0, 100.0)])
+            x0: Array = np.log([np.clip(now.noise.ou_sd_dps, 1e-4, 0.02), np.clip(now.noise.ou_tau_s, 2.0, 100.0)])
             found = minimize(
                 cost, x0, method="Nelder-Mead", bounds=[np.log([1e-5, 0.1]), np.log([1.0, 1000.0])],
-                options={"maxfev": 30, "xatol": 0.05, "fatol": 0.05, "initial_simplex": np.add(x0, [[0, 0], [0.7, 0], [0, 0.7]])},
+                options={"maxfev": 30, "xatol": 0.05, "fatol": 0.05, "initial_simplex": x0 + 0.7 * np.eye(3, 2, -1)},
             )  # fmt: skip
             noise = replace(now.noise, ou_sd_dps=float(np.exp(found.x[0])), ou_tau_s=float(np.exp(found.x[1])))
             now = replace(now, noise=noise)
@@ -176,7 +179,7 @@ def _each_run(grid: Calibration, learned: _Learned, values: Array, grams: Array)
 
 
 def _step(
-    grid: Calibration, learned: _Learned, values: Array, grams: Array, scenario_of: Array, groups: list[list[int]]
+    grid: Calibration, learned: _Learned, values: Array, grams: Array, scenario_of: Index, groups: list[list[int]]
 ) -> _Learned:
     """One round: what each run and scenario says under the present priors, and the priors that fit what they say."""
     plain = learned.plain_sd.size
@@ -200,7 +203,7 @@ def _step(
 
 
 def _scenarios(
-    grid: Calibration, learned: _Learned, values: Array, grams: Array, scenario_of: Array
+    grid: Calibration, learned: _Learned, values: Array, grams: Array, scenario_of: Index
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Mean and spread of bias and scale over the power cycles."""
     plain = [replace(c, mean=0.0, sd=sd) for c, sd in zip(grid.run_columns, learned.plain_sd, strict=False)]
