@@ -23,7 +23,7 @@ LAYERS = [
     {"compare", "calibrate", "calibration_header", "limit"},
     {"diagnose", "pictures"},
     {"report", "api"},
-    {"demo"},
+    {"demo", "web"},
 ]
 
 

@@ -10,6 +10,7 @@ import contextlib
 import errno
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -148,13 +149,17 @@ class Link:
         name: the port.
         reconnect: when the device goes away, try to open the port again until it is back, instead of raising PortGone.
         baud: for serial devices.
+        opener: opens the port by its name and speed.
 
     ``reader`` counts good, bad and lost sentences; ``hello`` is the latest ``$HEL``, ``answered`` whether it answers a
     hello (else the device has just started).
     """
 
-    def __init__(self, name: str, *, reconnect: bool = False, baud: int = BAUD) -> None:
+    def __init__(
+        self, name: str, *, reconnect: bool = False, baud: int = BAUD, opener: Callable[[str, int], Port] = open_port
+    ) -> None:
         self.name = name
+        self._opener = opener
         self.reader = Reader()
         self.hello: Sentence | None = None
         self.answered = False
@@ -163,7 +168,7 @@ class Link:
         self._reconnect = reconnect
         self._kept: list[Sentence] = []
         self._retry_at = 0.0
-        self._port: Port | None = open_port(name, baud)
+        self._port: Port | None = opener(name, baud)
 
     def __enter__(self) -> Link:
         return self
@@ -288,7 +293,7 @@ class Link:
             return
         self._retry_at = time.monotonic() + RETRY_S
         with contextlib.suppress(DeviceError):
-            self._port = open_port(self.name, self._baud)
+            self._port = self._opener(self.name, self._baud)
 
     def _write(self, data: bytes) -> None:
         if self._port is None:

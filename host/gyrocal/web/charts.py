@@ -1,0 +1,182 @@
+"""ECharts options, and the colours: Okabe and Ito's, told apart by colour-blind eyes, in a light and a dark shade."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gyrocal.web.state import Bar
+
+Options = dict[str, Any]
+Points = Sequence[Any]
+
+
+@dataclass(frozen=True)
+class Palette:
+    ink: str
+    dim: str
+    line: str
+    axes: Mapping[str, str]
+    good: str
+    bad: str
+    methods: tuple[str, ...]
+    face: str
+
+
+LIGHT = Palette(
+    "#1b1f24", "#5c6570", "#e4e8ec", {"x": "#C77E00", "y": "#009E73", "z": "#0072B2"}, "#009E73", "#D55E00",
+    ("#8a929b", "#B0568C", "#E69F00", "#0072B2"), "#ffffff",
+)  # fmt: skip
+DARK = Palette(
+    "#e8eaed", "#a0a8b3", "#333a43", {"x": "#E69F00", "y": "#2BC79B", "z": "#56B4E9"}, "#2BC79B", "#FF8A4C",
+    ("#9aa3ad", "#E29AC4", "#E69F00", "#56B4E9"), "#1c2026",
+)  # fmt: skip
+METHODS = ("baseline", "network", "model at first", "model now")
+SYMBOLS = ("rect", "triangle", "diamond", "circle")
+
+
+def palette(dark: bool) -> Palette:
+    return DARK if dark else LIGHT
+
+
+def base(p: Palette, **more: Any) -> Options:
+    return {
+        "animation": False,
+        "backgroundColor": "transparent",
+        "textStyle": {"fontFamily": "inherit", "color": p.ink},
+        **more,
+    }
+
+
+def axis(p: Palette, name: str = "", *, kind: str = "value", label: Options | None = None, **more: Any) -> Options:
+    small = {"color": p.dim, "fontSize": 11, "hideOverlap": True}
+    return {
+        "type": kind, "name": name, "nameLocation": "middle", "nameGap": 26, "scale": True,
+        "nameTextStyle": {"color": p.dim, "fontSize": 11}, "axisLabel": {**small, **(label or {})},
+        "axisLine": {"onZero": False, "lineStyle": {"color": p.dim}}, "splitLine": {"lineStyle": {"color": p.line}},
+        "axisTick": {"lineStyle": {"color": p.line}}, **more,
+    }  # fmt: skip
+
+
+def line(name: str, data: Points, colour: str, *, on: int = 0, style: Options | None = None, **more: Any) -> Options:
+    """A line in grid ``on``."""
+    return {
+        "type": "line", "name": name, "data": data, "showSymbol": False, "animation": False, "silent": True,
+        "xAxisIndex": on, "yAxisIndex": on, "lineStyle": {"color": colour, "width": 1, **(style or {})},
+        "itemStyle": {"color": colour}, **more,
+    }  # fmt: skip
+
+
+def grid(**place: Any) -> Options:
+    """A plot's place, which stays where it is put."""
+    return {"outerBoundsMode": "none", "left": 62, "right": 18, **place}
+
+
+def title(p: Palette, text: str, top: Any, left: Any = 62) -> Options:
+    style = {"color": p.dim, "fontSize": 12, "fontWeight": "normal"}
+    return {"text": text, "left": left, "top": top, "padding": 0, "textStyle": style}
+
+
+def legend(p: Palette, names: Sequence[str], **more: Any) -> Options:
+    return {
+        "data": list(names), "textStyle": {"color": p.dim, "fontSize": 11}, "itemWidth": 16, "itemHeight": 8,
+        "selectedMode": False, "icon": "roundRect", **more,
+    }  # fmt: skip
+
+
+def tooltip(p: Palette) -> Options:
+    text = {"color": p.ink, "fontSize": 12}
+    return {"trigger": "axis", "backgroundColor": p.face, "borderColor": p.line, "textStyle": text, "confine": True}
+
+
+def marks(p: Palette, data: Sequence[Options], colour: str, kind: str = "dotted") -> Options:
+    """Vertical lines that say something."""
+    style = {"color": colour, "type": kind, "width": 1}
+    return {"silent": True, "symbol": "none", "animation": False, "lineStyle": style, "data": list(data)}
+
+
+def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
+    """Excess error step by step down to the floor (zero); the last bar is what is left."""
+    blocks = [(bars[0].label, 0.0, bars[0].after, p.bad, f"{bars[0].after:.2f}")]
+    for b in bars[1:]:
+        low, high = sorted((b.before, b.after))
+        colour = p.good if b.after <= b.before else p.bad
+        blocks.append((b.label, low, high - low, colour, f"{b.after - b.before:+.2f}".replace("-", "−")))
+    if len(bars) > 1:
+        blocks.append(("left over", 0.0, bars[-1].after, p.axes["z"], f"{bars[-1].after:.2f}"))
+    top = max(low + height for _, low, height, _, _ in blocks)
+    wrapped = {"color": p.ink, "interval": 0, "width": max(64, 420 // len(blocks)), "overflow": "break"}
+    shown = [
+        {
+            "value": height,
+            "itemStyle": {"color": colour, "borderRadius": 3},
+            "label": {"show": True, "position": "top", "color": p.ink, "fontWeight": "bold", "formatter": text},
+        }
+        for _, _, height, colour, text in blocks
+    ]
+    names = [name for name, *_ in blocks]
+    return base(
+        p,
+        animation=True, animationDuration=700, animationEasing="cubicOut",
+        grid=grid(left=54, right=16, top=18, bottom=40),
+        xAxis=axis(p, kind="category", data=names, axisTick={"show": False}, label=wrapped),
+        yAxis=axis(p, "excess error, mdps", nameGap=38, scale=False, min=0, max=_above(top)),
+        series=[
+            {"type": "bar", "stack": "s", "silent": True, "data": [low for _, low, *_ in blocks],
+             "itemStyle": {"color": "transparent"}, "animation": False},
+            {"type": "bar", "stack": "s", "barMaxWidth": 74, ":animationDelay": "(i) => i * 450", "data": shown},
+        ],
+    )  # fmt: skip
+
+
+def _above(top: float) -> float:
+    return float(f"{1.15 * top:.2g}") if top > 0 else 1.0
+
+
+def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, float]]]) -> Options:
+    """Mean difference of the first seconds from the whole recording: scale left, bias right, a line a method."""
+    order = [m for m in METHODS if m in errors]
+    seconds = sorted({s for by in errors.values() for s in by})
+    labels = [f"{s:g}" for s in seconds]
+    series = []
+    for k, factor in ((0, 100.0), (1, 1e3)):
+        for m in order:
+            colour, symbol = p.methods[METHODS.index(m)], SYMBOLS[METHODS.index(m)]
+            series.append({
+                "type": "line", "name": m, "xAxisIndex": k, "yAxisIndex": k, "symbol": symbol, "symbolSize": 8,
+                "data": [[f"{s:g}", round(errors[m][s][k] * factor, 6)] for s in seconds if s in errors[m]],
+                "lineStyle": {"color": colour, "width": 3 if m == order[-1] else 1.5}, "itemStyle": {"color": colour},
+            })  # fmt: skip
+    first = "first seconds of each face"
+    return base(
+        p,
+        legend=legend(p, order, top=0), tooltip=tooltip(p),
+        grid=[grid(left=58, right="56%", top=44, bottom=36), grid(left="59%", right=14, top=44, bottom=36)],
+        title=[title(p, "scale, %", 26, 58), title(p, "bias, mdps", 26, "59%")],
+        xAxis=[axis(p, first, kind="category", data=labels, gridIndex=k, nameGap=22) for k in (0, 1)],
+        yAxis=[axis(p, gridIndex=k, min=0) for k in (0, 1)],
+        series=series,
+    )  # fmt: skip
+
+
+def signature_svg(dots: Sequence[tuple[float, float]], curve: Sequence[tuple[float, float]], label: str) -> str:
+    """A small picture of what is left over (dots) and what the effect makes of it (line), in the page's own colours."""
+    width, height = 220.0, 76.0
+    everything = [*dots, *curve]
+    if not everything:
+        return ""
+    xs, ys = [x for x, _ in everything], [y for _, y in everything]
+    low, high = min(ys), max(ys)
+    across, up = (max(xs) - min(xs)) or 1.0, (high - low) or 1.0
+
+    def place(point: tuple[float, float]) -> tuple[float, float]:
+        return 2 + (point[0] - min(xs)) / across * (width - 4), height - 4 - (point[1] - low) / up * (height - 8)
+
+    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.4"/>' for x, y in map(place, dots))
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(place, curve))
+    return (
+        f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{label}" '
+        f'preserveAspectRatio="none"><g class="dots">{circles}</g><polyline class="curve" points="{path}"/></svg>'
+    )

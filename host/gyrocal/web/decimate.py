@@ -1,0 +1,93 @@
+"""Long traces made short enough for a screen, without losing a spike: minimum and maximum of each stretch.
+
+A :class:`Pyramid` keeps minima and maxima of 16, 256, 4096, ... samples beside the samples, in files that are mapped, not read.
+Any stretch of ten million samples then costs the same few thousand numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+FACTOR = 16
+
+Array = np.ndarray[Any, np.dtype[np.floating[Any]]]
+
+
+class Pyramid:
+    """Channels [k, n] with their minima and maxima, in a folder of ``.npy`` files."""
+
+    def __init__(self, folder: Path) -> None:
+        self.samples: Array = np.load(folder / "samples.npy", mmap_mode="r")
+        self.levels: list[tuple[Array, Array]] = []
+        while (folder / f"min{len(self.levels)}.npy").is_file():
+            i = len(self.levels)
+            self.levels.append((np.load(folder / f"min{i}.npy", mmap_mode="r"), np.load(folder / f"max{i}.npy", mmap_mode="r")))
+
+    @staticmethod
+    def write(folder: Path, channels: int, n: int, fill: Callable[[Array], None]) -> None:
+        """Make the folder; ``fill`` writes the samples into the array [channels, n] that it is given."""
+        folder.mkdir(parents=True)
+        samples = np.lib.format.open_memmap(folder / "samples.npy", "w+", np.float32, (channels, n))
+        samples[:] = np.nan
+        fill(samples)
+        samples.flush()
+        low: Array = samples
+        high: Array = samples
+        i = 0
+        while low.shape[1] > FACTOR:
+            starts = np.arange(0, low.shape[1], FACTOR)
+            low, high = np.fmin.reduceat(low, starts, axis=1), np.fmax.reduceat(high, starts, axis=1)
+            np.save(folder / f"min{i}.npy", low)
+            np.save(folder / f"max{i}.npy", high)
+            i += 1
+
+    def window(self, channel: int, start: int, stop: int, stretches: int) -> tuple[Array, Array]:
+        """Rows ``start:stop`` of a channel as (row, value), at most two a stretch: its minimum, then its maximum.
+
+        Few enough rows come as they are. A stretch's bounds are those of the level read: off by 6 % of a stretch at most.
+        """
+        n = stop - start
+        if n <= 2 * stretches:
+            return np.arange(start, stop, dtype=float), np.asarray(self.samples[channel, start:stop], dtype=float)
+        size, level = 1, -1
+        while level + 1 < len(self.levels) and size * FACTOR * FACTOR <= n / stretches:
+            size, level = size * FACTOR, level + 1
+        low, high = (self.samples, self.samples) if level < 0 else self.levels[level]
+        first, last = start // size, -(-stop // size)
+        edges = np.unique(np.linspace(first, last, stretches + 1).astype(np.intp))
+        inside = edges[:-1] - first
+        minima = np.fmin.reduceat(low[channel, first:last], inside)
+        maxima = np.fmax.reduceat(high[channel, first:last], inside)
+        rows = np.clip((edges[:-1] + edges[1:]) / 2 * size, start, stop - 1)
+        return np.repeat(rows, 2), np.column_stack([minima, maxima]).ravel().astype(float)
+
+
+def binned(x: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
+    """Means of ``y`` [n] in equal bins of ``x`` [n]: (centre, mean, standard error of the mean), empty bins left out."""
+    use = np.isfinite(x) & np.isfinite(y)
+    x, y = np.asarray(x[use], dtype=float), np.asarray(y[use], dtype=float)
+    if x.size == 0:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    low, high = float(x.min()), float(x.max())
+    width = (high - low) / bins or 1.0
+    place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)
+    count = np.bincount(place, minlength=bins)
+    kept = count > 0
+    n = count[kept]
+    mean = np.bincount(place, y, bins)[kept] / n
+    scatter = np.bincount(place, (y - mean[np.cumsum(kept)[place] - 1]) ** 2, bins)[kept]
+    error = np.sqrt(scatter / np.maximum(n - 1, 1) / n)
+    return low + (np.flatnonzero(kept) + 0.5) * width, mean, error
+
+
+def thinned(x: Array, y: Array, stretches: int) -> tuple[Array, Array]:
+    """A curve [n] by minimum and maximum of each stretch, where it has more points than a screen shows."""
+    if x.size <= 2 * stretches:
+        return x, y
+    edges = np.unique(np.linspace(0, x.size, stretches + 1).astype(np.intp))[:-1]
+    pairs = np.column_stack([np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges)])
+    return np.repeat(x[edges], 2), pairs.ravel()

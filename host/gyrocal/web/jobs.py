@@ -1,0 +1,160 @@
+"""Long work in a process of its own, one piece at a time: progress comes back, and it can be stopped at any moment."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from gyrocal.errors import GyrocalError
+
+NICE = 10
+"""The worker yields to the page and to the serial port."""
+
+
+class Cancelled(GyrocalError):
+    """A person stopped it."""
+
+
+@dataclass
+class Job:
+    """What is being done, for the page."""
+
+    title: str
+    text: str = ""
+    began: float = field(default_factory=time.monotonic)
+
+
+class Jobs:
+    """One worker process, kept warm. ``changed`` is called in the event loop whenever ``current`` says something new."""
+
+    def __init__(self, scratch: Path, changed: Callable[[], None]) -> None:
+        self.current: Job | None = None
+        self._scratch, self._changed = scratch, changed
+        self._lock = asyncio.Lock()
+        self._cancelled = False
+        self._generation = 0
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._link, theirs = context.Pipe()
+        self._process = context.Process(target=work, args=(theirs, self._scratch), name="gyrocal worker", daemon=True)
+        self._process.start()
+        theirs.close()
+
+    async def run(self, title: str, method: str, *args: Any) -> Any:
+        """Call a method of :class:`~gyrocal.web.bench.Bench` in the worker; what it returns.
+
+        Raises:
+            Cancelled: :meth:`cancel` was called, or what was wanted was overtaken by :meth:`drop`.
+            GyrocalError: what the method raised, or the worker died.
+        """
+        generation = self._generation
+        async with self._lock:
+            if generation != self._generation:
+                raise Cancelled("stopped")
+            self.current, self._cancelled = Job(title), False
+            self._changed()
+            try:
+                return await self._converse(method, args)
+            except (EOFError, OSError):
+                cancelled = self._cancelled
+                self._process.kill()
+                self._process.join()
+                self._start()
+                if cancelled:
+                    raise Cancelled(f"{title}: stopped") from None
+                raise GyrocalError(f"{title}: the worker died; is there enough memory?") from None
+            finally:
+                self.current = None
+                self._changed()
+
+    async def _converse(self, method: str, args: tuple[Any, ...]) -> Any:
+        self._link.send((method, args))
+        while True:
+            kind, value = await _in_thread(self._link.recv)
+            if kind == "progress":
+                if self.current is not None:
+                    self.current.text = value
+                self._changed()
+            elif kind == "error":
+                raise GyrocalError(value)
+            else:
+                return value
+
+    def cancel(self) -> None:
+        """Stop what is being done, and what waits behind it."""
+        self._generation += 1
+        if self.current is not None:
+            self._cancelled = True
+            self._process.kill()
+
+    def close(self) -> None:
+        self.cancel()
+        self._process.kill()
+        self._process.join()
+
+
+async def _in_thread(function: Callable[[], Any]) -> Any:
+    """In a daemon thread: one that waits for ever must not hold up the end of the program."""
+    loop = asyncio.get_running_loop()
+    future: asyncio.Future[Any] = loop.create_future()
+
+    def settle(value: Any, error: BaseException | None) -> None:
+        if not future.done():
+            future.set_result(value) if error is None else future.set_exception(error)
+
+    def call() -> None:
+        value, failed = None, None
+        try:
+            value = function()
+        except BaseException as error:
+            failed = error
+        with contextlib.suppress(RuntimeError):  # the loop has been closed meanwhile
+            loop.call_soon_threadsafe(settle, value, failed)
+
+    threading.Thread(target=call, daemon=True).start()
+    return await future
+
+
+def work(link: Connection, scratch: Path) -> None:
+    """The worker's life: take a method's name and arguments, answer with progress and a result, until the page is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "nice"):
+        os.nice(NICE)
+    from gyrocal.web.bench import Bench
+
+    bench = Bench(scratch)
+    said = 0.0
+
+    def progress(text: str) -> None:
+        nonlocal said
+        if time.monotonic() - said > 0.05:
+            said = time.monotonic()
+            link.send(("progress", text))
+
+    with contextlib.suppress(EOFError, BrokenPipeError):
+        while True:
+            method, args = link.recv()
+            try:
+                answer = ("result", getattr(bench, method)(*args, progress=progress))
+            except GyrocalError as error:
+                answer = ("error", " ".join(str(error).split()))
+            except MemoryError:
+                answer = ("error", "not enough memory for this session")
+            except Exception as error:
+                traceback.print_exc(file=sys.stderr)
+                answer = ("error", f"{type(error).__name__}: {error}")
+            link.send(answer)

@@ -1,0 +1,185 @@
+"""The device as the page knows it: the latest samples, state, results; the process that reads its port."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import multiprocessing
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.record import Wanted
+from gyrocal.web.listener import News, listen
+
+SHOWN_S = 10.0
+STRETCHES = 250
+KEPT = 1 << 15
+PORTS = re.compile(r"/dev/(tty|cu)[\w.-]+|/dev/pts/\d+|COM\d+|socket://(127\.0\.0\.1|localhost|\[::1\]):\d+")
+"""Ports that the page may open: serial devices, and this machine's own sockets."""
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class Samples:
+    """The last samples of one sensor: a ring of rows [t_s, gx, gy, gz, ax, ay, az, temp]."""
+
+    def __init__(self) -> None:
+        self._rows = np.full((KEPT, 8), np.nan)
+        self._count = 0
+        self._lock = threading.Lock()
+
+    def extend(self, rows: Array) -> None:
+        with self._lock:
+            if self._count and rows[0, 0] < self._rows[(self._count - 1) % KEPT, 0]:
+                self._count = 0  # the device's clock began anew
+            self._rows[(self._count + np.arange(len(rows))) % KEPT] = rows
+            self._count += len(rows)
+
+    def latest(self, seconds: float) -> Array:
+        """Rows of the last ``seconds``, oldest first."""
+        with self._lock:
+            n = min(self._count, KEPT)
+            rows = self._rows[(self._count - n + np.arange(n)) % KEPT]
+        return rows[np.searchsorted(rows[:, 0], rows[-1, 0] - seconds) :] if n else rows
+
+    def frame(self) -> tuple[float, list[list[list[float | None]]]]:
+        """(newest time in s, seven curves of [t_s, value]): two values a stretch, its least and its largest."""
+        rows = self.latest(SHOWN_S)
+        if not len(rows):
+            return 0.0, [[] for _ in range(7)]
+        stretch = np.floor(rows[:, 0] * (STRETCHES / SHOWN_S)).astype(np.int64)
+        starts = np.flatnonzero(np.diff(stretch, prepend=stretch[0] - 1))
+        t = rows[starts, 0].round(3)
+        low, high = np.fmin.reduceat(rows[:, 1:], starts), np.fmax.reduceat(rows[:, 1:], starts)
+        curves = []
+        for i in range(7):
+            if i == 6 or len(rows) < 2 * STRETCHES:  # slow enough for its mean
+                values = (low[:, i] + high[:, i]) / 2
+                curves.append(_points(t, values))
+            else:
+                curves.append(_points(np.repeat(t, 2), np.column_stack([low[:, i], high[:, i]]).ravel()))
+        return float(rows[-1, 0]), curves
+
+
+def _points(t: Array, values: Array) -> list[list[float | None]]:
+    return [[x, None if y != y else y] for x, y in zip(t.tolist(), values.round(5).tolist(), strict=True)]
+
+
+class Live:
+    """One device at most. ``changed`` is called in the event loop when more than samples came."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self.port = ""
+        self.status: dict[str, Any] = {}
+        self.sensors: dict[int, Samples] = {}
+        self.newest: tuple[int, float] = (0, 0.0)
+        """Device time of the newest sample, us, and when it was here (this machine's clock, s)."""
+        self.trusted: set[str] = set()
+        """Ports named on the command line, and simulated devices."""
+        self._changed = changed
+        self._page: Connection | None = None
+        self._process: Any = None
+        self._simulated: subprocess.Popen[str] | None = None
+
+    @property
+    def connected(self) -> bool:
+        return bool(self.status.get("connected"))
+
+    @property
+    def simulated(self) -> bool:
+        return self._simulated is not None
+
+    def check(self, name: str) -> None:
+        """InputError where the page may not open a port of that name."""
+        from serial.tools.list_ports import comports
+
+        if name not in self.trusted and not PORTS.fullmatch(name) and name not in {p.device for p in comports()}:
+            raise InputError(f"{name}: not a serial port; another kind is given as `gyrocal workbench --port`")
+
+    def connect(self, name: str) -> None:
+        """Listen at a port from now on; what it says comes by itself."""
+        self.check(name)
+        self.disconnect(keep_simulated=True)
+        context = multiprocessing.get_context("spawn")
+        self._page, theirs = context.Pipe()
+        self._process = context.Process(target=listen, args=(theirs, name), name="gyrocal listener", daemon=True)
+        self._process.start()
+        theirs.close()
+        self.port, self.status = name, {"connected": False, "problem": ""}
+        threading.Thread(target=self._hear, args=(self._page, asyncio.get_running_loop()), daemon=True).start()
+        self._changed()
+
+    def disconnect(self, *, keep_simulated: bool = False) -> None:
+        if self._page is not None:
+            self._page.close()
+            self._page = None
+            self._process.join(2.0)
+            self._process.kill()
+        if self._simulated is not None and not keep_simulated:
+            self._simulated.terminate()
+            self._simulated.wait()
+            self._simulated = None
+        self.port, self.status, self.sensors = "", {}, {}
+
+    close = disconnect
+
+    async def simulate(self, link: Path, options: list[str]) -> None:
+        """Start `gyrocal device` behind ``link`` and listen to it."""
+        self.disconnect()
+        command = [sys.executable, "-m", "gyrocal", "device", "--link", str(link), *options]
+        self._simulated = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+        )
+        assert self._simulated.stdout is not None
+        assert self._simulated.stderr is not None
+        port = (await asyncio.to_thread(self._simulated.stdout.readline)).strip()
+        if not port:
+            problem = (await asyncio.to_thread(self._simulated.stderr.read)).strip()
+            self._simulated = None
+            raise InputError(problem.removeprefix("gyrocal: ") or "the simulated device did not start")
+        self.trusted.add(port)
+        self.connect(port)
+
+    def record(self, out: Path, wanted: Wanted | None, scenario: str) -> None:
+        """Record the wanted run; None: every run that the device announces, until it ends or is stopped."""
+        self._tell("record", str(out), wanted, scenario)
+
+    def stop(self) -> None:
+        self._tell("stop")
+
+    def say(self, command: str) -> None:
+        """A command in the wire's plain words."""
+        self._tell("say", command)
+
+    def _tell(self, *words: Any) -> None:
+        if self._page is not None:
+            with contextlib.suppress(OSError):
+                self._page.send(words)
+
+    def _hear(self, page: Connection, loop: asyncio.AbstractEventLoop) -> None:
+        with contextlib.suppress(EOFError, OSError, RuntimeError):
+            while True:
+                news: News = page.recv()
+                if page is not self._page:
+                    return
+                if news.samples:
+                    self._take(news.samples)
+                if news.status is not None:
+                    self.status = news.status
+                    loop.call_soon_threadsafe(self._changed)
+
+    def _take(self, samples: list[tuple[Any, ...]]) -> None:
+        for imu in {s[0] for s in samples}:
+            rows = np.array([[s[1] * 1e-6, *s[2:]] for s in samples if s[0] == imu], dtype=float)
+            self.sensors.setdefault(imu, Samples()).extend(rows)
+        self.newest = (samples[-1][1], time.monotonic())

@@ -1,0 +1,138 @@
+"""The page around the panels: header, what is being done, words to the person."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from nicegui import Event, ui
+
+from gyrocal.web import charts
+from gyrocal.web.panels import compare, diagnose, start
+from gyrocal.web.state import Topic, Workbench
+
+PANELS: dict[str, tuple[str, Callable[[Tab], Callable[[Topic], None]]]] = {}
+changed: Event[Topic] = Event()
+_bench: list[Workbench] = []
+
+
+def serve(bench: Workbench) -> None:
+    """Show this workbench to whoever opens the page."""
+    _bench[:] = [bench]
+
+
+class Tab:
+    """One browser tab: which panel it shows, and its own light or dark."""
+
+    def __init__(self, view: str) -> None:
+        self.bench = _bench[0]
+        self.view = view
+        self.dark = False
+        self._update: Callable[[Topic], None] = lambda _: None
+
+    @property
+    def palette(self) -> charts.Palette:
+        return charts.palette(self.dark)
+
+    def build(self) -> None:
+        self._mode = ui.dark_mode(None)
+        with ui.header().classes("top"):
+            with ui.link(target="/").classes("brand").props('aria-label="gyrocal workbench, start"'):
+                ui.html(f'<svg viewBox="0 0 32 32" width="22" height="22" aria-hidden="true">{MARK}</svg>', sanitize=False)
+                ui.label("gyrocal")
+            with ui.element("nav").classes("views").props('aria-label="panels"'):
+                self._buttons = {
+                    name: ui.button(title, on_click=lambda n=name: self.go(n), color=None)
+                    .props("flat no-caps dense")
+                    .mark(f"view-{name}")
+                    for name, (title, _) in PANELS.items()
+                }
+            ui.space()
+            self._name = ui.label().classes("session-name").mark("session-name")
+            ui.button("Open…", icon="folder_open", on_click=lambda: self.go("start"), color=None).props(
+                "flat no-caps dense"
+            ).mark("open")
+            self._theme = ui.button(icon="contrast", on_click=self._toggle_dark, color=None).props(
+                'flat round dense aria-label="light or dark"'
+            )
+        with ui.row().classes("job") as self._job:
+            ui.spinner(size="18px")
+            self._job_text = ui.label().mark("job").props('role="status"')
+            ui.button("Stop", icon="stop", on_click=lambda: self.bench.jobs.cancel(), color=None).props(
+                "flat dense no-caps"
+            ).mark("cancel")
+        self._content = ui.element("div").classes("content")
+        self.go(self.view, push=False)
+        self._hear("session")
+        self._hear("job")
+        changed.subscribe(self._hear)
+        ui.timer(0.5, lambda: self._hear("job"))
+        ui.timer(0.05, self._ask_dark, once=True)
+
+    def go(self, view: str, *, push: bool = True) -> None:
+        """Show a panel."""
+        self.view = view
+        if push:
+            ui.navigate.history.push(f"/{view}")
+        for name, button in self._buttons.items():
+            button.classes(add="on", remove="") if name == view else button.classes(remove="on")
+            button.props('aria-current="page"' if name == view else 'aria-current="false"')
+        self._content.clear()
+        with self._content:
+            self._update = (PANELS[view][1] if view in PANELS else start.show)(self)
+
+    def _hear(self, topic: Topic) -> None:
+        bench = self.bench
+        if topic == "job":
+            job = bench.jobs.current
+            self._job.set_visibility(job is not None)
+            if job is not None:
+                seconds = time.monotonic() - job.began
+                told = f" · {seconds:.0f} s" if seconds >= 1 else ""
+                self._job_text.text = f"{job.title}{': ' + job.text if job.text else ''}{told}"
+        elif topic == "message":
+            with self._content:
+                ui.notify(bench.message, position="bottom", timeout=9000, close_button="Close", multi_line=True)
+        elif topic == "session":
+            self._name.text = "" if bench.session is None else bench.places.name(bench.session.path)
+        with self._content:
+            self._update(topic)
+
+    async def _ask_dark(self) -> None:
+        if await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5.0):
+            self._set_dark(True)
+
+    def _toggle_dark(self) -> None:
+        self._mode.value = not self.dark
+        self._set_dark(not self.dark)
+
+    def _set_dark(self, dark: bool) -> None:
+        self.dark = dark
+        self.go(self.view, push=False)
+
+
+MARK = (
+    '<circle cx="16" cy="16" r="13" fill="none" stroke="var(--accent)" stroke-width="4"/>'
+    '<path d="M16 16 L25 9" stroke="#E69F00" stroke-width="4" stroke-linecap="round"/>'
+)
+
+PANELS.update({
+    "compare": ("Compare", compare.show),
+    "diagnose": ("Diagnose", diagnose.show),
+})  # fmt: skip
+
+
+def register() -> None:
+    """The page's addresses."""
+
+    def index() -> None:
+        looking = _bench[0].opening or _bench[0].session is not None
+        Tab("compare" if looking else "start").build()
+
+    ui.page("/")(index)
+    for view in ("start", *PANELS):
+
+        def at(view: str = view) -> None:
+            Tab(view).build()
+
+        ui.page(f"/{view}")(at)

@@ -1,0 +1,242 @@
+"""Measured against modelled, and what is left over against whatever it may depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from nicegui import events, ui
+
+from gyrocal.session import AXES
+from gyrocal.web import charts, plots
+from gyrocal.web.state import Topic, Traces
+from gyrocal.web.views import RunView
+
+if TYPE_CHECKING:
+    from gyrocal.web.page import Tab
+
+AGAINST = {
+    "timeline": ("Timeline", "recordings one after another, s"),
+    "time": ("In the run", "time in the run, s"),
+    "power_on_time": ("Since power-on", "time since power-on, s"),
+    "temperature": ("Temperature", "temperature, °C"),
+    "rate": ("Rate", "true rate, deg/s"),
+    "table_angle": ("Table angle", "table angle, deg"),
+    "acceleration_x": ("Accel. x", "acceleration x, g"),
+    "acceleration_y": ("Accel. y", "acceleration y, g"),
+    "acceleration_z": ("Accel. z", "acceleration z, g"),
+    "reading": ("Reading", "reading, deg/s"),
+    "frequency": ("Spectrum", "frequency, Hz"),
+    "averaging": ("Allan", "averaging time, s"),
+}
+ALL = (0.0, 100.0)
+MOVES = (
+    ("zoom_in", "zoom in", 0.25, -0.25), ("zoom_out", "zoom out", -0.5, 0.5),
+    ("chevron_left", "earlier", -0.5, -0.5), ("chevron_right", "later", 0.5, 0.5),
+)  # fmt: skip
+"""Icon, word, by what parts of the window's width its ends move."""
+
+
+class ComparePanel:
+    def __init__(self, tab: Tab) -> None:
+        self.tab, self.bench = tab, tab.bench
+        self.axes: list[str] = []
+        self.against = "timeline"
+        self.chosen: list[int] = []
+        """Runs shown; none = all."""
+        self.window = ALL
+        self.chart: Any = None
+        self.root = ui.element("div").classes("column fill")
+        self._build()
+
+    def hear(self, topic: Topic) -> None:
+        if topic == "session":
+            self.axes, self.chosen, self.window, self.against = [], [], ALL, "timeline"
+        if topic in ("session", "model"):
+            self._build()
+
+    def _build(self) -> None:
+        self.root.clear()
+        with self.root:
+            if self.bench.session is None:
+                self._nothing()
+                return
+            self._verdict()
+            if self.bench.step is None:
+                return
+            if not self.axes:
+                where = self.bench.step.view.compared["where"]
+                self.axes = [str(where[0]["axis"]) if where else self.bench.session.axis]
+            self._controls()
+            with ui.element("div").classes("face grow over").style("padding: 6px 8px"):
+                self.place = ui.element("div").classes("chart")
+                self._zoom_buttons()
+            self._draw()
+
+    def _nothing(self) -> None:
+        with ui.element("section").classes("face"):
+            ui.label("Reading the session…" if self.bench.opening else "No session is open.").classes("big")
+            if not self.bench.opening:
+                ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
+
+    def _verdict(self) -> None:
+        step, session = self.bench.step, self.bench.session
+        assert session is not None
+        if step is None:
+            with ui.element("section").classes("face verdict"):
+                told = f"{len(session.runs)} recordings, {session.rows:,} samples."
+                ui.label(f"{told} Holding the model against them…").classes("big")
+            return
+        view = step.view
+        fits = view.compared["verdict"] == "adequate"
+        tone = "good" if fits else "bad"
+        with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
+            with ui.element("div"):
+                ui.label("The model fits." if fits else "The model does not fit.").classes("big").mark("verdict")
+                why = "What is left over is noise." if fits else "The readings hold something that it does not know:"
+                ui.label(why).classes("dim")
+                with ui.row().classes("tight").style("margin-top: 4px"):
+                    for finding in view.compared["where"][:3]:
+                        against = finding["against"].replace("_", " ")
+                        ui.button(
+                            f"{finding['axis']}, against {against}: {finding['note']}",
+                            on_click=lambda f=finding: self._look_at(f),
+                            color=None,
+                        ).props("flat dense no-caps").classes("finding").mark("finding")
+            with ui.element("div").classes("figures"):
+                _, rms, floor, excess = view.rows[-1]
+                for name, value, kind in (
+                    ("error, mdps rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
+                ):  # fmt: skip
+                    with ui.element("div").classes(f"figure {kind}"):
+                        ui.html(f"<b>{value}</b>", sanitize=False).mark(f"figure-{name.split(',')[0].replace(' ', '-')}")
+                        ui.label(name)
+            if not fits:
+                button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
+                button.props("unelevated no-caps").classes("primary").mark("what-is-missing")
+
+    async def _diagnose(self) -> None:
+        self.tab.go("diagnose")
+        if self.bench.diagnosis is None:
+            await self.bench.diagnose()
+
+    def _look_at(self, finding: dict[str, Any]) -> None:
+        self.axes = [finding["axis"]]
+        wanted = _panel(finding["against"])
+        self.against = wanted if wanted in self._available() else "timeline"
+        self.window = ALL
+        self._build()
+
+    def _available(self) -> list[str]:
+        assert self.bench.step is not None
+        view = self.bench.step.view
+        there = {"timeline", *view.against, "frequency" if view.spectra else "", "averaging" if view.allan else ""}
+        if any(name.startswith("reading_") for name in view.against):
+            there.add("reading")
+        return [name for name in AGAINST if name in there]
+
+    def _controls(self) -> None:
+        assert self.bench.session is not None
+        assert self.bench.step is not None
+        compared = self.bench.step.view.compared
+        failing = {(f["axis"], _panel(f["against"])) for f in compared["where"]}
+        with ui.row().classes("tight"):
+            for axis in compared["per_axis"]:
+                self._chip(axis, axis in self.axes, partial(self._toggle, axis)).classes(f"axis-{axis}").mark(f"axis-{axis}")
+            ui.separator().props("vertical")
+            for name in self._available():
+                button = self._chip(AGAINST[name][0], name == self.against, partial(self._choose, name))
+                button.mark(f"against-{name}")
+                if any((axis, name) in failing for axis in self.axes):
+                    button.classes("flag").tooltip("the model fails here")
+            ui.space()
+            runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
+            select = ui.select(runs, multiple=True, value=self.chosen, label="all recordings", on_change=self._runs_chosen)
+            select.props("outlined dense options-dense clearable").style("width: 160px").mark("runs")
+
+    def _chip(self, text: str, on: bool, pressed: Callable[[], None]) -> ui.button:
+        button = ui.button(text, on_click=pressed, color=None).classes(f"chip {'on' if on else ''}")
+        return button.props(f'flat dense no-caps aria-pressed="{str(on).lower()}"')
+
+    def _zoom_buttons(self) -> None:
+        if self.against != "timeline":
+            return
+        with ui.element("div").classes("zoom"):
+            for icon, word, low, high in MOVES:
+                button = ui.button(icon=icon, on_click=lambda a=low, b=high: self._move(a, b), color=None)
+                button.props(f'flat round dense size="sm" aria-label="{word}"').mark(word.replace(" ", "-"))
+
+    def _toggle(self, axis: str) -> None:
+        self.axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis]
+        self._build()
+
+    def _choose(self, against: str) -> None:
+        self.against = against
+        self._build()
+
+    def _runs_chosen(self, event: events.ValueChangeEventArguments) -> None:
+        self.chosen = sorted(event.value or [])
+        self.window = ALL
+        self._draw()
+
+    def _runs(self) -> list[tuple[int, RunView]]:
+        assert self.bench.session is not None
+        return [(i, r) for i, r in enumerate(self.bench.session.runs) if not self.chosen or i in self.chosen]
+
+    def _draw(self) -> None:
+        traces = self.bench.traces
+        if traces is None or traces.residual is None:
+            return
+        self.place.clear()
+        with self.place:
+            self.chart = ui.echart(self._options(traces)).classes("chart").mark("compare-chart")
+            self.chart.props(f'role="img" aria-label="{AGAINST[self.against][0]}"')
+            if self.against == "timeline":
+                self.chart.on("chart:datazoom", self._zoomed, ["start", "end", "batch"], throttle=0.05)
+
+    def _options(self, traces: Traces) -> charts.Options:
+        assert self.bench.step is not None
+        p, view, x_name = self.tab.palette, self.bench.step.view, AGAINST[self.against][1]
+        if self.against == "timeline":
+            return self._timeline(traces).options(self.window, x_name)
+        if self.against == "frequency":
+            lines = [f for f in view.compared["where"] if f["against"] == "frequency"]
+            what = "amplitude density of what is left over, mdps/√Hz"
+            return plots.curves(p, view.spectra, self.axes, what, "level between lines", x_name, lines)
+        if self.against == "averaging":
+            what = "Allan deviation of what is left over, mdps"
+            return plots.curves(p, view.allan, self.axes, what, "noise model", x_name)
+        return plots.folded(p, traces.points, self.against, x_name, [i for i, _ in self._runs()], self.axes)
+
+    def _timeline(self, traces: Traces) -> plots.Timeline:
+        return plots.Timeline(traces, self._runs(), self.axes, self.tab.palette)
+
+    def _zoomed(self, event: events.GenericEventArguments) -> None:
+        said = (event.args.get("batch") or [event.args])[0]
+        traces = self.bench.traces
+        if said.get("start") is None or traces is None or traces.residual is None:
+            return
+        self.window = (float(said["start"]), float(said["end"]))
+        seen = [{"data": series["data"]} for series in self._timeline(traces).series(self.window)]
+        self.chart.run_chart_method("setOption", {"series": seen})
+
+    def _move(self, low: float, high: float) -> None:
+        """Move the window's ends by parts of its width; ECharts tells :meth:`_zoomed` what came of it."""
+        start, end = self.window
+        width = end - start
+        start, end = start + low * width, end + high * width
+        if low == high:  # a shift keeps the width
+            shift = max(0.0, -start) - max(0.0, end - 100.0)
+            start, end = start + shift, end + shift
+        window = {"start": max(0.0, start), "end": min(100.0, end)}
+        self.chart.run_chart_method("dispatchAction", {"type": "dataZoom", **window})
+
+
+def _panel(against: str) -> str:
+    """Where a finding is seen."""
+    return "acceleration_x" if against == "acceleration" else against
+
+
+def show(tab: Tab) -> Callable[[Topic], None]:
+    return ComparePanel(tab).hear

@@ -1,0 +1,259 @@
+"""What is missing: ranked cards, Add, and the excess error falling."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from gyrocal.output import plus_minus
+from gyrocal.web import charts
+from gyrocal.web.state import Topic
+from gyrocal.web.views import Card, DiagnosisView
+
+if TYPE_CHECKING:
+    from gyrocal.web.page import Tab
+
+
+class DiagnosePanel:
+    def __init__(self, tab: Tab) -> None:
+        self.tab, self.bench = tab, tab.bench
+        with ui.element("div").classes("two fill"):
+            self.cards = ui.element("section").classes("scroll").props('aria-label="what is missing"')
+            with ui.element("section").classes("column"):
+                self.model = ui.element("div").classes("face")
+                self.fall = ui.element("div").classes("face grow column").style("padding: 10px 14px; gap: 4px")
+                self.calibration = ui.element("div").classes("face grow column").style("padding: 10px 14px; gap: 4px")
+        for draw in (self._cards, self._model, self._fall, self._calibration):
+            draw()
+
+    def hear(self, topic: Topic) -> None:
+        if topic in ("session", "model", "diagnosis"):
+            self._cards()
+        if topic in ("session", "model"):
+            self._model()
+            self._fall()
+        if topic in ("session", "model", "calibration"):
+            self._calibration()
+
+    # Cards.
+
+    def _cards(self) -> None:
+        self.cards.clear()
+        with self.cards:
+            found = self.bench.diagnosis
+            if self.bench.step is None:
+                with ui.element("div").classes("face"):
+                    ui.label("Open a session first.").classes("big")
+                    ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
+                return
+            if found is None:
+                self._invite()
+                return
+            self._sentence(found)
+            if found.verdict == "unknown":
+                self._unknown(found)
+            shown = [c for c in found.cards if c.judged["decision"] in ("add", "suggest")]
+            for card in shown:
+                self._card(card)
+            self._rest(found)
+
+    def _invite(self) -> None:
+        assert self.bench.step is not None
+        fits = self.bench.step.view.compared["verdict"] == "adequate"
+        with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}"), ui.element("div"):
+            ui.label("The model fits: what is left over is noise." if fits else "The model does not fit yet.").classes(
+                "big"
+            ).mark("verdict")
+            if self.bench.step.view.remark:
+                ui.label(self.bench.step.view.remark).classes("dim")
+            text = "Look all the same" if fits else "Find what is missing"
+            with ui.row().style("margin-top: 8px"):
+                ui.button(text, icon="search", on_click=self.bench.diagnose, color=None).props(
+                    "unelevated no-caps" if not fits else "flat no-caps"
+                ).classes("" if fits else "primary").mark("find")
+
+    def _sentence(self, found: DiagnosisView) -> None:
+        tone = {"adequate": "good"}.get(found.verdict, "bad")
+        with ui.element("div").classes(f"face verdict {tone}").style("flex: none"):
+            ui.label(found.sentence).classes("big").style("font-size: 16px").mark("diagnosis")
+
+    def _card(self, card: Card) -> None:
+        judged = card.judged
+        passed = judged["decision"] == "add"
+        with ui.element("article").classes(f"card {'add' if passed else ''}").mark(f"card-{judged['effect']}-{judged['axis']}"):
+            with ui.element("div").classes("head"):
+                ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
+                ui.label(f"on {judged['axis']}").classes(f"axis-{judged['axis']}")
+                ui.space()
+                alone = passed and not card.looks_like
+                ui.label(
+                    "fits the evidence" if alone else "one of several" if passed else "a hint, not enough to be sure"
+                ).classes(f"badge {'add' if passed else ''}")
+            with ui.row().style("flex-wrap: nowrap; align-items: flex-start; gap: 14px"):
+                ui.label(card.cause).classes("small").style("flex: 1")
+                if card.signature is not None:
+                    with ui.element("div").style("flex: none"):
+                        ui.html(
+                            charts.signature_svg(card.signature.dots, card.signature.line, f"signature of {card.title}"),
+                            sanitize=False,
+                        )
+                        ui.label(
+                            f"{card.signature.title}: left over (dots), this effect (line)"
+                            if card.signature.dots
+                            else card.signature.title
+                        ).classes("dim small").style("max-width: 220px; font-size: 11px")
+            with ui.element("dl").classes("evidence").style("margin: 0"):
+                for name, text in _evidence(card):
+                    ui.html(f"<dt>{html.escape(name)}</dt>", sanitize=False)
+                    ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
+            with ui.row().classes("tight"):
+                ui.button(
+                    "Add to the model", icon="add", on_click=lambda: self.bench.add(judged["effect"], card.title), color=None
+                ).props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "").mark(
+                    f"add-{judged['effect']}"
+                )
+                ui.label(card.equation).classes("equation")
+
+    def _unknown(self, found: DiagnosisView) -> None:
+        u = found.unknown
+        assert u is not None
+        with ui.element("article").classes("card add").mark("card-unknown"):
+            with ui.element("div").classes("head"):
+                ui.html("<h2>Something no effect of the library explains</h2>", sanitize=False)
+                ui.label(f"on {u['axis']}").classes(f"axis-{u['axis']}")
+            with ui.element("dl").classes("evidence").style("margin: 0"):
+                for name, text in (
+                    ("it shows against", u["against"].replace("_", " ")),
+                    ("shape", u["shape"]),
+                    ("size", f"{u['amplitude_dps'] * 1e3:.3g} mdps"),
+                ):
+                    ui.html(f"<dt>{name}</dt>", sanitize=False)
+                    ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
+            ui.label(
+                "If you can guess its form, write it down: a name and a formula of w (true rate), T (temperature), "
+                "t (time in the run), p (time since power-on), th (table angle)."
+            ).classes("small dim")
+            with ui.row().classes("tight").style("width: 100%"):
+                formula = (
+                    ui.input(placeholder="mine: k·w^2")
+                    .props('outlined dense aria-label="formula"')
+                    .classes("grow")
+                    .mark("formula")
+                )
+                ui.button("Try and add", on_click=lambda: self._try(formula.value), color=None).props(
+                    "unelevated no-caps"
+                ).classes("primary").mark("try-formula")
+
+    async def _try(self, text: str) -> None:
+        if text and text.strip():
+            await self.bench.add(text.strip(), text.strip())
+
+    def _rest(self, found: DiagnosisView) -> None:
+        looked = [c for c in found.cards if c.judged["decision"] == "reject"]
+        blind: dict[str, tuple[Card, list[str]]] = {}
+        for c in found.cards:
+            if c.judged["decision"] == "not_measurable":
+                blind.setdefault(c.judged["effect"], (c, []))[1].append(c.judged["axis"])
+        if looked:
+            names = dict.fromkeys(c.title for c in looked)
+            with ui.expansion(f"Looked for and not found ({len(names)})").classes("face").style("flex: none; padding: 0"):
+                ui.label(", ".join(names)).classes("small dim")
+        if blind:
+            with ui.expansion(f"This recording cannot show ({len(blind)})").classes("face").style("flex: none; padding: 0"):
+                for card, axes in blind.values():
+                    ui.label(f"{card.title} on {', '.join(axes)}: {card.judged['next_measurement']}").classes("small dim")
+
+    # The model, the fall, the calibration.
+
+    def _model(self) -> None:
+        self.model.clear()
+        step = self.bench.step
+        self.model.set_visibility(step is not None)
+        if step is None:
+            return
+        with self.model, ui.row().classes("tight"):
+            ui.label("The model knows").classes("dim")
+            for effect, title, removable in step.view.effects:
+                if removable:
+                    with ui.element("span").classes("badge add").mark(f"effect-{effect}"):
+                        ui.label(title).style("display: inline")
+                        button = ui.button(icon="close", on_click=partial(self.bench.remove, effect, title), color=None)
+                        button.props(f'flat round dense size="8px" aria-label="remove {title}"').mark(f"remove-{effect}")
+                else:
+                    ui.label(title).classes("badge")
+            ui.space()
+            ui.button("Undo", icon="undo", on_click=self.bench.undo, color=None).props("flat dense no-caps").mark(
+                "undo"
+            ).set_enabled(len(self.bench.steps) > 1)
+            ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps").mark(
+                "redo"
+            ).set_enabled(bool(self.bench.undone))
+
+    def _fall(self) -> None:
+        self.fall.clear()
+        bars = self.bench.waterfall()
+        self.fall.set_visibility(self.bench.step is not None)
+        with self.fall:
+            if self.bench.step is not None and not bars:
+                ui.label("This recording is too small to hold any of it out, so no excess error can be told.").classes("dim")
+            if not bars:
+                return
+            with ui.row():
+                ui.html("<h2>Error beyond the noise</h2>", sanitize=False)
+                floor = f"{self.bench.floor_mdps():.2f} mdps"
+                ui.label(f"on unseen recordings, over the noise floor of {floor}").classes("dim small")
+                if len(bars) > 1 and bars[0].after > 0:
+                    gone = 1 - (bars[-1].after / bars[0].after) ** 2
+                    ui.label(f"{gone:.1%} of it explained").classes(f"badge {'good' if gone > 0 else 'bad'}").mark("explained")
+            figures = " ".join(f"{b.after:.2f}" for b in bars)
+            chart = ui.echart(charts.waterfall(self.tab.palette, bars)).classes("chart grow")
+            chart.props(f'role="img" aria-label="excess error, mdps: {figures}"').mark("waterfall")
+            if self.bench.step is not None and self.bench.step.view.remark:
+                ui.label(self.bench.step.view.remark).classes("dim small")
+
+    def _calibration(self) -> None:
+        self.calibration.clear()
+        self.calibration.set_visibility(self.bench.step is not None)
+        found = self.bench.calibration
+        with self.calibration:
+            with ui.row():
+                ui.html("<h2>Calibration error</h2>", sanitize=False)
+                ui.label("what the first 2, 4 and 6 s say, against the whole recording").classes("dim small")
+            if found is None:
+                ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
+            elif not found.errors:
+                ui.label(found.note).classes("dim")
+            else:
+                ui.echart(charts.calibration(self.tab.palette, found.errors)).classes("chart grow").props(
+                    'role="img" aria-label="calibration error against seconds"'
+                ).mark("calibration-chart")
+
+
+def _evidence(card: Card) -> list[tuple[str, str]]:
+    judged: dict[str, Any] = card.judged
+    rows = [("size", card.size)]
+    if judged["explained"] is not None:
+        rows.append(("explains", f"{judged['explained']:.0%} of the excess error on {judged['axis']}"))
+    if judged["heldout_gain"] is not None:
+        rows.append(
+            (
+                "on unseen data",
+                f"held-out gain {plus_minus(judged['heldout_gain'], judged['heldout_gain_se'])} in log-likelihood",
+            )
+        )
+    if judged["q_value"] is not None:
+        rows.append(("by chance", "practically impossible" if judged["q_value"] < 1e-9 else f"q = {judged['q_value']:.2g}"))
+    if card.looks_like:
+        rows.append(("cannot be told from", ", ".join(card.looks_like)))
+        rows.append(("to part them", judged["next_measurement"]))
+    elif judged["decision"] == "suggest" and judged["next_measurement"]:
+        rows.append(("to be sure", judged["next_measurement"]))
+    return rows
+
+
+def show(tab: Tab) -> Callable[[Topic], None]:
+    return DiagnosePanel(tab).hear

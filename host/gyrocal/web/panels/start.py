@@ -1,0 +1,78 @@
+"""The first panel: open a session, try a simulated one, or plug in a device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from nicegui import events, ui
+
+from gyrocal.errors import InputError
+from gyrocal.web.state import Topic
+
+if TYPE_CHECKING:
+    from gyrocal.web.page import Tab
+
+HIDDEN = {
+    "table_ripple": "a ripple of the turntable",
+    "warmup": "a slow warm-up",
+    "vibration_tone": "a vibration",
+    "": "nothing at all",
+}
+
+
+def show(tab: Tab) -> Callable[[Topic], None]:
+    bench = tab.bench
+
+    async def opened(folder: Any) -> None:
+        tab.go("compare")
+        await bench.open(folder)
+
+    async def simulated() -> None:
+        tab.go("compare")
+        await bench.simulate([hidden.value] if hidden.value else [])
+
+    async def uploaded(event: events.UploadEventArguments) -> None:
+        try:
+            content = await event.file.read()
+            import io
+
+            folder = bench.places.unpack(io.BytesIO(content), event.file.name)
+        except InputError as error:
+            bench.say(str(error))
+            return
+        await opened(folder)
+
+    with ui.element("section").classes("hero"):
+        ui.html("<h1>Does your gyroscope's error model fit your recordings?</h1>", sanitize=False)
+        ui.label(
+            "Open a recording. The page shows how much error is left beyond the noise and where, names the physical effect "
+            "that is missing, and lets you add it and watch the error fall."
+        ).classes("dim")
+        with ui.element("div").classes("ways"):
+            with ui.element("section").classes("face"):
+                ui.html("<h2>Open a session</h2>", sanitize=False)
+                with ui.element("div").classes("scroll list").style("max-height: 300px"):
+                    found = bench.places.sessions()
+                    for folder in found:
+                        name = bench.places.name(folder)
+                        ui.button(name, icon="folder", on_click=lambda f=folder: opened(f), color=None).props(
+                            "flat no-caps align=left dense"
+                        ).mark(f"session-{name}")
+                    if not found:
+                        ui.label(
+                            f"None in {bench.places.home} yet. A session is a folder with session.toml and a table a run."
+                        ).classes("dim small")
+                ui.upload(label="or drop a zipped session here", auto_upload=True, max_files=1, on_upload=uploaded).props(
+                    'flat bordered accept=".zip"'
+                ).classes("full-width").mark("upload")
+            with ui.element("section").classes("face"):
+                ui.html("<h2>Try it</h2>", sanitize=False)
+                ui.label(
+                    "A simulated sensor on a turntable, with something hidden in it that its model does not know:"
+                ).classes("dim small")
+                hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense").mark("hidden")
+                ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
+                    "unelevated no-caps"
+                ).classes("primary").mark("simulate")
+    return lambda topic: None

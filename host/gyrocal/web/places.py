@@ -1,0 +1,125 @@
+"""What the page may read and write: sessions inside the chosen folders, nothing else; an upload is data and never run."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import stat
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
+
+from gyrocal.errors import InputError
+from gyrocal.session import read_header
+
+TABLES = (".csv", ".parquet")
+LARGEST_BYTES = 8 << 30
+LARGEST_RATIO = 200
+"""No table of rates packs better; a bomb does."""
+DEPTH = 2
+MOST_SHOWN = 200
+
+
+class Places:
+    """Folders that the page may use; the first is where it writes."""
+
+    def __init__(self, roots: Iterable[Path]) -> None:
+        self.roots = list(dict.fromkeys(root.resolve() for root in roots))
+
+    @property
+    def home(self) -> Path:
+        return self.roots[0]
+
+    def inside(self, path: str | Path) -> Path:
+        """The path, links followed; InputError if it lies outside. A relative one is taken from the first folder."""
+        found = (self.home / path).resolve()
+        if not any(found == root or root in found.parents for root in self.roots):
+            raise InputError(
+                f"{path}: outside {self.home}, where the workbench was started; start it with that folder as SESSION"
+            )
+        return found
+
+    def session(self, path: str | Path) -> Path:
+        """A session's folder all of whose tables lie within it."""
+        folder = self.inside(path)
+        for entry in read_header(folder).run:
+            if folder not in (folder / entry.file).resolve().parents:
+                raise InputError(f"{folder / 'session.toml'}: run file {entry.file!r} lies outside the session's folder")
+        return folder
+
+    def new(self, name: str) -> Path:
+        """A folder of that name to be made in the first folder; InputError if it is there or is no plain name."""
+        if not re.fullmatch(r"[\w][\w .+-]{0,80}", name):
+            raise InputError(f"{name!r}: want a plain name of letters, digits, - and _")
+        folder = self.inside(name)
+        if folder.exists():
+            raise InputError(f"{name}: is there already; choose another name")
+        return folder
+
+    def free(self, name: str) -> Path:
+        """The name, or the name with the first number that makes it new."""
+        plain = re.sub(r"[^\w+-]+", "-", name).strip("-")[:60] or "session"
+        candidates = [plain, *(f"{plain}-{i}" for i in range(2, 1000))]
+        return next(self.new(n) for n in candidates if not (self.home / n).exists())
+
+    def sessions(self) -> list[Path]:
+        """Session folders in the chosen folders, newest first."""
+        found = {}
+        for root in self.roots:
+            for depth in range(DEPTH + 1):
+                for header in root.glob("/".join([*("*",) * depth, "session.toml"])):
+                    folder = header.parent.resolve()
+                    if any(part.startswith(".") for part in header.relative_to(root).parts):
+                        continue
+                    if folder in self.roots or any(r in folder.parents for r in self.roots):
+                        found[folder] = header.stat().st_mtime
+        return sorted(found, key=lambda f: -found[f])[:MOST_SHOWN]
+
+    def name(self, path: Path) -> str:
+        """A folder as a person calls it: relative to the folder it was found in."""
+        for root in self.roots:
+            if root == path:
+                return path.name
+            if root in path.parents:
+                return str(path.relative_to(root))
+        return str(path)
+
+    def unpack(self, archive: BinaryIO, name: str) -> Path:
+        """A zip of a session folder into a new folder: session.toml and its tables, by name, and nothing else of it."""
+        target = self.free(Path(name).stem)
+        partial = target.with_name(f".{target.name}.partial")
+        shutil.rmtree(partial, ignore_errors=True)
+        try:
+            with zipfile.ZipFile(archive) as packed:
+                _extract(packed, partial, name)
+            partial_session = Places([partial]).session(partial)
+            partial_session.rename(target)
+        except (zipfile.BadZipFile, RuntimeError, NotImplementedError, OSError, EOFError) as error:
+            raise InputError(f"{name}: cannot be unpacked: {error}") from None
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+        return target
+
+
+def _extract(packed: zipfile.ZipFile, target: Path, name: str) -> None:
+    headers = [PurePosixPath(i.filename) for i in packed.infolist() if PurePosixPath(i.filename).name == "session.toml"]
+    if not headers:
+        raise InputError(f"{name}: no session.toml in it; zip a session's folder")
+    top = min(headers, key=lambda p: len(p.parts)).parent
+    budget = LARGEST_BYTES
+    for info in packed.infolist():
+        path = PurePosixPath(info.filename)
+        wanted = path.name == "session.toml" or path.suffix in TABLES
+        if info.is_dir() or not wanted or top not in path.parents:
+            continue
+        relative = path.relative_to(top)
+        if ".." in path.parts or path.is_absolute() or "\\" in info.filename or stat.S_ISLNK(info.external_attr >> 16):
+            raise InputError(f"{name}: {info.filename!r} points outside of it")
+        budget -= info.file_size
+        if budget < 0 or info.file_size > LARGEST_RATIO * max(info.compress_size, 1024):
+            raise InputError(f"{name}: {info.filename!r} is too large to unpack")
+        out = target.joinpath(*relative.parts)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with packed.open(info) as source, out.open("xb") as sink:
+            shutil.copyfileobj(source, sink, 1 << 20)

@@ -1,0 +1,190 @@
+"""The pictures of a comparison: timeline, folds, spectrum, Allan deviation; what is not on the screen is not sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gyrocal.session import AXES
+from gyrocal.web import charts
+from gyrocal.web.charts import Options, Palette
+from gyrocal.web.decimate import Pyramid, binned, thinned
+from gyrocal.web.state import Traces
+from gyrocal.web.views import Curve, RunView
+
+STRETCHES = 700
+BINS = 48
+MOST_LINES = 40
+MOST_BOUNDS = 60
+MOST_NAMED = 20
+LEGEND_RIGHT = 130
+
+Window = tuple[float, float]
+"""Per cent of the timeline: from, to."""
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Recordings one after another: measured and modelled above, what is left over below."""
+
+    traces: Traces
+    runs: Sequence[tuple[int, RunView]]
+    axes: Sequence[str]
+    palette: Palette
+
+    @property
+    def total_s(self) -> float:
+        return round(sum(run.seconds for _, run in self.runs), 3)
+
+    def options(self, window: Window, x_name: str) -> Options:
+        p = self.palette
+        across: Options = {"min": 0, "max": self.total_s, "scale": False}
+        zoom = {"xAxisIndex": [0, 1], "filterMode": "none", "start": window[0], "end": window[1], "throttle": 40}
+        slider = {
+            "type": "slider", "height": 16, "bottom": 6, "showDataShadow": False, "textStyle": {"color": p.dim},
+            "borderColor": p.line, "labelFormatter": "", "brushSelect": False,
+        }  # fmt: skip
+        names = [name for axis in self.axes for name in (f"{axis} measured", f"{axis} model")]
+        return charts.base(
+            p,
+            grid=[charts.grid(top=30, height="38%"), charts.grid(top="56%", bottom=62)],
+            legend=charts.legend(p, names, right=LEGEND_RIGHT, top=4),
+            title=[
+                charts.title(p, "measured and modelled, less the true rate, mdps", 8),
+                charts.title(p, "left over: measured less modelled, mdps", "51%"),
+            ],
+            xAxis=[
+                charts.axis(p, gridIndex=0, label={"show": False}, **across),
+                charts.axis(p, x_name, gridIndex=1, nameGap=20, label={"showMaxLabel": False}, **across),
+            ],
+            yAxis=[charts.axis(p, gridIndex=0), charts.axis(p, gridIndex=1)],
+            dataZoom=[{"type": "inside", **zoom}, {**zoom, **slider}],
+            series=self.series(window),
+        )
+
+    def series(self, window: Window) -> list[Options]:
+        """Three curves an axis, as they are seen through the window."""
+        p = self.palette
+        assert self.traces.modelled is not None
+        assert self.traces.residual is not None
+        out = []
+        for axis in self.axes:
+            i, colour = AXES.index(axis), p.axes[axis]
+            measured, modelled, left = (
+                self._seen(pyramid, i, window) for pyramid in (self.traces.measured, self.traces.modelled, self.traces.residual)
+            )
+            out += [
+                charts.line(f"{axis} measured", measured, p.dim, style={"opacity": 0.55}),
+                charts.line(f"{axis} model", modelled, colour, style={"width": 2.2}),
+                charts.line(f"{axis} left over", left, colour, on=1),
+            ]
+        out[-1]["markLine"] = self._bounds()
+        return out
+
+    def _bounds(self) -> Options:
+        """Where one recording ends and the next begins."""
+        p = self.palette
+        data, at = [], 0.0
+        style = {"color": p.dim, "fontSize": 10, "position": "insideStartTop", "rotate": 0, "align": "left"}
+        for _, run in self.runs if len(self.runs) <= MOST_BOUNDS else []:
+            name = f"{'▲' if run.face == 'up' else '▼'} {run.scenario}"
+            label = {**style, "show": len(self.runs) <= MOST_NAMED, "formatter": name}
+            data.append({"xAxis": round(at, 3), "label": label})
+            at += run.seconds
+        return charts.marks(p, data, p.dim)
+
+    def _seen(self, pyramid: Pyramid, axis: int, window: Window) -> list[list[float | None]]:
+        """What is on the screen of one trace, mdps: each recording's part, a gap between them."""
+        low, high = (w / 100 * self.total_s for w in window)
+        points: list[list[float | None]] = []
+        at = 0.0
+        for _, run in self.runs:
+            begins, at = at, at + run.seconds
+            if at < low or begins > high:
+                continue
+            t_s = self.traces.t_s[run.first : run.first + run.rows]
+            start = max(0, int(np.searchsorted(t_s, low - begins)) - 1)
+            stop = min(run.rows, int(np.searchsorted(t_s, high - begins)) + 1)
+            if stop <= start:
+                continue
+            share = (min(at, high) - max(begins, low)) / max(high - low, 1e-9)
+            stretches = max(2, round(STRETCHES * share))
+            rows, values = pyramid.window(axis, run.first + start, run.first + stop, stretches)
+            x = begins + t_s[(rows - run.first).astype(np.intp)]
+            there = ~np.isnan(values)
+            points += [
+                list(pair) for pair in zip(x[there].round(4).tolist(), (values[there] * 1e3).round(2).tolist(), strict=True)
+            ]
+            points.append([round(at, 4), None])
+        return points
+
+
+def folded(p: Palette, points: dict[str, Any], against: str, x_name: str, runs: Sequence[int], axes: Sequence[str]) -> Options:
+    """Means of what is left over against a quantity: a thin line a recording, the mean of all thick in twice its error."""
+    shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
+    mine = np.isin(points["run"], runs)
+    height = 88 / len(axes) - 5
+    grids, titles, xs, ys = [], [], [], []
+    series: list[Options] = []
+    for k, axis in enumerate(axes):
+        x, y = points[f"reading_{axis}" if against == "reading" else against], points[axis] * 1e3
+        top = 6 + k * (height + 5)
+        grids.append(charts.grid(top=f"{top}%", height=f"{height - 3}%"))
+        titles.append(charts.title(p, f"{axis}: left over, means, mdps", f"{top - 4.5}%"))
+        last: Options = {"max": 360, "min": 0, "interval": 45} if against == "table_angle" else {}
+        xs.append(charts.axis(p, x_name if k == len(axes) - 1 else "", gridIndex=k, nameGap=22, **last))
+        ys.append(charts.axis(p, gridIndex=k))
+        for i in shown:
+            one = points["run"] == i
+            cx, cy, _ = binned(x[one], y[one], BINS)
+            series.append(charts.line("a recording", _pairs(cx, cy), p.axes[axis], on=k, style={"opacity": 0.35}))
+        cx, cy, se = binned(x[mine], y[mine], BINS)
+        band: Options = {"stack": f"band {k}", "stackStrategy": "all", "on": k, "style": {"opacity": 0}}
+        filled: Options = {"areaStyle": {"color": p.ink, "opacity": 0.15}}
+        series.append(charts.line("twice the mean's error", _pairs(cx, cy - 2 * se), p.ink, **band))
+        series.append(charts.line("twice the mean's error", _pairs(cx, 4 * se), p.ink, **band, **filled))
+        series.append(charts.line("mean", _pairs(cx, cy), p.ink, on=k, style={"width": 2.2}))
+    return charts.base(p, grid=grids, title=titles, xAxis=xs, yAxis=ys, series=series, dataZoom=_zoom(len(axes)))
+
+
+def curves(
+    p: Palette, found: dict[str, Curve], axes: Sequence[str], what: str, expected: str, x_name: str,
+    lines: Sequence[dict[str, Any]] = (),
+) -> Options:  # fmt: skip
+    """Spectrum or Allan deviation of what is left over, and what noise alone would give; ``lines``: findings to mark."""
+    series, names = [], []
+    for axis in axes:
+        if axis not in found:
+            continue
+        x, y, level = (np.array(v) for v in (found[axis].x, found[axis].y, found[axis].expected))
+        names += [f"{axis} left over", f"{axis} {expected}"]
+        series.append(charts.line(names[-2], _pairs(x, y * 1e3), p.axes[axis]))
+        series.append(
+            charts.line(names[-1], _pairs(*thinned(x, level * 1e3, 300)), p.ink, style={"width": 2, "type": "dashed"})
+        )
+    data = [
+        {"xAxis": float(f["note"].rsplit(" at ", 1)[1].split()[0]), "label": {"formatter": f["note"], "color": p.bad}}
+        for f in lines
+        if f["axis"] in axes and " at " in f["note"]
+    ]
+    if series and data:
+        series[0]["markLine"] = charts.marks(p, data, p.bad, "solid")
+    return charts.base(
+        p,
+        legend=charts.legend(p, names, right=18, top=4), tooltip=charts.tooltip(p), title=charts.title(p, what, 8),
+        grid=charts.grid(right=24, top=34, bottom=48), series=series, dataZoom=_zoom(1),
+        xAxis=charts.axis(p, x_name, kind="log", scale=False, min="dataMin", max="dataMax"),
+        yAxis=charts.axis(p, kind="log", scale=False),
+    )  # fmt: skip
+
+
+def _zoom(grids: int) -> list[Options]:
+    return [{"type": "inside", "xAxisIndex": list(range(grids)), "filterMode": "none"}]
+
+
+def _pairs(x: Any, y: Any) -> list[list[float]]:
+    columns = (np.asarray(v, float).round(6).tolist() for v in (x, y))
+    return [list(pair) for pair in zip(*columns, strict=True)]

@@ -1,0 +1,133 @@
+"""Starts the page: where it binds, who may see it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import socket
+from collections.abc import Awaitable, Callable, MutableMapping
+from http.cookies import SimpleCookie
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from gyrocal.errors import InputError
+
+LOCAL = ("127.0.0.1", "localhost", "::1")
+DEFAULT_PORT = 8750
+TRIES = 20
+COOKIE = "gyrocal-token"
+ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><circle cx="16" cy="16" r="13" fill="none" stroke="#0072B2" '
+    'stroke-width="4"/><path d="M16 16 L25 9" stroke="#E69F00" stroke-width="4" stroke-linecap="round"/></svg>'
+)
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Any]]
+Send = Callable[[Any], Awaitable[None]]
+
+
+class Guard:
+    """In front of everything: no foreign page may talk to this one, and beyond this machine a token is asked for.
+
+    On this machine the Host header must name it, else a foreign page could reach it by a name of its own making.
+    """
+
+    def __init__(self, app: Any, token: str | None) -> None:
+        self.app, self.token = app, token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+        refusal = self._refusal(headers, query)
+        if refusal is not None:
+            if scope["type"] == "websocket":
+                await send({"type": "websocket.close", "code": 1008})
+            else:
+                await _answer(send, 403, refusal)
+        elif self.token is not None and "token" in query and scope["type"] == "http" and scope["method"] == "GET":
+            cookie = f"{COOKIE}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+            await _answer(send, 303, "", [(b"location", scope["path"].encode()), (b"set-cookie", cookie.encode())])
+        else:
+            await self.app(scope, receive, send)
+
+    def _refusal(self, headers: dict[str, str], query: dict[str, list[str]]) -> str | None:
+        host = headers.get("host", "")
+        origin = headers.get("origin")
+        if origin is not None and urlsplit(origin).netloc != host:
+            return "This page is not for other sites.\n"
+        if self.token is None:
+            return None if urlsplit(f"//{host}").hostname in LOCAL else "This page is for this machine alone.\n"
+        cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        given = [*query.get("token", []), *([] if cookie is None else [cookie.value])]
+        if any(secrets.compare_digest(g.encode(), self.token.encode()) for g in given):
+            return None
+        return "Open the address that `gyrocal workbench` printed, with its token.\n"
+
+
+async def _answer(send: Send, status: int, text: str, headers: list[tuple[bytes, bytes]] | None = None) -> None:
+    kind = (b"content-type", b"text/plain; charset=utf-8")
+    await send({"type": "http.response.start", "status": status, "headers": [kind, *(headers or [])]})
+    await send({"type": "http.response.body", "body": text.encode()})
+
+
+def free_port(host: str, wanted: int | None) -> int:
+    """The wanted port, or the first free one from the usual on; InputError where it cannot be had."""
+    problem = ""
+    for number in [wanted] if wanted is not None else range(DEFAULT_PORT, DEFAULT_PORT + TRIES):
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            with socket.socket(family, socket.SOCK_STREAM) as trial:
+                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                trial.bind((host, number))
+                return int(trial.getsockname()[1])
+        except (OSError, OverflowError) as error:
+            problem = getattr(error, "strerror", None) or str(error)
+    where = f"--http-port {wanted}" if wanted is not None else f"--host {host}"
+    raise InputError(f"{where}: cannot be used ({problem}); choose another")
+
+
+def serve(session: Path | None, device: str | None, host: str, http_port: int | None, *, browser: bool) -> None:
+    """Serve the page until Ctrl-C."""
+    number = free_port(host, http_port)
+    token = None if host in LOCAL else secrets.token_urlsafe(18)
+    shown = socket.gethostname() if host in ("0.0.0.0", "::") else host
+    url = f"http://{f'[{shown}]' if ':' in shown else shown}:{number}/"
+    path = f"/?token={token}" if token else "/"
+
+    from nicegui import app, ui
+
+    from gyrocal.web import page
+    from gyrocal.web.state import Workbench
+
+    roots = [Path.cwd()] if session is None else [Path.cwd(), session]
+    bench: list[Workbench] = []
+    opening: list[asyncio.Task[None]] = []
+
+    async def start() -> None:
+        bench.append(Workbench(roots, page.changed.emit))
+        page.serve(bench[0])
+        if device is not None:
+            bench[0].live.trusted.add(device)
+            bench[0].live.connect(device)
+        print(f"workbench: {url}{path.removeprefix('/')}  (Ctrl-C ends it)", flush=True)
+        if session is not None:
+            opening.append(asyncio.create_task(bench[0].open(session)))
+            await asyncio.sleep(0)
+
+    app.on_startup(start)
+    app.on_shutdown(lambda: bench[0].close())
+    app.add_middleware(Guard, token=token)
+    ui.add_css((files("gyrocal") / "web" / "style.css").read_text(encoding="utf-8"), shared=True)
+    page.register()
+    with contextlib.suppress(KeyboardInterrupt):
+        ui.run(
+            host=host, port=number, title="gyrocal workbench", favicon=ICON, dark=None, reload=False,
+            show=path if browser else False, tailwind=False, show_welcome_message=False, message_history_length=200,
+            uvicorn_logging_level="error",
+        )  # fmt: skip

@@ -1,0 +1,215 @@
+"""What all tabs share: the session, the models tried in turn, the diagnosis, the device. Long work goes to the worker."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from gyrocal.errors import GyrocalError
+from gyrocal.web.decimate import Pyramid
+from gyrocal.web.jobs import Cancelled, Jobs
+from gyrocal.web.live import Live
+from gyrocal.web.places import Places
+from gyrocal.web.views import CalibrationView, DiagnosisView, ModelView, SessionView
+
+Topic = Literal["session", "model", "diagnosis", "calibration", "job", "device", "message"]
+
+START = "default"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One model of the chain: the first, or what an effect added or removed made of the one before."""
+
+    source: str
+    """What the engine takes: a built-in's name, or TOML."""
+    view: ModelView
+    effect: str = ""
+    title: str = "eq. (4)"
+    removed: bool = False
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One step of the waterfall, mdps of excess over the floor of the richest model so far."""
+
+    label: str
+    before: float
+    after: float
+
+
+class Traces:
+    """The session's samples, and the latest model's, mapped from the worker's files."""
+
+    def __init__(self, session: SessionView) -> None:
+        self.session = session
+        self.t_s: np.ndarray[Any, Any] = np.load(session.traces / "t_s.npy", mmap_mode="r")
+        self.measured = Pyramid(session.traces / "measured")
+        self.modelled: Pyramid | None = None
+        self.residual: Pyramid | None = None
+        self.points: dict[str, np.ndarray[Any, Any]] = {}
+
+    def take(self, model: ModelView) -> None:
+        self.modelled, self.residual = Pyramid(model.traces / "modelled"), Pyramid(model.traces / "residual")
+        with np.load(model.traces / "points.npz") as packed:
+            self.points = dict(packed)
+
+
+class Workbench:
+    """The shared state. ``changed(topic)`` is called in the event loop; ``message`` is the latest word for the person."""
+
+    def __init__(self, roots: Iterable[Path], changed: Callable[[Topic], None]) -> None:
+        self.places = Places(roots)
+        self.scratch = Path(tempfile.mkdtemp(prefix="gyrocal-workbench-"))
+        self.changed = changed
+        self.jobs = Jobs(self.scratch, lambda: changed("job"))
+        self.live = Live(lambda: changed("device"))
+        self.message = ""
+        self.opening = False
+        self.session: SessionView | None = None
+        self.traces: Traces | None = None
+        self.steps: list[Step] = []
+        self.undone: list[Step] = []
+        self.diagnosis: DiagnosisView | None = None
+        self.calibration: CalibrationView | None = None
+        self.before: dict[str, Any] | None = None
+        """`before` of `gyrocal add --json` for the latest step."""
+
+    def close(self) -> None:
+        self.live.close()
+        self.jobs.close()
+        shutil.rmtree(self.scratch, ignore_errors=True)
+
+    def say(self, text: str) -> None:
+        self.message = text
+        self.changed("message")
+
+    @property
+    def step(self) -> Step | None:
+        return self.steps[-1] if self.steps else None
+
+    # What a person can ask for. Each ends with a word to the person where it fails; none raises.
+
+    async def open(self, folder: str | Path) -> None:
+        """Read a session and hold the first model against it."""
+        with self._telling():
+            path = self.places.session(folder)
+            self.jobs.cancel()
+            self._forget()
+            self.opening = True
+            try:
+                self.session = await self.jobs.run(f"Opening {self.places.name(path)}", "open", path)
+            finally:
+                self.opening = False
+                self.changed("session")
+            self.traces = Traces(self.session)
+            self.changed("session")
+            await self._compare()
+
+    async def simulate(self, effects: list[str], scenarios: int = 6, seconds: float = 40.0) -> None:
+        """A session with a hidden effect, to try things on."""
+        with self._telling():
+            seed = int(np.random.default_rng().integers(1, 10_000))
+            out = self.places.free("simulated")
+            await self.jobs.run("Simulating a recording", "simulate", out, effects, seed, scenarios, seconds)
+            await self.open(out)
+
+    async def diagnose(self) -> None:
+        with self._telling():
+            if self.session is not None and self.step is not None:
+                self.diagnosis = await self.jobs.run(
+                    "Looking for what is missing", "diagnose", self.session.path, self.step.source
+                )
+                self.changed("diagnosis")
+
+    async def add(self, effect: str, title: str) -> None:
+        """Add an effect (or a formula) to the model; undo takes it back."""
+        with self._telling():
+            if self.session is None or self.step is None:
+                return
+            before, view = await self.jobs.run(f"Adding {title.lower()}", "add", self.session.path, self.step.source, effect)
+            self.before = before
+            await self._take(Step(view.toml, view, effect, title))
+
+    async def remove(self, effect: str, title: str) -> None:
+        with self._telling():
+            if self.session is None or self.step is None:
+                return
+            view = await self.jobs.run(f"Removing {title.lower()}", "without", self.session.path, self.step.source, effect)
+            await self._take(Step(view.toml, view, effect, title, removed=True))
+
+    async def undo(self) -> None:
+        if len(self.steps) > 1:
+            self.undone.append(self.steps.pop())
+            await self._show_model()
+
+    async def redo(self) -> None:
+        if self.undone:
+            self.steps.append(self.undone.pop())
+            await self._show_model()
+
+    # What is shown of it.
+
+    def waterfall(self) -> list[Bar]:
+        """Excess error step by step, over the floor of the richest model, as `gyrocal add` takes it."""
+        if not self.steps or self.steps[0].view.compared["rms_dps"] is None:
+            return []
+        richest = max(self.steps, key=lambda s: len(s.view.compared["parameters"]))
+        floor = richest.view.compared["floor_dps"]
+        excess = [1e3 * float(np.sqrt(max(0.0, s.view.compared["rms_dps"] ** 2 - floor**2))) for s in self.steps]
+        bars = [Bar(self.steps[0].title, 0.0, excess[0])]
+        for step, old, new in zip(self.steps[1:], excess, excess[1:], strict=False):
+            bars.append(Bar(("without " if step.removed else "") + step.title, old, new))
+        return bars
+
+    def floor_mdps(self) -> float:
+        return 1e3 * max(self.steps, key=lambda s: len(s.view.compared["parameters"])).view.compared["floor_dps"]
+
+    # How it comes about.
+
+    def _forget(self) -> None:
+        self.session = self.traces = self.diagnosis = self.calibration = self.before = None
+        self.steps, self.undone = [], []
+        self.changed("session")
+
+    async def _compare(self) -> None:
+        assert self.session is not None
+        view = await self.jobs.run("Holding the model against the recordings", "compare", self.session.path, START)
+        await self._take(Step(START, view))
+
+    async def _take(self, step: Step) -> None:
+        self.steps.append(step)
+        self.undone.clear()
+        await self._show_model()
+
+    async def _show_model(self) -> None:
+        """The last step is the model now; its calibration follows when the worker gets to it."""
+        assert self.session is not None
+        assert self.traces is not None
+        step = self.steps[-1]
+        self.traces.take(step.view)
+        self.diagnosis = self.calibration = None
+        self.changed("model")
+        models = {"model at first": self.steps[0].view.toml}
+        if len(self.steps) > 1:
+            models["model now"] = step.view.toml
+        with contextlib.suppress(Cancelled):
+            self.calibration = await self.jobs.run("Calibrating", "calibrate", self.session.path, models)
+            self.changed("calibration")
+
+    @contextlib.contextmanager
+    def _telling(self) -> Any:
+        try:
+            yield
+        except Cancelled as stopped:
+            self.say(str(stopped))
+        except GyrocalError as error:
+            self.say(str(error))
+        self.changed("job")

@@ -1,0 +1,108 @@
+"""What the worker tells the page: plain values, no engine object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class RunView:
+    """One run: rows ``first:first + rows`` of the session's traces."""
+
+    file: str
+    scenario: str
+    face: str
+    axis: str
+    rate_dps: float | None
+    day: int | None
+    first: int
+    rows: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class SessionView:
+    """A session that was read and checked. ``traces`` holds ``t_s.npy`` and the pyramid ``measured`` (less the true rate)."""
+
+    path: Path
+    sensor: str
+    axis: str
+    sample_rate_hz: float
+    runs: list[RunView]
+    traces: Path
+
+    @property
+    def rows(self) -> int:
+        return sum(run.rows for run in self.runs)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A measured curve, and what it is held against: the level between lines, or the noise model's own curve."""
+
+    x: list[float]
+    y: list[float]
+    expected: list[float]
+
+
+@dataclass(frozen=True)
+class ModelView:
+    """A model held against the session. ``traces`` holds the pyramids ``modelled``, ``residual`` and ``points.npz``."""
+
+    toml: str
+    compared: dict[str, Any]
+    """`gyrocal compare --json`, to the letter."""
+    headline: str
+    rows: list[list[str]]
+    """Axis, rms, floor, excess in mdps, as the command line prints them; the last row is all axes."""
+    effects: list[tuple[str, str, bool]]
+    """(id, title, may be removed)."""
+    traces: Path
+    against: list[str]
+    spectra: dict[str, Curve] = field(repr=False)
+    allan: dict[str, Curve] = field(repr=False)
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """A small picture: what was left over (dots) and what the effect says of it (line)."""
+
+    title: str
+    x_label: str
+    dots: list[tuple[float, float]]
+    line: list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Card:
+    """One effect on one axis, judged; ``judged`` is its entry of `gyrocal diagnose --json`."""
+
+    judged: dict[str, Any]
+    title: str
+    cause: str
+    equation: str
+    looks_like: list[str]
+    """Titles of the effects that it cannot be told from."""
+    size: str
+    signature: Signature | None = None
+
+
+@dataclass(frozen=True)
+class DiagnosisView:
+    verdict: str
+    sentence: str
+    cards: list[Card]
+    unknown: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class CalibrationView:
+    """Estimates of the latest model, and how far the first seconds are from the whole recording, by method and seconds."""
+
+    estimates: list[dict[str, Any]]
+    errors: dict[str, dict[float, tuple[float, float]]]
+    """{method: {seconds: (scale, bias_dps)}}: mean absolute difference over the power cycles."""
+    note: str = ""
