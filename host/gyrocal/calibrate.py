@@ -12,7 +12,7 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.estimator import Answer, calibration_of, estimate
 from gyrocal.model import Model
-from gyrocal.session import AXES, Array, Run, Session
+from gyrocal.session import AXES, GAP_PERIODS, Array, Run, Session
 
 METHODS = ("baseline", "cnn", "model")
 DEFAULT_SECONDS = (2.0, 4.0, 6.0)
@@ -88,6 +88,8 @@ def _why_nothing(session: Session, spans: Sequence[float | None], methods: Seque
             "record longer runs, or ask for less with --seconds"
         )
     if set(methods) == {"cnn"}:
+        if any(consecutive(run) < len(run) for run in session.runs):
+            return "samples are missing in the first seconds, and the network takes windows without a gap; use another --method"
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
     return "scale and bias cannot be told; record both faces, or rest and a known turn"
 
@@ -220,7 +222,10 @@ def _mean(run: Run) -> tuple[float, float]:
 
 
 def network(up: Run, down: Run, seconds: float) -> Answer | None:
-    """The shipped network: the mean of its answers over whole windows; None where the runs are too short for one."""
+    """The shipped network: the mean of its answers over whole windows of consecutive samples.
+
+    None where the runs are too short for one, or a sample is missing in one.
+    """
     from gyrocal.network import Network
 
     net = Network.shipped()
@@ -232,7 +237,7 @@ def network(up: Run, down: Run, seconds: float) -> Answer | None:
         )
     windows = int(seconds * net.rate_hz / net.window + 1e-9)
     n = windows * net.window
-    if windows == 0 or min(len(up), len(down)) < n:
+    if windows == 0 or min(consecutive(up), consecutive(down)) < n:
         return None
     w_dps = abs(float(up.rate_dps[0]))
     images = [
@@ -241,6 +246,12 @@ def network(up: Run, down: Run, seconds: float) -> Answer | None:
     ]
     scale, bias_dps = net.estimate(images[0], images[1], w_dps, -w_dps).mean(axis=0)
     return Answer(float(scale), np.nan, float(bias_dps), np.nan, None)
+
+
+def consecutive(run: Run) -> int:
+    """How many samples there are, from the first one on, before one is missing."""
+    late = np.flatnonzero(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS)
+    return int(late[0]) + 1 if late.size else len(run)
 
 
 def _suits_network(run: Run) -> bool:

@@ -103,14 +103,19 @@ def sim_command(
     speed: str = "max",
     stream: str = "raw",
     fault: str | None = None,
+    fifo: int = 0,
     hold: bool = False,
     include_dir: Path | None = None,
 ) -> list[str]:
-    """The simulator's command line; compiles it if need be. ``include_dir``: other calibration.h and weights.h."""
+    """The simulator's command line; compiles it if need be.
+
+    ``fifo``: samples that the device takes at once out of the sensor's FIFO, 0 = none. ``include_dir``: other calibration.h
+    and weights.h.
+    """
     from gyrocal import core
 
     binary = core.build_sim() if include_dir is None else core.build_sim(include_dir)
-    command = [str(binary), str(rows), "--speed", speed, "--stream", stream]
+    command = [str(binary), str(rows), "--speed", speed, "--stream", stream, "--fifo", str(fifo)]
     if fault is not None:
         known = [line.split("\t")[0] for line in faults().splitlines()]
         if fault not in known:
@@ -124,6 +129,7 @@ def replay(
     *,
     stream: str = "raw",
     fault: str | None = None,
+    fifo: int = 0,
     include_dir: Path | None = None,
 ) -> list[Sentence]:
     """Run a session through the device as fast as it goes, without a port; all that it said.
@@ -132,7 +138,7 @@ def replay(
         DeviceError: the simulator failed, or a sentence was lost.
     """
     with _rows_file(session) as rows:
-        command = sim_command(rows, stream=stream, fault=fault, include_dir=include_dir)
+        command = sim_command(rows, stream=stream, fault=fault, fifo=fifo, include_dir=include_dir)
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     _check_exit(done.returncode, done.stderr)
     reader = Reader()
@@ -406,6 +412,7 @@ class SimulatedDevice:
     Args:
         session: the session to replay, open or by its folder.
         speed: ``max``, or how many times faster than real time.
+        fifo: samples that the device takes at once out of the sensor's FIFO, 0 = none.
         include_dir: other calibration.h and weights.h than the shipped ones.
         tcp: ``HOST:PORT`` instead of a pseudo terminal.
         hold: when all rows are served, stay and answer commands.
@@ -419,6 +426,7 @@ class SimulatedDevice:
         *,
         stream: str = "raw",
         fault: str | None = None,
+        fifo: int = 0,
         tcp: str | None = None,
         symlink: Path | None = None,
         hold: bool = False,
@@ -430,7 +438,7 @@ class SimulatedDevice:
             rows = stack.enter_context(_rows_file(session))
             text = check_speed(speed)
             self._command = sim_command(
-                rows, speed=text, stream=stream, fault=fault, hold=hold, include_dir=include_dir
+                rows, speed=text, stream=stream, fault=fault, fifo=fifo, hold=hold, include_dir=include_dir
             )
             self._outlet = make_outlet(tcp, symlink)
             stack.callback(self._outlet.close)

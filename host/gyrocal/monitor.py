@@ -31,6 +31,7 @@ class Monitor:
     def __init__(self, link: Link) -> None:
         self.link = link
         self.state, self.face = "?", ""
+        self.missed = 0
         self.hello: dict[str, str] = {}
         self.samples = 0
         self.latest: Event | None = None
@@ -131,6 +132,7 @@ class Monitor:
                 self._tell("hello")
         elif kind == "state":
             self.state, self.face = fields.get("state", "?"), fields.get("face", "")
+            self.missed = int(parse_real(fields.get("missed", "")) or 0)
         elif kind == "run":
             self.face = fields.get("face", "")
             self.state = "recording" if fields.get("state") == "start" else "idle"
@@ -148,8 +150,8 @@ class Monitor:
         from rich.text import Text
 
         counts = self.counts()
-        loss = Text(f"{counts['lost']} lost, {counts['bad']} bad, {counts['restarts']} restarts")
-        loss.stylize("bold red" if counts["lost"] or counts["bad"] else "dim")
+        loss = Text(f"{counts['lost']} lost, {counts['bad']} bad, {self.missed} missed, {counts['restarts']} restarts")
+        loss.stylize("bold red" if counts["lost"] or counts["bad"] or self.missed else "dim")
         hello = self.hello
         head = Text.assemble(
             (self.link.name, "bold"),

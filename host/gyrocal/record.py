@@ -13,7 +13,7 @@ import numpy as np
 
 from gyrocal.errors import DeviceError, InputError
 from gyrocal.port import Link, PortGone, describe_error
-from gyrocal.session import AXES, FORMAT, read_header, write_header
+from gyrocal.session import AXES, FORMAT, GAP_PERIODS, read_header, write_header
 from gyrocal.wire import Sentence, parse_real, parse_value, raw_table
 
 COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
@@ -71,7 +71,10 @@ def _same(a: float | None, b: float | None) -> bool:
 
 @dataclass
 class Recorded:
-    """One run that was recorded; ``lost``: samples that the device took and that did not arrive."""
+    """One run that was recorded.
+
+    ``lost``: samples that the device took and that did not arrive; ``missed``: those that it never took, by their times.
+    """
 
     file: str
     scenario: str
@@ -81,6 +84,7 @@ class Recorded:
     turn_deg: float | None
     samples: int = 0
     lost: int = 0
+    missed: int = 0
     seconds: float = 0.0
 
 
@@ -162,9 +166,9 @@ class RunWriter:
         self._path = folder.new_file(setting.face)
         self._file: TextIO = self._path.open("w", encoding="ascii", newline="")
         self._file.write(",".join(COLUMNS) + "\n")
+        self._period_us = 1e6 / (hello.real("rate_hz") or np.nan)
         self._first_us: int | None = None
-        self._last_us = 0
-        self._next_number: int | None = None
+        self._last: tuple[int, int] | None = None
         self.run = Recorded(self._path.name, scenario, **asdict(setting))
 
     def write(self, sentences: list[Sentence], until_s: float = np.inf) -> bool:
@@ -176,7 +180,6 @@ class RunWriter:
             raise DeviceError("a $RAW sentence without rates; is the sensor's driver of this version?")
         if self._first_us is None:
             self._first_us = int(table.t_us[0])
-            self._next_number = int(table.number[0])
         seconds = (table.t_us - self._first_us) * 1e-6
         inside = seconds < until_s - 0.5e-6
         count = len(inside) if inside.all() else int(np.argmin(inside))
@@ -188,18 +191,22 @@ class RunWriter:
             lines.append(f"{t_s:.6f},{','.join(cells)}\n")
         self._file.writelines(lines)
         self._file.flush()
-        self._count(table.number[:count], seconds[:count])
+        self._count(table.number[:count], table.t_us[:count])
         return count < len(inside)
 
-    def _count(self, numbers: np.ndarray[Any, Any], seconds: np.ndarray[Any, Any]) -> None:
+    def _count(self, numbers: np.ndarray[Any, Any], t_us: np.ndarray[Any, Any]) -> None:
         if not len(numbers):
             return
-        assert self._next_number is not None
+        assert self._first_us is not None
         before = self.run.samples
         self.run.samples += len(numbers)
-        self.run.lost += int(numbers[-1]) + 1 - self._next_number - len(numbers)
-        self.run.seconds = float(seconds[-1])
-        self._next_number = int(numbers[-1]) + 1
+        last = (int(numbers[0]) - 1, int(t_us[0]) - self._period_us) if self._last is None else self._last
+        steps = np.diff(numbers, prepend=last[0])
+        periods = np.diff(t_us, prepend=last[1]) / self._period_us
+        self.run.lost += int(np.sum(steps - 1))
+        self.run.missed += int(np.sum(np.where(periods > GAP_PERIODS * steps, np.rint(periods) - steps, 0)))
+        self.run.seconds = (int(t_us[-1]) - self._first_us) * 1e-6
+        self._last = int(numbers[-1]), int(t_us[-1])
         if before < 2 <= self.run.samples:
             self._folder.add(self._entry())
 
@@ -427,10 +434,9 @@ class Recorder:
     def _note(self, sentence: Sentence) -> None:
         if sentence.tag == "ERR":
             self._said = f"; the device said: {describe_error(sentence)}"
+            self.report.errors.append(describe_error(sentence))
         elif sentence.tag == "CAL":
             self.report.results.append({k: parse_value(v) for k, v in sentence.fields.items()})
-        elif sentence.tag == "ERR":
-            self.report.errors.append(describe_error(sentence))
 
 
 def wanted(

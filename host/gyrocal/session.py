@@ -34,6 +34,9 @@ UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
 
 LARGEST_DPS = 1e6
 
+GAP_PERIODS = 1.5
+"""Two samples that are further apart have lost one between them (as in the core's gc_device.h)."""
+
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Axis = Literal["x", "y", "z"]
 Face = Literal["up", "down"]

@@ -6,10 +6,12 @@
  *     run SECONDS                steps of the device until so much virtual time has passed
  *     sync SECONDS               the same until the device's clock stands at SECONDS
  *     power                      a fresh device; what it stored is still there
- *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset; brownout happens once
+ *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset, bad_tags; brownout happens once
  *     drop N                     the next N sentences find no room
  *     store on|off|fails
  *     line on                    INT1 is wired
+ *     busy SECONDS               the board does something else
+ *     clock FACTOR               the chip's clock, from the next power-on
  */
 #include "calibration.h"
 #include "emul_lsm6dso.h"
@@ -34,6 +36,7 @@ static struct {
     size_t n;
 } kept[6];
 static uint32_t lcg = 1;
+static double chip_clock = 1.0;
 
 static double gaussian(void) {
     double sum = -6.0;
@@ -53,6 +56,12 @@ static void stir(void) {
 
 static void wait_until_us(void *context, uint64_t t_us) {
     (void)context;
+    double tick_us = -1.0;
+    while (chip.tick_us > tick_us && chip.tick_us <= (double)t_us) { /* each sample has a noise of its own */
+        tick_us = chip.tick_us;
+        stir();
+        emul_lsm6dso_advance(&chip, (uint64_t)tick_us + 1u);
+    }
     now = t_us > now ? t_us : now;
     stir();
     emul_lsm6dso_advance(&chip, now);
@@ -65,13 +74,13 @@ static uint64_t now_us(void *context) {
 
 static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
     (void)context;
-    now += 70;
+    wait_until_us(NULL, now + 70);
     return address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_write(&chip, now, reg, data, n) : -1;
 }
 
 static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     (void)context;
-    now += 30 + 23 * n;
+    wait_until_us(NULL, now + 30 + 23 * n);
     const int got = address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_read(&chip, now, reg, data, n) : -1;
     return got > 1 && short_reads ? got - 1 : got;
 }
@@ -118,7 +127,7 @@ static void led(void *context, gc_led_t state) {
 
 /* INT1 is high while the chip has data and was told to say so. */
 static void wait_ready_us(void *context, uint64_t deadline_us) {
-    while (now < deadline_us && !(chip.reg[0x0D] & 2 && chip.reg[0x1E] & 2)) {
+    while (now < deadline_us && !emul_lsm6dso_int1(&chip)) {
         wait_until_us(context, now + 1);
     }
 }
@@ -139,6 +148,7 @@ static void power_on(void) {
         .port = &port, .address = GC_LSM6DSO_ADDRESS, .calibration = &gc_calibration, .net = &gc_net};
     const emul_lsm6dso_t before = chip;
     now = 0;
+    chip.clock = chip_clock;
     emul_lsm6dso_power_on(&chip, now, 250.0);
     chip.wrong_id = before.wrong_id;
     chip.stuck_reset = before.stuck_reset;
@@ -152,6 +162,7 @@ static bool set_fault(const char *name, bool on) {
         const char *name;
         bool *flag;
     } const flags[] = {{"nack", &chip.nack},   {"short", &short_reads},         {"wrong_id", &chip.wrong_id},
+                       {"bad_tags", &chip.bad_tags},
                        {"stale", &chip.stale}, {"stuck_bit", &chip.stuck_bit}, {"stuck_reset", &chip.stuck_reset}};
     for (size_t i = 0; i < sizeof flags / sizeof flags[0]; i++) {
         if (strcmp(name, flags[i].name) == 0) {
@@ -188,6 +199,13 @@ static bool obey(char *line) {
         while (now < end) {
             gc_device_step(&device);
         }
+        return true;
+    }
+    if (sscanf(line, "busy %lf", &number) == 1) {
+        wait_until_us(NULL, now + (uint64_t)(number * 1e6));
+        return true;
+    }
+    if (sscanf(line, "clock %lf", &chip_clock) == 1) {
         return true;
     }
     if (sscanf(line, "store %7s", word) == 1) {

@@ -5,11 +5,13 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static uint64_t now;
 static emul_lsm6dso_t chip;
 static int short_by;
+static int fail_in; /* this transfer from now is cut short by half */
 static int refuse_writes_to = -1;
 static int failures;
 
@@ -33,6 +35,9 @@ static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t 
 static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     (void)context;
     now += 100;
+    if (fail_in > 0 && --fail_in == 0) {
+        return emul_lsm6dso_read(&chip, now, reg, data, n / 2);
+    }
     const int got = address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_read(&chip, now, reg, data, n) : -1;
     return got >= 0 && short_by > 0 && n > 1 ? got - short_by : got;
 }
@@ -193,10 +198,151 @@ static void check_faults(void) {
     CHECK(error == GC_E_CONFIG_LOST && now - changed <= 510000u);
 }
 
+/* A sample whose every value says which it is. */
+static void feed_numbered(int k) {
+    const int16_t numbered[EMUL_WORDS] = {(int16_t)(1000 + k), (int16_t)k, (int16_t)-k, (int16_t)(2 * k), (int16_t)(3 * k), (int16_t)(-3 * k), 7};
+    emul_lsm6dso_feed(&chip, now, numbered);
+}
+
+static bool is_numbered(const gc_sample_t *s, int k) {
+    return s->fresh && s->gyro[0] == k && s->gyro[1] == -k && s->gyro[2] == 2 * k && s->acc[0] == 3 * k && s->acc[1] == -3 * k && s->acc[2] == 7;
+}
+
+static void begin_fifo(gc_lsm6dso_t *imu, double odr_hz, unsigned batch) {
+    chip.fed_only = false;
+    CHECK(fresh_chip(imu, odr_hz, 250.0) == GC_OK);
+    chip.fed_only = true;
+    now += 1000;
+    CHECK(gc_lsm6dso_fifo_begin(imu, batch) == GC_OK);
+}
+
+static void check_fifo_registers(void) {
+    const double rates[] = {12.5, 26, 52, 104, 208, 416, 833, 1666};
+    gc_lsm6dso_t imu;
+    for (int i = 0; i < 8; i++) {
+        begin_fifo(&imu, rates[i], 128);
+        CHECK(chip.reg[0x07] == 0 && chip.reg[0x08] == 1); /* 256 words */
+        CHECK(chip.reg[0x09] == (i + 1) * 0x11);
+        CHECK(chip.reg[0x0A] == (i < 2 ? 0x26 : 0x36)); /* continuous; temperature at 12.5 or 52 Hz */
+        CHECK(chip.reg[0x0D] == 0x08);
+    }
+    CHECK(gc_lsm6dso_fifo_begin(&imu, 0) == GC_E_ARGUMENT && gc_lsm6dso_fifo_begin(&imu, 129) == GC_E_ARGUMENT);
+    refuse_writes_to = 0x09;
+    CHECK(fresh_chip(&imu, 104.0, 250.0) == GC_OK && gc_lsm6dso_fifo_begin(&imu, 4) == GC_E_CONFIG_REFUSED);
+    refuse_writes_to = -1;
+    chip.clock = 1.03;
+    CHECK(fresh_chip(&imu, 104.0, 250.0) == GC_OK && fabs(imu.period_us * 104.0 * 1.03 - 1e6) < 800.0);
+    chip.clock = 0.97;
+    CHECK(fresh_chip(&imu, 104.0, 250.0) == GC_OK && fabs(imu.period_us * 104.0 * 0.97 - 1e6) < 800.0);
+    chip.clock = 1.0;
+}
+
+static void check_fifo_words(void) {
+    static gc_lsm6dso_batch_t batch;
+    gc_lsm6dso_t imu;
+    int fed = 0, got = 0;
+    begin_fifo(&imu, 104.0, 4);
+    CHECK(!emul_lsm6dso_int1(&chip));
+    for (int round = 0; round < 40; round++) {
+        for (int k = 0; k < 1 + round % 7; k++) {
+            feed_numbered(fed++);
+        }
+        CHECK(emul_lsm6dso_int1(&chip) == (2 * (1 + round % 7) + (fed / 2 - (fed - 1 - round % 7) / 2) >= 8));
+        CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK);
+        CHECK(batch.left == 0 && !batch.overrun && !batch.gap && batch.t_us <= now);
+        for (unsigned i = 0; i < batch.n; i++) {
+            CHECK(is_numbered(&batch.sample[i], got));
+            CHECK(got < 4 || (batch.sample[i].temp <= 1000 + got && batch.sample[i].temp >= 1000 + got - 2));
+            got++;
+        }
+        CHECK(got == fed);
+    }
+    /* The level may be read between the two words of a slot: the other half comes with the next batch. */
+    feed_numbered(fed++);
+    const unsigned held = chip.fifo_n - 1u;
+    chip.fifo_n = 1;
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && batch.n == 0);
+    chip.fifo_n = held;
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && batch.n == 1 && is_numbered(&batch.sample[0], fed - 1));
+    CHECK(chip.fifo_n == 0);
+    /* A full batch leaves the rest for the next. */
+    for (int k = 0; k < 180; k++) {
+        feed_numbered(k);
+    }
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && batch.n >= 100 && abs((int)batch.n + (int)batch.left - 180) <= 1);
+    const int first = (int)batch.n;
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && (int)batch.n == 180 - first && batch.left == 0 && !batch.gap);
+    CHECK(is_numbered(&batch.sample[batch.n - 1], 179));
+}
+
+static void check_fifo_losses(void) {
+    static gc_lsm6dso_batch_t batch;
+    gc_lsm6dso_t imu;
+    begin_fifo(&imu, 104.0, 4);
+    feed_numbered(0);
+    const unsigned held = chip.fifo_n - 1u;
+    chip.fifo_n = 1; /* half a sample is held when the flood comes */
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && batch.n == 0 && !batch.gap);
+    chip.fifo_n = held;
+    for (int k = 1; k <= 1001; k++) {
+        feed_numbered(k);
+    }
+    CHECK(chip.fifo_n == EMUL_FIFO_WORDS);
+    int n = 0, last = 0;
+    bool flagged = false;
+    do {
+        CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK);
+        flagged = flagged || (batch.overrun && batch.gap && n == 0);
+        CHECK(!batch.overrun || n == 0);
+        for (unsigned i = 0; i < batch.n; i++, n++) {
+            CHECK(n == 0 || batch.sample[i].gyro[0] == last + 1);
+            last = batch.sample[i].gyro[0];
+            CHECK(is_numbered(&batch.sample[i], last));
+        }
+    } while (batch.n > 0);
+    CHECK(flagged && last == 1001 && n >= 512 * 2 / 5 - 1 && n <= 512 * 2 / 5 + 1);
+
+    /* A transfer that breaks off, a damaged tag: what came before counts, the rest is lost and said to be. */
+    for (int fault = 0; fault < 2; fault++) {
+        begin_fifo(&imu, 104.0, 16);
+        for (int k = 0; k < 20; k++) {
+            feed_numbered(k);
+        }
+        if (fault == 0) {
+            fail_in = 3; /* status, sixteen words, and now */
+        } else {
+            chip.fifo[(chip.fifo_first + 20u) % EMUL_FIFO_WORDS][0] ^= 0x10;
+        }
+        CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == (fault == 0 ? GC_E_BUS_SHORT : GC_E_FIFO_TAG));
+        CHECK(batch.n >= 6 && batch.n <= 8 && is_numbered(&batch.sample[batch.n - 1], (int)batch.n - 1));
+        CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && batch.n == 0 && batch.gap);
+        feed_numbered(77);
+        CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && batch.n == 1 && !batch.gap && is_numbered(&batch.sample[0], 77));
+    }
+
+    /* Nothing for three periods; a brown-out. */
+    begin_fifo(&imu, 104.0, 4);
+    now += 20000;
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_OK && batch.n == 0);
+    now += 20000;
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_E_STALE);
+    emul_lsm6dso_brown_out(&chip);
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_E_CONFIG_LOST);
+    begin_fifo(&imu, 104.0, 4);
+    chip.reg[0x10] = 0x44;
+    feed_numbered(1);
+    now += 600000;
+    CHECK(gc_lsm6dso_fifo_read(&imu, &batch) == GC_E_CONFIG_LOST && batch.n == 1);
+    chip.fed_only = false;
+}
+
 int main(void) {
     check_registers_and_words();
     check_ranges();
     check_tearing();
     check_faults();
+    check_fifo_registers();
+    check_fifo_words();
+    check_fifo_losses();
     return failures == 0 ? 0 : 1;
 }

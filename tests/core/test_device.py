@@ -172,6 +172,22 @@ def test_samples_come_at_the_rate_that_was_set(bench: Path, rate_hz: str) -> Non
     assert not errors(text)
 
 
+def test_a_sample_that_is_late_is_taken_at_once(bench: Path) -> None:
+    """Work of less than half a period between two samples costs none; longer work costs what it must, and that is counted."""
+    busy = "busy {}\nrun 0.05\n"
+    text = run(bench, f"{UP}power\n> stream raw\nrun 0.5\n{busy.format(0.009) * 20}> status\n")
+    t = np.array([s.t_us for s in sentences(text, "RAW")])
+    assert np.diff(t).max() < 1.5 * 1e6 / 145
+    assert len(t) == pytest.approx((t[-1] - t[0]) * 145e-6 + 1, abs=1)
+    assert sentences(text, "STA")[0]["missed"] == "0"
+    text = run(bench, f"{UP}power\n> stream raw\n> start up\nrun 0.5\n{busy.format(0.1) * 3}> stop\n> status\n")
+    t = np.array([s.t_us for s in sentences(text, "RAW")])
+    missed = round((t[-1] - t[0]) * 145e-6) + 1 - len(t)
+    assert 3 * 12 <= missed <= 3 * 14
+    told = int(sentences(text, "STA")[0]["missed"])
+    assert told == int(sentences(text, "RUN")[1]["missed"]) == pytest.approx(missed, abs=3)  # one a gap: its end was late
+
+
 def test_an_interrupt_line_gives_each_sample_at_its_time(bench: Path) -> None:
     script = f"{UP}power\n> set rate_hz 104\n> stream raw\nrun 5\n> status\n"
     polled, wired = run(bench, script), run(bench, "line on\n" + script)

@@ -109,6 +109,77 @@ def test_cnn_answers_are_means_over_consecutive_windows(sim: Sim, build: Build, 
             assert s["scale_se"] == s["bias_se_dps"] == ""
 
 
+@pytest.mark.parametrize("run_with_gap", [0, 1])
+@pytest.mark.parametrize(
+    ("gap_at", "answered"), [(0, "246"), (1, ""), (289, ""), (290, "2"), (579, "2"), (580, "24"), (870, "246"), (880, "246")]
+)
+def test_a_gap_in_a_window_gives_no_answer_by_network(
+    sim: Sim, tmp_path: Path, run_with_gap: int, gap_at: int, answered: str
+) -> None:
+    """The sample before `gap_at` is missing: windows hold consecutive samples from the first one on."""
+    runs = pair(np.random.default_rng(21))
+    spoilt = runs[run_with_gap]
+    keep = np.arange(900) != gap_at
+    keep[0] = gap_at != 0
+    spoilt["t_us"], spoilt["counts"] = spoilt["t_us"][keep], spoilt["counts"][keep]
+    text = sim(write_rows(tmp_path / "a.rows", runs))
+    assert "".join(s["seconds"] for s in sentences(text, "CAL") if s["method"] == "cnn") == answered
+    assert sum(s["method"] == "baseline" for s in sentences(text, "CAL")) == 3
+    assert [s["name"] for s in sentences(text, "ERR")] == ["net_gap"] * (answered != "246")
+    ends = [s["missed"] for s in sentences(text, "RUN") if s["state"] == "end"]
+    assert ends == ["1" if i == run_with_gap and gap_at > 0 else "0" for i in (0, 1)]
+
+
+def test_late_samples_are_no_gap(sim: Sim, tmp_path: Path) -> None:
+    """Up to half a period late, as of a board that had something else to do."""
+    rng = np.random.default_rng(22)
+    runs = pair(rng)
+    for r in runs:
+        r["t_us"] = r["t_us"] + rng.integers(0, int(0.49e6 / 145), 900)
+    text = sim(write_rows(tmp_path / "a.rows", runs))
+    assert [s["seconds"] for s in sentences(text, "CAL") if s["method"] == "cnn"] == ["2", "4", "6"]
+    assert not sentences(text, "ERR")
+
+
+@pytest.mark.parametrize("rate_hz", [52.0, 104.0, 416.0])
+def test_through_the_fifo_each_row_comes_once(sim: Sim, tmp_path: Path, rate_hz: float) -> None:
+    rng = np.random.default_rng(23)
+    n = int(6.5 * rate_hz)
+    runs = [make_run(rng, np.full(n, 1.004 * f * 78.0 - 0.05), ticks(n, rate_hz), f) for f in (1, -1)]
+    rows = write_rows(tmp_path / "a.rows", runs, rate_hz)
+    text, single = (sim(rows, "--stream", "raw", *option) for option in (["--fifo", "12"], []))
+    said = [s for s in sentences(text, "RAW") if s["0"] != "-1"]
+    assert len(said) == 2 * n
+    for r, mine in zip(runs, (said[:n], said[n:]), strict=True):
+        assert [int(s["0"]) for s in mine] == list(range(n))
+        np.testing.assert_array_equal([[int(s[str(k)]) for k in range(1, 7)] for s in mine], r["counts"][:, 1:])
+        t_us = np.array([s.t_us for s in mine])
+        assert np.ptp(t_us - r["t_us"]) <= 1.1e6 / rate_hz
+    assert {s["missed"] for s in sentences(text, "RUN") if s["state"] == "end"} == {"0"}
+    for a, b in zip(sentences(text, "CAL"), sentences(single, "CAL"), strict=True):
+        assert (a["method"], a["seconds"]) == (b["method"], b["seconds"])
+        assert a.number("scale") == pytest.approx(b.number("scale"), abs=a.number("scale_se"))
+        assert a.number("bias_dps") == pytest.approx(b.number("bias_dps"), abs=a.number("bias_se_dps"))
+
+
+def test_the_fifo_keeps_the_sensors_own_rates_only(sim: Sim, tmp_path: Path) -> None:
+    text = sim(write_rows(tmp_path / "a.rows", pair(np.random.default_rng(24))), "--fifo", "12")
+    assert [s["name"] for s in sentences(text, "ERR")] == ["fifo_rate"]
+    assert sum(s["method"] == "baseline" for s in sentences(text, "CAL")) == 3
+
+
+def test_a_busy_board_misses_samples_and_with_the_fifo_only_those_it_cannot_hold(sim: Sim, tmp_path: Path) -> None:
+    rng = np.random.default_rng(25)
+    n = int(6.5 * 104)
+    rows = write_rows(tmp_path / "a.rows", [make_run(rng, np.full(n, 78.0), ticks(n, 104.0))], 104.0)
+    for option, low, high in ((["--fifo", "12"], 80, 130), ([], 305, 320)):
+        text = sim(rows, "--fault", "busy", *option)
+        end = sentences(text, "RUN")[1]
+        assert low < int(end["missed"]) < high
+        assert int(end["n"]) + int(end["missed"]) == pytest.approx(n, abs=1)
+        assert [s["name"] for s in sentences(text, "ERR")] == ["fifo_overrun"] * bool(option)
+
+
 def test_a_network_for_other_settings_is_refused_once_a_pair(sim: Sim, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     for rate_hz, w, name in ((104.0, 78.0, "net_sample_rate"), (145.0, 60.0, "net_table_rate")):
@@ -268,6 +339,8 @@ FAULTS = {
     "brownout": "config_lost",
     "stuck_bit": "stuck_bit",
     "reset_timeout": "reset_timeout",
+    "bad_tags": "fifo_tag",
+    "busy": "net_gap",
 }
 
 
@@ -277,11 +350,17 @@ def test_each_fault_is_reported_by_its_own_code(sim: Sim, build: Build, tmp_path
     assert [line.split("\t")[0] for line in listed] == list(FAULTS)
     assert not sentences(sim(rows), "ERR")
     for fault, name in FAULTS.items():
+        if fault == "bad_tags":  # of the FIFO, which keeps to the sensor's own rates
+            half = [make_run(np.random.default_rng(11), np.full(700, f * 78.0), ticks(700, 104.0), f) for f in (1, -1)]
+            text = sim(write_rows(tmp_path / "fifo.rows", half, 104.0), "--fault", fault, "--fifo", "8")
+            assert {s["name"] for s in sentences(text, "ERR")} == {name, "net_sample_rate"}
+            continue
         text = sim(rows, "--fault", fault)
         told = {s["name"] for s in sentences(text, "ERR")}
         assert name in told, fault
-        assert told <= {name, "not_ready", "no_run"}, fault
-        if fault in ("nack", "stale", "brownout"):  # it passes, the device goes on
+        passes = fault in ("nack", "stale", "brownout")  # and the device goes on
+        assert told - {name} == ({"net_gap"} if passes else told & {"not_ready", "no_run"}), fault
+        if passes:
             assert sum(s["method"] == "baseline" for s in sentences(text, "CAL")) == 3
             assert 800 < int(sentences(text, "RUN")[1]["n"]) < 900
 

@@ -61,8 +61,9 @@ class FakeDevice:
         if self._client is not None:
             self._client.sendall(line)
 
-    def sample(self, n: int, rate_counts: int = 8914) -> None:
-        self.say("RAW", [n, 1, -2, rate_counts, 0, 0, 16393, 256], t_us=2_000_000 + n * PERIOD_US)
+    def sample(self, n: int, rate_counts: int = 8914, missed: int = 0) -> None:
+        """The run's sample number `n`, taken when the sensor has already missed so many."""
+        self.say("RAW", [n, 1, -2, rate_counts, 0, 0, 16393, 256], t_us=2_000_000 + (n + missed) * PERIOD_US)
 
     def unplug(self) -> None:
         """The cable is pulled; the next connection is a new one."""

@@ -51,13 +51,15 @@ def test_the_screen_shows_state_results_and_losses() -> None:
                 fake.seq += 3
                 fake.say("CAL", {"method": "baseline", "seconds": 2.0, "axis": "z", "scale": 0.00412, "scale_se": 2e-5,
                                  "bias_dps": -0.0567, "bias_se_dps": 0.001, "temp_c": 24.5, "misfit": 7.5})  # fmt: skip
+                fake.say("STA", {"state": "recording", "face": "down", "n": 1, "missed": 5})
                 fake.say("ERR", {"code": -9, "name": "clipped", "advice": "set_full_scale_dps_higher"})
             console = Console(file=io.StringIO(), width=120)
             console.print(monitor.screen())
             pictures.append(console.file.getvalue())  # type: ignore[attr-defined]
 
-        monitor.run(heard, seconds=0.5)
-    for part in ("recording down", "77.998", "0.4120 ± 0.0020", "-0.0567 ± 0.0010", "7.50", "3 lost", "clipped (-9)"):
+        monitor.run(heard, seconds=1.0)
+    numbers = ("77.998", "0.4120 ± 0.0020", "-0.0567 ± 0.0010", "7.50", "3 lost", "5 missed")
+    for part in ("recording down", *numbers, "clipped (-9)"):
         assert part in pictures[-1]
 
 

@@ -41,7 +41,9 @@ def stream(numbers: list[int]):
 def test_a_replayed_session_comes_back_whole(session: Session, tmp_path: Path) -> None:
     with device.SimulatedDevice(session) as simulated, Link(simulated.port) as link:
         report = Recorder(link, tmp_path / "out", wanted=None).record()
-    assert (report.lost_sentences, report.bad_sentences, report.errors) == (0, 0, [])
+    assert (report.lost_sentences, report.bad_sentences) == (0, 0)
+    assert [e.split()[0] for e in report.errors] == ["net_gap"] * 2  # each run has a gap of four samples
+    assert [(r.lost, r.missed) for r in report.runs] == [(0, 4)] * 4
     recorded = Session.open(tmp_path / "out")
     assert (recorded.sample_rate_hz, recorded.full_scale_dps, recorded.lsb_dps) == (145.0, 250.0, 0.00875)
     for a, b in zip(session.runs, recorded.runs, strict=True):
@@ -106,6 +108,21 @@ def test_gaps_stay_gaps_and_are_counted(tmp_path: Path) -> None:
     assert (report.runs[0].samples, report.runs[0].lost) == (46, 4)
     t_s = Session.open(tmp_path / "out").runs[0].t_s
     assert np.allclose(t_s, np.array(kept[:46]) * 0.01)
+
+
+def test_what_the_sensor_missed_is_told_apart_from_what_the_wire_lost(tmp_path: Path) -> None:
+    """Five samples that were never taken, in two gaps; four that did not arrive; both at once are the wire's."""
+
+    def run(fake: FakeDevice) -> None:
+        for n in range(100):
+            if n not in (10, 11, 30, 31):
+                fake.sample(n, missed=0 if n < 20 else 3 if n < 40 else 5)
+
+    with FakeDevice(run) as fake:
+        report = record(fake, tmp_path / "out", Wanted("up", 0.6, table_rate_dps=78.0))
+    (recorded,) = report.runs
+    assert (recorded.samples, recorded.lost, recorded.missed) == (60 - 4 - 5, 4, 5)
+    assert report.to_json()["runs"][0]["missed"] == 5
 
 
 def test_runs_are_added_and_what_is_there_is_kept(tmp_path: Path) -> None:

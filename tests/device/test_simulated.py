@@ -52,7 +52,18 @@ def test_every_row_is_served_once_at_its_own_time(session: Session) -> None:
     sentences = device.replay(session)
     check_rows(session, sentences)
     assert [s.fields["face"] for s in sentences if s.tag == "RUN"] == ["up", "up", "down", "down"] * 2
-    assert len(told(sentences, "ERR")) == 0
+    assert [s.fields["name"] for s in sentences if s.tag == "ERR"] == ["net_gap"] * 2  # the runs have a gap after 2 s
+    assert [s.fields["seconds"] for s in sentences if s.tag == "CAL" and s.fields["method"] == "cnn"] == ["2"] * 2
+    assert {s.fields["missed"] for s in sentences if s.tag == "RUN" and s.fields["state"] == "end"} == {"4"}
+
+
+def test_through_the_fifo_every_row_comes_too() -> None:
+    session = make_session(seconds=3.0, rate_hz=104.0, scenarios=1)
+    raw = wire.raw_table(s for s in device.replay(session, fifo=20) if s.tag == "RAW" and not s.text.startswith("-1"))
+    ends = np.flatnonzero(raw.number == 0)
+    for run, start, stop in zip(session.runs, ends, [*ends[1:], len(raw)], strict=True):
+        assert np.array_equal(raw.number[start:stop], np.arange(len(run)))
+        assert np.array_equal(raw.counts[start:stop, :3], np.rint(run.gyro_dps / LSB_DPS))
 
 
 def test_baseline_is_the_closed_form_on_the_rows(session: Session) -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from gyrocal import calibration_header
 from gyrocal.calibrate import Estimate, calibrate
-from gyrocal.device import SimulatedDevice
+from gyrocal.cli import main
+from gyrocal.device import SimulatedDevice, replay
 from gyrocal.fit import fit
 from gyrocal.model import Model, Term
 from gyrocal.port import Link
@@ -81,6 +82,34 @@ def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model
     )  # fmt: skip
     scale, bias_dps = largest_difference(calibrate(turned, None, [method], model), said, method)
     assert scale > 100 * ROUNDING[method][0] or bias_dps > 100 * ROUNDING[method][1]
+
+
+def test_a_gap_silences_the_network_on_both(tmp_path: Path, require_tool, capsys: pytest.CaptureFixture[str]) -> None:
+    """One sample is missing, each time elsewhere: the same windows are answered by the device and by the host, no other."""
+    require_tool("cc")
+    whole, _ = simulate(None, "paper", seed=8, scenarios=8, seconds=7.0)
+    runs = []
+    for run in whole.runs:
+        gap_at = (0, 1, 289, 290, 579, 580, 869, 870)[run.index // 2] if run.index % 2 else 0
+        table = run.table if gap_at == 0 else run.table[:gap_at].vstack(run.table[gap_at + 1 :])
+        runs.append(
+            Run(
+                run.index, run.file, run.scenario, run.face, run.axis, run.table_rate_dps, None, run.day,
+                run.power_on_s, run.sample_rate_hz, frame=table,
+            )
+        )  # fmt: skip
+    session = whole.with_runs(runs)
+    said = replay(session, stream="off")
+    device = [s.real("seconds") for s in said if s.tag == "CAL" and s.fields["method"] == "cnn"]
+    host = calibrate(session, None, ["cnn"])
+    scenarios = [[e.seconds for e in host if e.scenario == name] for name in session.scenarios]
+    assert scenarios == [[2, 4, 6], [], [], [2], [2], [2, 4], [2, 4], [2, 4, 6]]
+    assert device == [seconds for answered in scenarios for seconds in answered]
+    assert [s.fields["name"] for s in said if s.tag == "ERR"] == ["net_gap"] * 6
+
+    session.with_runs(runs[2:4]).save(tmp_path / "gap")
+    assert main(["calibrate", str(tmp_path / "gap"), "--method", "cnn"]) == 2
+    assert "samples are missing" in capsys.readouterr().err
 
 
 def test_recording_is_what_was_replayed(replayed: tuple[Session, list[dict]], tmp_path: Path) -> None:

@@ -4,6 +4,10 @@
 #include <string.h>
 
 enum {
+    FIFO_CTRL1 = 0x07,
+    FIFO_CTRL2 = 0x08,
+    FIFO_CTRL3 = 0x09,
+    FIFO_CTRL4 = 0x0A,
     INT1_CTRL = 0x0D,
     WHO_AM_I = 0x0F,
     CTRL1_XL = 0x10,
@@ -13,7 +17,14 @@ enum {
     STATUS_REG = 0x1E,
     OUT_FIRST = 0x20,
     OUT_LAST = 0x2D,
+    FIFO_STATUS1 = 0x3A,
+    FIFO_STATUS2 = 0x3B,
+    FIFO_TAG = 0x78,
+    FIFO_LAST = 0x7E,
 };
+
+enum { FIFO_OFF = 0, FIFO_STOPS_WHEN_FULL = 1, FIFO_CONTINUOUS = 6 };
+enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
 
 #define BOOT_US 10000u
 #define RESET_US 50u
@@ -26,13 +37,17 @@ static void defaults(emul_lsm6dso_t *chip) {
     chip->reg[WHO_AM_I] = 0x6C;
     chip->reg[CTRL3_C] = 0x04;
     chip->reg[0x18] = 0xE0; /* CTRL9_XL */
+    chip->reg[0x63] = (uint8_t)(int)rint((chip->clock - 1.0) / 0.0015); /* INTERNAL_FREQ_FINE */
     memset(chip->out, 0, sizeof chip->out);
     memset(chip->half_read, 0, sizeof chip->half_read);
     memset(chip->waiting, 0, sizeof chip->waiting);
+    chip->fifo_n = 0;
 }
 
 void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_full_scale_dps) {
+    const double clock = chip->clock;
     memset(chip, 0, sizeof *chip);
+    chip->clock = clock > 0.0 ? clock : 1.0;
     defaults(chip);
     chip->world_full_scale_dps = world_full_scale_dps;
     chip->boot_us = now_us + BOOT_US;
@@ -57,12 +72,110 @@ static int16_t to_counts(int16_t world, double gain) {
     return (int16_t)(x > 32767.0 ? 32767.0 : x < -32768.0 ? -32768.0 : x);
 }
 
+/* ---- FIFO ---- */
+
+static unsigned fifo_mode(const emul_lsm6dso_t *chip) {
+    return chip->reg[FIFO_CTRL4] & 7u;
+}
+
+bool emul_lsm6dso_batches(const emul_lsm6dso_t *chip) {
+    return fifo_mode(chip) != FIFO_OFF;
+}
+
+static unsigned watermark(const emul_lsm6dso_t *chip) {
+    return (chip->reg[FIFO_CTRL2] & 1u) << 8 | chip->reg[FIFO_CTRL1];
+}
+
+static uint8_t fifo_status2(const emul_lsm6dso_t *chip) {
+    const unsigned n = chip->fifo_n;
+    return (uint8_t)(n >> 8 | (chip->reg[FIFO_STATUS2] & 8u) | (n + 1 >= EMUL_FIFO_WORDS ? 0x20u : 0u) |
+                     (n == EMUL_FIFO_WORDS ? 0x40u : 0u) | (watermark(chip) > 0 && n >= watermark(chip) ? 0x80u : 0u));
+}
+
+bool emul_lsm6dso_int1(const emul_lsm6dso_t *chip) {
+    const unsigned wanted = chip->reg[INT1_CTRL];
+    const unsigned fifo = fifo_status2(chip);
+    return (wanted & 1u && chip->reg[STATUS_REG] & 1u) || (wanted & 2u && chip->reg[STATUS_REG] & 2u) ||
+           (wanted & 8u && fifo & 0x80u) || (wanted & 16u && fifo & 0x40u) || (wanted & 32u && fifo & 0x20u);
+}
+
+static void push(emul_lsm6dso_t *chip, unsigned tag, const int16_t *values, int n) {
+    uint8_t *word;
+    if (chip->fifo_n == EMUL_FIFO_WORDS) {
+        chip->reg[FIFO_STATUS2] |= 8u; /* FIFO_OVR_LATCHED */
+        if (fifo_mode(chip) == FIFO_STOPS_WHEN_FULL) {
+            return;
+        }
+        chip->fifo_first = (chip->fifo_first + 1) % EMUL_FIFO_WORDS;
+        chip->fifo_n--;
+    }
+    word = chip->fifo[(chip->fifo_first + chip->fifo_n++) % EMUL_FIFO_WORDS];
+    memset(word, 0, EMUL_FIFO_WORD_BYTES);
+    word[0] = (uint8_t)(tag << 3 | (chip->slot & 3u) << 1);
+    for (unsigned bits = word[0]; bits != 0; bits >>= 1) {
+        word[0] = (uint8_t)(word[0] ^ (bits & 1u)); /* even parity */
+    }
+    for (int i = 0; i < n; i++) {
+        word[1 + 2 * i] = (uint8_t)(values[i] & 0xFF);
+        word[2 + 2 * i] = (uint8_t)((uint16_t)values[i] >> 8);
+    }
+}
+
+/* Whether a word that is batched at rate_hz is due in this time slot of slot_hz. */
+static bool due(double *batched, double rate_hz, double slot_hz) {
+    *batched += rate_hz >= slot_hz ? 1.0 : rate_hz / slot_hz;
+    const bool yes = *batched > 0.999;
+    *batched -= yes ? 1.0 : 0.0;
+    return yes;
+}
+
+static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
+    static const double temp_hz[] = {0, 1.6, 12.5, 52};
+    const double gyro_hz = odr_hz[chip->reg[FIFO_CTRL3] >> 4];
+    const double acc_hz = odr_hz[chip->reg[FIFO_CTRL3] & 15];
+    const double slot_hz = odr_hz[chip->reg[CTRL2_G] >> 4] > 0 ? odr_hz[chip->reg[CTRL2_G] >> 4] : odr_hz[chip->reg[CTRL1_XL] >> 4];
+    if (!emul_lsm6dso_batches(chip) || slot_hz == 0.0) {
+        return;
+    }
+    chip->slot++;
+    if (due(&chip->batched[0], gyro_hz, slot_hz)) {
+        push(chip, TAG_GYRO, value + 1, 3);
+    }
+    if (due(&chip->batched[1], acc_hz, slot_hz)) {
+        push(chip, TAG_ACC, value + 4, 3);
+    }
+    if (due(&chip->batched[2], temp_hz[chip->reg[FIFO_CTRL4] >> 4 & 3], slot_hz)) {
+        push(chip, TAG_TEMP, value, 1);
+    }
+}
+
+/* Reading the last byte of a word takes it out; an empty FIFO reads zeros. */
+static uint8_t fifo_byte(emul_lsm6dso_t *chip, uint8_t reg) {
+    uint8_t byte;
+    if (chip->fifo_n == 0) {
+        return 0;
+    }
+    byte = chip->fifo[chip->fifo_first][reg - FIFO_TAG];
+    if (reg == FIFO_TAG && chip->bad_tags) {
+        byte ^= 1u;
+    }
+    if (reg == FIFO_LAST) {
+        chip->fifo_first = (chip->fifo_first + 1) % EMUL_FIFO_WORDS;
+        chip->fifo_n--;
+    }
+    return byte;
+}
+
+/* ---- samples ---- */
+
 static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
+    int16_t now[EMUL_WORDS];
     const bool gyro = chip->reg[CTRL2_G] >> 4 != 0;
     const bool acc = chip->reg[CTRL1_XL] >> 4 != 0;
     if (chip->stale) {
         return;
     }
+    memcpy(now, chip->out, sizeof now);
     for (int i = 0; i < EMUL_WORDS; i++) {
         int16_t value = chip->world[i];
         if ((i == 0 && !gyro && !acc) || (i >= 1 && i <= 3 && !gyro) || (i >= 4 && !acc)) {
@@ -74,6 +187,7 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
         } else if (i >= 4) {
             value = to_counts(value, 2.0 / full_scale_g(chip));
         }
+        now[i] = value;
         if (chip->half_read[i] && (chip->reg[CTRL3_C] & 0x40)) {
             chip->next[i] = value;
             chip->waiting[i] = true;
@@ -82,21 +196,22 @@ static void sample(emul_lsm6dso_t *chip, uint64_t now_us) {
         }
     }
     chip->reg[STATUS_REG] = (uint8_t)(chip->reg[STATUS_REG] | (gyro ? 2 : 0) | (acc ? 1 : 0) | (gyro || acc ? 4 : 0));
+    batch(chip, now);
 }
 
 static double period_us(const emul_lsm6dso_t *chip) {
     const double gyro = odr_hz[chip->reg[CTRL2_G] >> 4];
     const double acc = odr_hz[chip->reg[CTRL1_XL] >> 4];
     const double rate = gyro > 0 ? gyro : acc;
-    return rate > 0 ? 1e6 / rate : 0.0;
+    return rate > 0 ? 1e6 / (rate * chip->clock) : 0.0;
 }
 
 void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us) {
     const double period = period_us(chip);
     const double now = (double)now_us;
-    if (period > 0.0 && now >= chip->tick_us) {
-        chip->tick_us += period * (1.0 + floor((now - chip->tick_us) / period));
-        sample(chip, now_us);
+    while (period > 0.0 && now >= chip->tick_us && !chip->fed_only) {
+        sample(chip, (uint64_t)chip->tick_us);
+        chip->tick_us += period;
     }
 }
 
@@ -108,7 +223,8 @@ void emul_lsm6dso_feed(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t worl
 
 static void write_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, uint8_t value) {
     const bool gyro_was_off = chip->reg[CTRL2_G] >> 4 == 0;
-    if ((reg < CTRL1_XL && reg != INT1_CTRL) || (reg > CTRL10_C && reg <= OUT_LAST)) {
+    if ((reg < CTRL1_XL && reg != INT1_CTRL && (reg < FIFO_CTRL1 || reg > FIFO_CTRL4)) ||
+        (reg > CTRL10_C && reg <= OUT_LAST) || reg == FIFO_STATUS1 || reg == FIFO_STATUS2 || reg >= FIFO_TAG) {
         return; /* read-only or reserved */
     }
     if (reg == CTRL3_C && (value & 1)) {
@@ -117,6 +233,9 @@ static void write_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, uint8_
         return;
     }
     chip->reg[reg] = value;
+    if (reg == FIFO_CTRL4 && fifo_mode(chip) == FIFO_OFF) {
+        chip->fifo_n = 0;
+    }
     if (reg == CTRL2_G && gyro_was_off && value >> 4 != 0) {
         chip->settled_us = now_us + SETTLE_US;
     }
@@ -131,6 +250,17 @@ static uint8_t read_one(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg) {
     }
     if (reg == CTRL3_C) {
         return (uint8_t)(chip->reg[reg] | (now_us < chip->reset_us ? 1 : 0));
+    }
+    if (reg == FIFO_STATUS1) {
+        return (uint8_t)(chip->fifo_n & 0xFF);
+    }
+    if (reg == FIFO_STATUS2) {
+        const uint8_t status = fifo_status2(chip);
+        chip->reg[FIFO_STATUS2] = 0;
+        return status;
+    }
+    if (reg >= FIFO_TAG && reg <= FIFO_LAST) {
+        return fifo_byte(chip, reg);
     }
     if (reg < OUT_FIRST || reg > OUT_LAST) {
         return chip->reg[reg];
@@ -156,7 +286,10 @@ static bool silent(const emul_lsm6dso_t *chip, uint64_t now_us) {
 }
 
 static uint8_t following(const emul_lsm6dso_t *chip, uint8_t reg) {
-    return (uint8_t)((chip->reg[CTRL3_C] & 0x04 ? reg + 1 : reg) & 0x7F); /* IF_INC */
+    if (!(chip->reg[CTRL3_C] & 0x04)) { /* IF_INC */
+        return reg;
+    }
+    return reg == FIFO_LAST ? FIFO_TAG : (uint8_t)((reg + 1) & 0x7F);
 }
 
 int emul_lsm6dso_write(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n) {

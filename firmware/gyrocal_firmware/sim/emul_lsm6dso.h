@@ -8,6 +8,8 @@
 #include <stdint.h>
 
 #define EMUL_WORDS 7 /* temperature, gyroscope x y z, accelerometer x y z */
+#define EMUL_FIFO_WORDS 512
+#define EMUL_FIFO_WORD_BYTES 7 /* tag and six bytes */
 
 typedef struct {
     uint8_t reg[128];
@@ -21,9 +23,16 @@ typedef struct {
     uint64_t reset_us;   /* SW_RESET reads 1 until then */
     uint64_t settled_us; /* the gyroscope reads 0 before: its turn-on time */
     double tick_us;      /* next sample by its own clock */
+    double clock;        /* its own, over nominal; to be set before power-on, 0 = nominal */
+    bool fed_only;       /* its own clock stands still: it samples when it is fed */
+
+    uint8_t fifo[EMUL_FIFO_WORDS][EMUL_FIFO_WORD_BYTES];
+    unsigned fifo_first, fifo_n;
+    unsigned slot; /* time slots so far; the tag holds the lowest two bits */
+    double batched[3]; /* gyroscope, accelerometer, temperature: share of the next word that is due */
 
     /* misbehaviour */
-    bool nack, wrong_id, stale, stuck_bit, stuck_reset;
+    bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
 } emul_lsm6dso_t;
 
 void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_full_scale_dps);
@@ -31,6 +40,10 @@ void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_f
 void emul_lsm6dso_brown_out(emul_lsm6dso_t *chip);
 /* What there is to measure from now on; sampled at once, so that a row is read at its own time. */
 void emul_lsm6dso_feed(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t world[EMUL_WORDS]);
+/* Whether samples go to the FIFO. */
+bool emul_lsm6dso_batches(const emul_lsm6dso_t *chip);
+/* What the pin INT1 shows. */
+bool emul_lsm6dso_int1(const emul_lsm6dso_t *chip);
 /* Samples by the chip's own clock until now. */
 void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us);
 /* Bytes transferred, or -1 where the chip does not acknowledge. */

@@ -21,7 +21,7 @@
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
 #define FAULT_FROM_US 1000000u /* after the first sample of the first run */
-#define USAGE "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fault NAME|list] [--hold]"
+#define USAGE "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--fault NAME|list] [--hold]"
 
 static const struct {
     const char *name;
@@ -34,6 +34,8 @@ static const struct {
     {"brownout", "the registers fall back to their defaults", 1},
     {"stuck_bit", "bit 2 of the rates is always 1", 0},
     {"reset_timeout", "the part does not come out of reset", 0},
+    {"bad_tags", "the FIFO's words come damaged for 0.3 s", 300000},
+    {"busy", "the board does something else for 3 s", 3000000},
 };
 #define FAULTS (sizeof faults / sizeof faults[0])
 
@@ -41,6 +43,7 @@ typedef struct {
     /* options */
     double speed; /* virtual seconds a second; 0 = as fast as the reader takes it */
     int fault;    /* -1 none */
+    unsigned fifo;
     bool hold;
 
     rows_t rows;
@@ -86,6 +89,8 @@ static void pace_from_here(sim_t *sim) {
     sim->wall_s = wall_s();
 }
 
+static void move_to(sim_t *sim, uint64_t t_us);
+
 static void misbehave(sim_t *sim) {
     if (sim->fault < 0 || faults[sim->fault].lasts_us == 0 || sim->fault_us == 0 || sim->now_us < sim->fault_us) {
         return;
@@ -94,10 +99,35 @@ static void misbehave(sim_t *sim) {
     const bool on = sim->now_us < sim->fault_us + faults[sim->fault].lasts_us;
     sim->chip.nack = on && strcmp(name, "nack") == 0;
     sim->chip.stale = on && strcmp(name, "stale") == 0;
+    sim->chip.bad_tags = on && strcmp(name, "bad_tags") == 0;
     if (!sim->fault_over && strcmp(name, "brownout") == 0) {
         emul_lsm6dso_brown_out(&sim->chip);
     }
+    if (!sim->fault_over && strcmp(name, "busy") == 0) {
+        sim->fault_over = true;
+        move_to(sim, sim->fault_us + faults[sim->fault].lasts_us);
+    }
     sim->fault_over = true;
+}
+
+static bool in_run(const sim_t *sim) {
+    return sim->row < sim->rows_end;
+}
+
+static uint64_t next_row_us(const sim_t *sim) {
+    return sim->base_us + sim->row->t_us;
+}
+
+static void feed_row(sim_t *sim) {
+    emul_lsm6dso_feed(&sim->chip, next_row_us(sim), sim->row->world);
+    sim->row++;
+}
+
+/* The FIFO takes each row at its time, whatever the device does meanwhile. */
+static void feed_fifo(sim_t *sim) {
+    while (emul_lsm6dso_batches(&sim->chip) && in_run(sim) && next_row_us(sim) <= sim->now_us) {
+        feed_row(sim);
+    }
 }
 
 static void move_to(sim_t *sim, uint64_t t_us) {
@@ -106,6 +136,7 @@ static void move_to(sim_t *sim, uint64_t t_us) {
         pace(sim, sim->speed);
     }
     misbehave(sim);
+    feed_fifo(sim);
     emul_lsm6dso_advance(&sim->chip, sim->now_us);
 }
 
@@ -114,23 +145,30 @@ static void wait_until_us(void *context, uint64_t t_us) {
 }
 
 static void skip_missed_rows(sim_t *sim) {
-    while (sim->row < sim->rows_end && sim->base_us + sim->row->t_us < sim->now_us) {
+    while (in_run(sim) && next_row_us(sim) < sim->now_us) {
         sim->row++;
         sim->missed++;
     }
 }
 
-/* During a run a sample is due when its row is, whatever the device's timer says: each row is read once, at its time. */
+/* During a run a sample is due when its row is, whatever the device's timer says: each row is read once, at its time. Of
+   the FIFO a batch is due when the device says so, but not after the last row. */
 static void wait_sample_us(void *context, uint64_t due_us) {
     sim_t *sim = context;
-    skip_missed_rows(sim);
-    if (sim->row == sim->rows_end) {
-        move_to(sim, due_us);
+    if (emul_lsm6dso_batches(&sim->chip)) {
+        const uint64_t last_us = in_run(sim) ? sim->base_us + sim->rows_end[-1].t_us : due_us;
+        move_to(sim, due_us < last_us ? due_us : last_us);
         return;
     }
-    move_to(sim, sim->base_us + sim->row->t_us);
-    emul_lsm6dso_feed(&sim->chip, sim->now_us, sim->row->world);
-    sim->row++;
+    do {
+        skip_missed_rows(sim);
+        if (!in_run(sim)) {
+            move_to(sim, due_us);
+            return;
+        }
+        move_to(sim, next_row_us(sim));
+    } while (sim->now_us > next_row_us(sim));
+    feed_row(sim);
 }
 
 static uint64_t now_us(void *context) {
@@ -140,8 +178,8 @@ static uint64_t now_us(void *context) {
 /* A transfer takes its time on the bus, but never the time of the next row. */
 static void spend_bus_time(sim_t *sim, size_t bytes) {
     uint64_t t_us = sim->now_us + (BUS_BIT_NS * (9u * bytes + 3u) + 999u) / 1000u;
-    if (sim->row < sim->rows_end && sim->base_us + sim->row->t_us < t_us && sim->base_us + sim->row->t_us >= sim->now_us) {
-        t_us = sim->base_us + sim->row->t_us;
+    if (in_run(sim) && next_row_us(sim) < t_us && next_row_us(sim) >= sim->now_us) {
+        t_us = next_row_us(sim);
     }
     sim->now_us = t_us;
 }
@@ -253,6 +291,7 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     gc_device_init(&sim->device, config);
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
     command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
+    command_set(sim, "fifo", (float)sim->fifo, "");
     command(sim, "hello"); /* the one at boot came before these */
     if (stream) {
         command(sim, "stream raw");
@@ -266,8 +305,8 @@ static void replay(sim_t *sim, const rows_run_t *run) {
         start_us = (uint64_t)llrint((double)run->power_on_s * 1e6);
     }
     stand_still(sim, run);
-    if (sim->speed > 0.0) { /* someone may be watching: the device goes on, idle */
-        while (sim->now_us + (uint64_t)(2e6 / (double)sim->rows.sample_rate_hz) < start_us) {
+    if (sim->speed > 0.0 || sim->fifo > 0u) { /* someone may be watching, the FIFO fills: the device goes on, idle */
+        while (sim->now_us + (uint64_t)((2.0 + sim->fifo) * 1e6 / (double)sim->rows.sample_rate_hz) < start_us) {
             hear(sim);
             gc_device_step(&sim->device);
         }
@@ -277,6 +316,7 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     command(sim, set_axis[run->axis]);
     command_set(sim, "table_dps", run->table_dps, "none");
     command_set(sim, "turn_deg", run->turn_deg, "0");
+    sim->chip.fed_only = emul_lsm6dso_batches(&sim->chip);
     command(sim, run->face > 0 ? "start up" : "start down");
 
     /* Only differences of t_us count; the first row may stand anywhere. */
@@ -287,12 +327,13 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     if (sim->fault_us == 0) {
         sim->fault_us = start_us + FAULT_FROM_US;
     }
-    while (sim->row < sim->rows_end) {
+    while (in_run(sim)) {
         hear(sim);
         gc_device_step(&sim->device);
         skip_missed_rows(sim);
     }
     command(sim, "stop");
+    sim->chip.fed_only = false;
 }
 
 static void replay_all(sim_t *sim, const gc_device_config_t *config, bool stream) {
@@ -363,6 +404,11 @@ int main(int argc, char **argv) {
             if (!stream && strcmp(value, "off") != 0) {
                 return usage("--stream takes raw or off");
             }
+        } else if (strcmp(option, "--fifo") == 0) {
+            if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > GC_LSM6DSO_FIFO_BATCH_MAX) {
+                return usage("--fifo takes a number of samples, 128 at most");
+            }
+            sim.fifo = (unsigned)number;
         } else if (strcmp(option, "--fault") == 0) {
             for (size_t k = 0; k < FAULTS; k++) {
                 if (strcmp(value, "list") == 0) {
@@ -413,7 +459,7 @@ int main(int argc, char **argv) {
     };
     replay_all(&sim, &config, stream);
     if (sim.missed > 0) {
-        fprintf(stderr, "gyrocal-sim: %lu rows were not read: the sensor was being set up\n", sim.missed);
+        fprintf(stderr, "gyrocal-sim: %lu rows were not read: the sensor was being set up or the board was busy\n", sim.missed);
     }
     rows_free(&sim.rows);
     return 0;

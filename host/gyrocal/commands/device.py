@@ -18,6 +18,9 @@ def run(
     speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
     stream: Annotated[str, typer.Option(help="raw or off: what it sends until told otherwise.")] = "raw",
     fault: Annotated[str | None, typer.Option(help="Make the sensor misbehave; `list` names the faults.")] = None,
+    fifo: Annotated[
+        int, typer.Option(min=0, max=128, help="Samples taken at once out of the sensor's FIFO; 0: each as it comes.")
+    ] = 0,
     tcp: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve TCP, not a pseudo terminal.")] = None,
     link: Annotated[Path | None, typer.Option(help="A symbolic link to the pseudo terminal.")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Stay when all is replayed, answering commands.")] = False,
@@ -44,7 +47,7 @@ def run(
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
-    simulated = device.SimulatedDevice(source, speed, stream=stream, fault=fault, tcp=tcp, symlink=link, hold=hold)
+    simulated = device.SimulatedDevice(source, speed, stream=stream, fault=fault, fifo=fifo, tcp=tcp, symlink=link, hold=hold)
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(simulated.port, flush=True)
         simulated.wait()

@@ -42,7 +42,7 @@ def run(
             day=day,
             imu=imu,
             progress=lambda run: status.update(
-                f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost"
+                f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost, {run.missed} missed"
             ),
         )
         report = recorder.record()
@@ -50,6 +50,7 @@ def run(
         output.emit(report.to_json())
         return
     for r in report.runs:
-        print(f"{out}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {r.samples} samples, {r.lost} lost")
+        what = f"{r.samples} samples, {r.lost} lost on the way, {r.missed} missed by the device"
+        print(f"{out}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {what}")
     for error in report.errors:
         print(f"device: {error}")

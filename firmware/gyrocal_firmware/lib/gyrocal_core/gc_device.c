@@ -17,6 +17,7 @@
 #define STUCK_BITS 4u
 #define STUCK_CHANGES 64u
 #define DUMP_LINES_A_STEP 4u
+#define FIFO_LONGEST_S 0.25 /* of a batch: commands are heard between two */
 
 static const char *const axis_names[] = {"x", "y", "z"};
 static const char *const state_names[] = {"idle", "recording", "flip", "done"};
@@ -84,6 +85,8 @@ static void tell_status(gc_device_t *d) {
     gc_sentence_uint(s, "lost", d->lost);
     gc_sentence_uint(s, "stale", d->stale);
     gc_sentence_uint(s, "resets", d->resets);
+    gc_sentence_uint(s, "missed", d->missed);
+    gc_sentence_uint(s, "overruns", d->overruns);
     gc_sentence_real(s, "misfit", d->misfit);
     finish(d);
 }
@@ -114,6 +117,7 @@ static void tell_run(gc_device_t *d, const gc_run_t *run, bool ended) {
         gc_sentence_real(s, "duration_s", run->n == 0u ? NAN : 1e-6 * (double)(run->last_us - run->first_us));
         gc_sentence_real(s, "temp_c", temp_c(run->temp_sum, run->n));
         gc_sentence_uint(s, "clipped", run->clipped);
+        gc_sentence_uint(s, "missed", run->missed);
     }
     finish(d);
 }
@@ -204,12 +208,17 @@ static void show_led(gc_device_t *d) {
 
 static void set_up_sensor(gc_device_t *d) {
     const double odr_hz = gc_lsm6dso_odr_for(d->settings.rate_hz);
-    const int error = gc_lsm6dso_init(&d->sensor, d->config.port, d->config.address, odr_hz, d->settings.full_scale_dps);
+    int error = gc_lsm6dso_init(&d->sensor, d->config.port, d->config.address, odr_hz, d->settings.full_scale_dps);
+    if (error == GC_OK && d->settings.fifo > 0.0) {
+        error = gc_lsm6dso_fifo_begin(&d->sensor, (unsigned)d->settings.fifo);
+    }
     const uint64_t now = now_us(d);
     d->sensor_ready = error == GC_OK;
     d->sensor_error = GC_OK;
     d->good_us = now;
     d->epoch_us = now;
+    d->tick = 0;
+    d->fifo_known = false;
     d->retry_us = now + RETRY_US;
     if (error != GC_OK) {
         tell_error(d, error);
@@ -217,7 +226,7 @@ static void set_up_sensor(gc_device_t *d) {
 }
 
 /* What survives power-off. */
-#define SETTINGS_VERSION 2u
+#define SETTINGS_VERSION 3u
 #define RESULTS_VERSION 1u
 #define WINDOWS_VERSION 1u
 
@@ -318,6 +327,11 @@ static int run_next_window(gc_device_t *d) {
     return error;
 }
 
+/* A sample is missing among the run's first n. */
+static bool is_broken(const gc_device_t *d, unsigned slot, uint32_t n) {
+    return d->run[slot].missed > 0u && d->windows.run[slot].n < n;
+}
+
 /* The network's answers that are due: those whose baseline is there and whose windows are full in both runs. */
 static void answer_by_cnn(gc_device_t *d) {
     const gc_run_t *up = &d->run[GC_SLOT_POSITIVE];
@@ -338,6 +352,8 @@ static void answer_by_cnn(gc_device_t *d) {
             }
             if (windows * window > GC_MAX_CNN_SAMPLES) {
                 error = GC_E_NET_WINDOW;
+            } else if (is_broken(d, GC_SLOT_POSITIVE, windows * window) || is_broken(d, GC_SLOT_NEGATIVE, windows * window)) {
+                error = GC_E_NET_GAP;
             } else if (up->n < windows * window || down->n < windows * window) {
                 return;
             }
@@ -507,6 +523,11 @@ static void watch_clipping(gc_device_t *d, gc_run_t *run, int16_t count) {
     }
 }
 
+static uint32_t missed_between(const gc_device_t *d, uint64_t before_us, uint64_t t_us) {
+    const double periods = 1e-6 * ((double)(t_us - before_us) * d->settings.rate_hz);
+    return periods > GC_GAP_PERIODS ? (uint32_t)(periods + 0.5) - 1u : 0u;
+}
+
 static void add_to_run(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample) {
     gc_run_t *run = &d->run[d->slot];
     const int axis = run->settings.axis;
@@ -525,6 +546,7 @@ static void add_to_run(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample)
         }
         run->turn += ((int64_t)run->last[axis] + count) * (int64_t)(t_us - run->last_us);
         run->changes += count != run->last[axis] ? 1u : 0u;
+        run->missed += missed_between(d, run->last_us, t_us);
     }
     for (size_t i = 0; i < 3u; i++) {
         run->sum[i] += sample->gyro[i];
@@ -540,7 +562,7 @@ static void add_to_run(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample)
     gc_baseline_add(&run->baseline, t_us, count);
     if (d->slot != GC_SLOT_OTHER) {
         gc_window_t *window = &d->windows.run[d->slot];
-        if (window->n < GC_MAX_CNN_SAMPLES) {
+        if (window->n < GC_MAX_CNN_SAMPLES && run->missed == 0u) {
             window->counts[window->n++] = count;
         }
         if (d->model && run->baseline.checkpoints < GC_CHECKPOINTS) {
@@ -664,6 +686,79 @@ static void watch_table(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample
     }
 }
 
+/* ---- samples ---- */
+
+static void take_sample(gc_device_t *d, uint64_t t_us, const gc_sample_t *sample) {
+    d->missed += d->sample_us > 0u ? missed_between(d, d->sample_us, t_us) : 0u;
+    d->sample_us = t_us;
+    if (d->stream == GC_STREAM_RAW) {
+        tell_raw(d, t_us, sample);
+    } else if (d->stream == GC_STREAM_CORRECTED) {
+        tell_corrected(d, t_us, sample);
+    } else if (d->stream == GC_STREAM_TELEPLOT) {
+        tell_teleplot(d, sample);
+    }
+    if (d->recording) {
+        add_to_run(d, t_us, sample);
+    }
+    d->samples++;
+    watch_table(d, t_us, sample);
+    show_led(d);
+}
+
+/* A reading that ended so: told once an episode, and the sensor set up again when it must be. */
+static void judge_reading(gc_device_t *d, uint64_t t_us, int error) {
+    if (error == GC_OK || error == GC_E_FIFO_OVERRUN) {
+        d->good_us = t_us;
+    }
+    if (error != GC_OK && error != d->sensor_error) {
+        tell_error(d, error);
+    }
+    d->sensor_error = error;
+    d->stale += error == GC_E_STALE ? 1u : 0u;
+    if (error == GC_E_CONFIG_LOST || t_us - d->good_us > GIVE_UP_US) {
+        set_up_sensor(d);
+        d->resets++;
+    }
+}
+
+/* The newest sample was taken within a period before the reading; those since the newest of the last reading lie evenly. */
+static void take_batch(gc_device_t *d) {
+    const gc_lsm6dso_batch_t *batch = &d->batch;
+    const double period_us = d->sensor.period_us;
+    const double latest_us = (double)batch->t_us - period_us * batch->left;
+    double newest_us = latest_us - 0.5 * period_us;
+    double step_us = period_us;
+    if (d->fifo_known) {
+        newest_us = fmin(fmax(d->fifo_us + period_us * batch->n, latest_us - period_us), latest_us);
+        step_us = (newest_us - d->fifo_us) / batch->n;
+    }
+    for (unsigned i = 0; i < batch->n; i++) {
+        take_sample(d, (uint64_t)(newest_us - step_us * (batch->n - 1u - i) + 0.5), &batch->sample[i]);
+    }
+    d->fifo_us = newest_us;
+    d->fifo_known = true;
+}
+
+static void empty_fifo(gc_device_t *d) {
+    if (!d->sensor_ready || d->settings.fifo == 0.0) {
+        return;
+    }
+    int error;
+    do {
+        error = gc_lsm6dso_fifo_read(&d->sensor, &d->batch);
+        d->fifo_known = d->fifo_known && !d->batch.gap;
+        if (d->batch.n > 0u) {
+            take_batch(d);
+        }
+        if (d->batch.overrun) {
+            d->overruns++;
+            error = error == GC_OK ? GC_E_FIFO_OVERRUN : error;
+        }
+        judge_reading(d, d->batch.t_us, error);
+    } while (d->batch.left > 0u && (error == GC_OK || error == GC_E_FIFO_OVERRUN));
+}
+
 /* ---- commands ---- */
 
 typedef struct {
@@ -694,6 +789,7 @@ static int do_start(gc_device_t *d, const gc_words_t *words) {
     if (!up && !is(words, 1, "down")) {
         return GC_E_ARGUMENT;
     }
+    empty_fifo(d); /* what it holds was before */
     if (d->recording) {
         return GC_E_RECORDING;
     }
@@ -707,6 +803,7 @@ static int do_start(gc_device_t *d, const gc_words_t *words) {
 
 static int do_stop(gc_device_t *d, const gc_words_t *words) {
     (void)words;
+    empty_fifo(d);
     if (!d->recording) {
         return GC_E_NO_RUN;
     }
@@ -791,13 +888,18 @@ static bool keep_settings(gc_device_t *d) {
 static bool settings_ok(const gc_settings_t *s) {
     return gc_lsm6dso_odr_for(s->rate_hz) > 0.0 && s->rate_hz >= 1.0 && gc_lsm6dso_full_scale_ok(s->full_scale_dps) &&
            !(fabs(s->table_dps) > 2000.0) && fabs(s->turn_deg) <= 1e6 && s->axis >= 0 && s->axis < 3 &&
-           (s->automatic == 0 || s->automatic == 1);
+           (s->automatic == 0 || s->automatic == 1) && s->fifo >= 0.0 && s->fifo <= GC_LSM6DSO_FIFO_BATCH_MAX &&
+           s->fifo <= FIFO_LONGEST_S * s->rate_hz && s->fifo == floor(s->fifo);
+}
+
+static bool fifo_ok(const gc_settings_t *s) {
+    return s->fifo == 0.0 || gc_lsm6dso_odr_for(s->rate_hz) == s->rate_hz;
 }
 
 static void recall_settings(gc_device_t *d) {
     gc_kept_settings_t *kept = &d->kept_settings;
     if (gc_store_load(d->config.port, "settings", SETTINGS_VERSION, &kept->record, sizeof *kept) == GC_OK &&
-        settings_ok(&kept->settings)) {
+        settings_ok(&kept->settings) && fifo_ok(&kept->settings)) {
         d->settings = kept->settings;
     }
 }
@@ -807,7 +909,11 @@ static int change_settings(gc_device_t *d, const gc_settings_t *settings, const 
     if (!settings_ok(settings)) {
         return GC_E_ARGUMENT;
     }
-    const bool sensor = settings->rate_hz != d->settings.rate_hz || settings->full_scale_dps != d->settings.full_scale_dps;
+    if (!fifo_ok(settings)) {
+        return GC_E_FIFO_RATE;
+    }
+    const bool sensor = settings->rate_hz != d->settings.rate_hz || settings->full_scale_dps != d->settings.full_scale_dps ||
+                        settings->fifo != d->settings.fifo;
     d->settings = *settings;
     tell_ack(d, command);
     if (!keep_settings(d)) {
@@ -815,6 +921,7 @@ static int change_settings(gc_device_t *d, const gc_settings_t *settings, const 
     }
     if (sensor) {
         set_up_sensor(d);
+        d->sample_us = 0;
     }
     return GC_OK;
 }
@@ -838,6 +945,9 @@ static double *real_setting(gc_settings_t *settings, const gc_words_t *words) {
     }
     if (is(words, 1, "table_dps")) {
         return &settings->table_dps;
+    }
+    if (is(words, 1, "fifo")) {
+        return &settings->fifo;
     }
     return is(words, 1, "turn_deg") ? &settings->turn_deg : NULL;
 }
@@ -869,7 +979,7 @@ static int do_set(gc_device_t *d, const gc_words_t *words) {
 }
 
 static int do_get(gc_device_t *d, const gc_words_t *words) {
-    static const char *const names[] = {"rate_hz", "full_scale_dps", "table_dps", "turn_deg"};
+    static const char *const names[] = {"rate_hz", "full_scale_dps", "table_dps", "turn_deg", "fifo"};
     const double *real = real_setting(&d->settings, words);
     if (words->n != 2u || (real == NULL && !is(words, 1, "axis"))) {
         return GC_E_ARGUMENT;
@@ -979,9 +1089,10 @@ static uint64_t wait_for_sample(gc_device_t *d) {
     const gc_port_t *port = d->config.port;
     void (*const wait)(void *, uint64_t) = port->wait_sample_us != NULL ? port->wait_sample_us : port->wait_until_us;
     const double period_us = 1e6 / d->settings.rate_hz;
-    if (d->settings.rate_hz != d->sensor.odr_hz) {
-        const double ticks = floor((double)(now_us(d) - d->epoch_us + 1u) / period_us) + 1.0;
-        wait(port->context, d->epoch_us + (uint64_t)(ticks * period_us + 0.5));
+    if (d->settings.rate_hz != d->sensor.odr_hz) { /* a tick that is over is made up for at once, of several the last */
+        const uint64_t over = (uint64_t)((double)(now_us(d) - d->epoch_us) / period_us);
+        d->tick = over > d->tick ? over : d->tick + 1u;
+        wait(port->context, d->epoch_us + (uint64_t)((double)d->tick * period_us + 0.5));
         return now_us(d);
     }
     const uint64_t start = now_us(d);
@@ -1000,6 +1111,18 @@ static uint64_t wait_for_sample(gc_device_t *d) {
     }
 }
 
+/* Until the FIFO holds a batch. */
+static void wait_for_batch(gc_device_t *d) {
+    const gc_port_t *port = d->config.port;
+    void (*const wait)(void *, uint64_t) = port->wait_sample_us != NULL ? port->wait_sample_us : port->wait_until_us;
+    const double batch_us = d->settings.fifo * d->sensor.period_us;
+    if (port->wait_ready_us != NULL) {
+        port->wait_ready_us(port->context, now_us(d) + (uint64_t)(1.5 * batch_us));
+    } else {
+        wait(port->context, d->batch.t_us + (uint64_t)batch_us);
+    }
+}
+
 void gc_device_step(gc_device_t *d) {
     const gc_port_t *port = d->config.port;
     go_on_with_dump(d);
@@ -1011,38 +1134,21 @@ void gc_device_step(gc_device_t *d) {
         }
         return;
     }
+    if (d->settings.fifo > 0.0) {
+        wait_for_batch(d);
+        empty_fifo(d);
+        return;
+    }
     const uint64_t t_us = wait_for_sample(d);
     gc_sample_t sample;
     const int error = gc_lsm6dso_read(&d->sensor, &sample);
+    judge_reading(d, t_us, error);
     if (error != GC_OK) {
-        if (error != d->sensor_error) {
-            tell_error(d, error);
-            d->sensor_error = error;
-        }
-        d->stale += error == GC_E_STALE ? 1u : 0u;
-        if (error == GC_E_CONFIG_LOST || t_us - d->good_us > GIVE_UP_US) {
-            set_up_sensor(d);
-            d->resets++;
-        }
         return;
     }
-    d->good_us = t_us;
-    d->sensor_error = GC_OK;
     if (!sample.fresh) { /* a reading that was there before says nothing new */
         d->stale++;
         return;
     }
-    if (d->stream == GC_STREAM_RAW) {
-        tell_raw(d, t_us, &sample);
-    } else if (d->stream == GC_STREAM_CORRECTED) {
-        tell_corrected(d, t_us, &sample);
-    } else if (d->stream == GC_STREAM_TELEPLOT) {
-        tell_teleplot(d, &sample);
-    }
-    if (d->recording) {
-        add_to_run(d, t_us, &sample);
-    }
-    d->samples++;
-    watch_table(d, t_us, &sample);
-    show_led(d);
+    take_sample(d, t_us, &sample);
 }

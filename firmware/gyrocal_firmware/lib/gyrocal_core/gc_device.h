@@ -35,6 +35,7 @@ extern "C" {
 #define GC_MAX_CNN_SCRATCH 1024 /* floats */
 #endif
 
+#define GC_GAP_PERIODS 1.5 /* two samples that are further apart have lost one between them */
 #define GC_MISFIT_LIMIT 1.5 /* above it the LED says so: 5 standard deviations of an adequate 6 s */
 
 typedef struct {
@@ -50,6 +51,7 @@ typedef struct {
     double full_scale_dps;
     double table_dps; /* NaN = unknown */
     double turn_deg;  /* 0 = none */
+    double fifo;      /* samples taken at once out of the sensor's FIFO; 0 = each as it comes */
     int32_t axis;     /* 0 x, 1 y, 2 z */
     int32_t automatic;
 } gc_settings_t;
@@ -82,6 +84,7 @@ typedef struct {
     int64_t temp_sum;
     int64_t turn;      /* trapezoid of the axis, 2 counts x microseconds */
     uint32_t clipped;
+    uint32_t missed; /* samples that never came, by the time between those that did */
     uint16_t bits_or, bits_and; /* of the axis: a bit that never changes */
     int16_t min, max;
     uint32_t changes;
@@ -116,9 +119,15 @@ typedef struct {
     uint64_t good_us;  /* last time that a sample came */
     uint64_t retry_us;
     uint64_t epoch_us; /* ticks of the sample timer are counted from here */
+    uint64_t tick;     /* the last that was sampled */
     uint64_t samples;  /* since boot */
+    uint64_t sample_us; /* of the last one; 0 = none at these settings */
 
-    uint32_t seq, lost, stale, resets;
+    gc_lsm6dso_batch_t batch;
+    bool fifo_known;   /* when its last sample was taken, and that none is missing since: */
+    double fifo_us;
+
+    uint32_t seq, lost, stale, resets, missed, overruns;
     double misfit;
     gc_stream_t stream;
     gc_led_t led;

@@ -19,12 +19,15 @@ extern "C" {
     X(GC_E_CLIPPED, -9, "clipped", "the rate reached full scale: set full_scale_dps higher")                             \
     X(GC_E_NOT_ONE_G, -10, "not_one_g", "at rest the accelerometer is far from 1 g: is it a DSO32 or moving")            \
     X(GC_E_NOT_READY, -11, "not_ready", "the sensor is not set up yet: see the error before")                            \
+    X(GC_E_FIFO_OVERRUN, -12, "fifo_overrun", "the FIFO was full and samples are lost: lower rate_hz or fifo")                \
+    X(GC_E_FIFO_TAG, -13, "fifo_tag", "the FIFO's words came damaged: shorten the cable or slow the bus")                \
     X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                          \
     X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                  \
     X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
     X(GC_E_RECORDING, -23, "recording", "a run is going on: send stop first")                                            \
     X(GC_E_NO_RUN, -24, "no_run", "no run is going on: send start first")                                                \
     X(GC_E_STORE, -25, "store_failed", "it holds until power-off: the board could not keep it")                 \
+    X(GC_E_FIFO_RATE, -26, "fifo_rate", "the FIFO keeps the sensor's own time: set rate_hz 104 or 208 or 416; or fifo 0")    \
     X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps, face and axis")       \
     X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                              \
     X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                 \
@@ -39,6 +42,7 @@ extern "C" {
     X(GC_E_NET_WINDOW, -52, "net_window", "the network's window does not fit this firmware: export again")               \
     X(GC_E_NET_MEMORY, -53, "net_memory", "the network needs more memory than this firmware has: export a smaller one")  \
     X(GC_E_NET_INPUT, -54, "net_input", "the network was given a reading that is no number: report this")                \
+    X(GC_E_NET_GAP, -55, "net_gap", "samples are missing in a window of the network: see missed in status; run again")    \
     X(GC_E_WIRE_START, -60, "wire_start", "the line is no sentence: it must start with a dollar sign")                   \
     X(GC_E_WIRE_CRC, -61, "wire_crc", "the sentence was damaged on its way: check cable and speed")                      \
     X(GC_E_WIRE_SYNTAX, -62, "wire_syntax", "the sentence is malformed: update firmware and host to one version")        \
