@@ -82,11 +82,14 @@ class Answer:
     misfit: float | None
 
 
-def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -> Calibration:
+def calibration_of(
+    model: Model, axis: str, white_sd_dps: float | None = None, *, alternatives: int | None = None
+) -> Calibration:  # fmt: skip
     """The priors that a fitted model gives for its axis.
 
     The spread of a random effect over the campaign is the prior's; to it add the standard errors of mean and spread. A model
-    that has not been fitted, or on too few power cycles to know their spread, leaves scale and bias flat.
+    that has not been fitted, or on too few power cycles to know their spread, leaves scale and bias flat. ``alternatives``
+    values stand for a nonlinear parameter that differs from run to run, by default as many as the device has room for.
     """
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
@@ -120,17 +123,17 @@ def calibration_of(model: Model, axis: str, white_sd_dps: float | None = None) -
             spread_terms.append((term, columns[0]))
             continue
         (run_columns if kind.scope == "run" else shared_columns).extend(columns)
-    alternatives: list[Column] = []
+    each: list[Column] = []
     for term, column in spread_terms:
-        room = min(MOST_ALTERNATIVES, MAX_COLUMNS - len(run_columns) - len(shared_columns))
-        alternatives = [replace(column, values=v) for v in alternative_values(term, max(2, room))]
+        count = alternatives or max(2, min(MOST_ALTERNATIVES, MAX_COLUMNS - len(run_columns) - len(shared_columns)))
+        each = [replace(column, values=v) for v in alternative_values(term, count)]
     white = model.white_sd_dps.get(axis, white_sd_dps)
     if white is None or white <= 0:
         raise InputError(f"model {model.name}: no white noise level for {axis}; fit it with `gyrocal add` or give white_sd_dps")
     noise = Noise(white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0))
     return Calibration(
-        model.name, axis, (*run_columns, *alternatives), tuple(shared_columns), priors["bias"], priors["scale"], noise,
-        len(alternatives),
+        model.name, axis, (*run_columns, *each), tuple(shared_columns), priors["bias"], priors["scale"], noise,
+        len(each),
     )  # fmt: skip
 
 

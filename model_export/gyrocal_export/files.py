@@ -1,11 +1,14 @@
-"""Several files written all or none."""
+"""Several files written all or none; and what run folders share."""
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from gyrocal.errors import GyrocalError
 
@@ -28,3 +31,13 @@ def write_all(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
             f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
         ) from error
     return [folder / name for name in contents]
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2) + "\n")
+
+
+def two_digits_up(value: float) -> float:
+    """The next number of two digits: a range that is stated need not be exact."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return round(math.ceil(value / step) * step, 9)

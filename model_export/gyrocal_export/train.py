@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import platform
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from torch import Tensor
 from gyrocal import __version__
 from gyrocal.errors import InputError
 from gyrocal_export.data import Windows, recorded, simulated, split
+from gyrocal_export.files import two_digits_up, write_json
 from gyrocal_export.nets.paper import PaperNet, Shape, loss
 
 
@@ -72,10 +72,10 @@ def train(config: Config, out: Path, report: Callable[[int, float, float], None]
         )
         epoch_data = lambda epoch: simulated(config.scenarios, seeds[2 + epoch], window)  # noqa: E731
     sd = fixed.label.std(0, correction=0).clamp(min=1e-6)
-    net = PaperNet(config.shape, _two_digits_up(fixed.largest_dps()), fixed.label.mean(0), sd)
+    net = PaperNet(config.shape, two_digits_up(fixed.largest_dps()), fixed.label.mean(0), sd)
 
     out.mkdir(parents=True)
-    _write_json(out / "config.json", asdict(config))
+    write_json(out / "config.json", asdict(config))
     optimiser = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     steps = config.epochs * math.ceil(fixed.up.shape[0] * fixed.up.shape[1] / config.batch)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.learning_rate, total_steps=steps)
@@ -97,8 +97,8 @@ def train(config: Config, out: Path, report: Callable[[int, float, float], None]
                 break
     net, _ = load(out)
     metrics = {"best_epoch": best_epoch, "validation_loss": best, **evaluate(net, fixed, validation)}
-    _write_json(out / "metrics.json", metrics)
-    _write_json(out / "made_by.json", made_by(config, out, fixed, validation, metrics))
+    write_json(out / "metrics.json", metrics)
+    write_json(out / "made_by.json", made_by(config, out, fixed, validation, metrics))
     return metrics
 
 
@@ -192,11 +192,3 @@ def load(run: Path) -> tuple[PaperNet, dict[str, str]]:
         raise InputError(f"{path}: not a checkpoint of network paper ({reason}); train it again") from error
     return net.eval(), checkpoint["metadata"]
 
-
-def _two_digits_up(value: float) -> float:
-    step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return round(math.ceil(value / step) * step, 9)
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=2) + "\n")
