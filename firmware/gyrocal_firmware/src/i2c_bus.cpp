@@ -3,7 +3,7 @@
 #include <Arduino.h>
 
 #define CLOCK_HZ 400000u
-#define TIMEOUT_MS 5        /* a burst of 14 bytes takes 0.4 */
+#define TIMEOUT_MS 10 /* a sample takes 0.4, a burst of the FIFO, 112 bytes, 2.6 */
 #define RECOVER_EVERY_MS 100u
 #define HALF_CLOCK_US 5u
 
