@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal import heldout, report
+from gyrocal import firmware_project, heldout, report
 from gyrocal.allan import allan_deviation, model_deviation
 from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Session, compare, diagnose, simulate
 from gyrocal.api import add as add_effect
@@ -19,12 +19,16 @@ from gyrocal.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
 from gyrocal.effects import base
 from gyrocal.model import BASE, RANDOM
 from gyrocal.session import AXES, Array, Run
+from gyrocal.verify import verify
 from gyrocal.web.decimate import Pyramid, thinned
+from gyrocal.web.report import page
 from gyrocal.web.views import (
+    Bar,
     CalibrationView,
     Card,
     Curve,
     DiagnosisView,
+    ExportView,
     ModelView,
     RunView,
     SessionView,
@@ -125,6 +129,29 @@ class Bench:
             by_method[name] = calibrate(session, spans, ["model"], self._model(toml))
         errors = {name: _errors(found, whole) for name, found in by_method.items() if found}
         return CalibrationView(_estimates(answers), errors)
+
+    def export(self, folder: Path, model: str, axis: str, progress: Progress) -> ExportView:
+        """A firmware project with the model's header, the model beside it; the C network held against onnxruntime."""
+        progress("writing headers")
+        opened = self._model(model)
+        path = self._room() / "model.toml"
+        opened.save(path)
+        firmware_project.create(folder, str(path), axis=axis)
+        shutil.copyfile(path, folder / "model.toml")
+        progress("comparing the C network with onnxruntime")
+        effects = [i for i in opened.ids if i not in BASE and i not in RANDOM]
+        return ExportView(folder, effects, verify())
+
+    def report(
+        self, folder: Path, source: str, toml: str, remark: str, bars: Sequence[Bar], floor_mdps: float,
+        diagnosis: DiagnosisView | None, calibration: CalibrationView | None, progress: Progress,
+    ) -> str:  # fmt: skip
+        """Everything on the screen as one HTML file."""
+        session, found = self._opened(folder), self._compared
+        if found is None or found.fit.model.toml() != toml:
+            found = compare(session, self._model(source), progress=progress)
+        progress("drawing")
+        return page(folder.name, found, remark, bars, floor_mdps, diagnosis, calibration)
 
     # What these share.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gyrocal.web.state import Bar
+    from gyrocal.web.views import Bar
 
 Options = dict[str, Any]
 Points = Sequence[Any]
@@ -97,34 +97,51 @@ def marks(p: Palette, data: Sequence[Options], colour: str, kind: str = "dotted"
     return {"silent": True, "symbol": "none", "animation": False, "lineStyle": style, "data": list(data)}
 
 
-def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
-    """Excess error step by step down to the floor (zero); the last bar is what is left."""
-    blocks = [(bars[0].label, 0.0, bars[0].after, p.bad, f"{bars[0].after:.2f}")]
+@dataclass(frozen=True)
+class Block:
+    """One bar of the waterfall as it is drawn, from ``low`` to ``high``."""
+
+    label: str
+    low: float
+    high: float
+    colour: str
+    text: str
+
+
+def blocks(p: Palette, bars: Sequence[Bar]) -> list[Block]:
+    """The first model's excess, what each step takes from it, and what is left."""
+    if not bars:
+        return []
+    out = [Block(bars[0].label, 0.0, bars[0].after, p.bad, f"{bars[0].after:.2f}")]
     for b in bars[1:]:
         low, high = sorted((b.before, b.after))
         colour = p.good if b.after <= b.before else p.bad
-        blocks.append((b.label, low, high - low, colour, f"{b.after - b.before:+.2f}".replace("-", "−")))
+        out.append(Block(b.label, low, high, colour, f"{b.after - b.before:+.2f}".replace("-", "−")))
     if len(bars) > 1:
-        blocks.append(("left over", 0.0, bars[-1].after, p.axes["z"], f"{bars[-1].after:.2f}"))
-    top = max(low + height for _, low, height, _, _ in blocks)
-    wrapped = {"color": p.ink, "interval": 0, "width": max(64, 420 // len(blocks)), "overflow": "break"}
+        out.append(Block("left over", 0.0, bars[-1].after, p.axes["z"], f"{bars[-1].after:.2f}"))
+    return out
+
+
+def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
+    """Excess error step by step down to the floor (zero); the last bar is what is left."""
+    drawn = blocks(p, bars)
+    wrapped = {"color": p.ink, "interval": 0, "width": max(64, 420 // len(drawn)), "overflow": "break"}
     shown = [
         {
-            "value": height,
-            "itemStyle": {"color": colour, "borderRadius": 3},
-            "label": {"show": True, "position": "top", "color": p.ink, "fontWeight": "bold", "formatter": text},
+            "value": b.high - b.low,
+            "itemStyle": {"color": b.colour, "borderRadius": 3},
+            "label": {"show": True, "position": "top", "color": p.ink, "fontWeight": "bold", "formatter": b.text},
         }
-        for _, _, height, colour, text in blocks
+        for b in drawn
     ]
-    names = [name for name, *_ in blocks]
     return base(
         p,
         animation=True, animationDuration=700, animationEasing="cubicOut",
         grid=grid(left=54, right=16, top=18, bottom=40),
-        xAxis=axis(p, kind="category", data=names, axisTick={"show": False}, label=wrapped),
-        yAxis=axis(p, "excess error, mdps", nameGap=38, scale=False, min=0, max=_above(top)),
+        xAxis=axis(p, kind="category", data=[b.label for b in drawn], axisTick={"show": False}, label=wrapped),
+        yAxis=axis(p, "excess error, mdps", nameGap=38, scale=False, min=0, max=_above(max(b.high for b in drawn))),
         series=[
-            {"type": "bar", "stack": "s", "silent": True, "data": [low for _, low, *_ in blocks],
+            {"type": "bar", "stack": "s", "silent": True, "data": [b.low for b in drawn],
              "itemStyle": {"color": "transparent"}, "animation": False},
             {"type": "bar", "stack": "s", "barMaxWidth": 74, ":animationDelay": "(i) => i * 450", "data": shown},
         ],

@@ -96,8 +96,15 @@ class Live:
         return bool(self.status.get("connected"))
 
     @property
-    def simulated(self) -> bool:
-        return self._simulated is not None
+    def ended(self) -> bool:
+        """Whether a simulated device has played its recording to the end."""
+        return self._simulated is not None and self._simulated.poll() is not None
+
+    def ports(self) -> list[str]:
+        """Devices that are plugged in, and what the command line named."""
+        from serial.tools.list_ports import comports
+
+        return list(dict.fromkeys([*sorted(self.trusted), *(p.device for p in comports() if p.hwid != "n/a")]))
 
     def check(self, name: str) -> None:
         """InputError where the page may not open a port of that name."""
@@ -167,7 +174,7 @@ class Live:
                 self._page.send(words)
 
     def _hear(self, page: Connection, loop: asyncio.AbstractEventLoop) -> None:
-        with contextlib.suppress(EOFError, OSError, RuntimeError):
+        with contextlib.suppress(EOFError, OSError, RuntimeError, TypeError):  # TypeError: closed while it waits
             while True:
                 news: News = page.recv()
                 if page is not self._page:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from nicegui import Event, ui
 
 from gyrocal.web import charts
-from gyrocal.web.panels import compare, diagnose, start
+from gyrocal.web.panels import calibrate, compare, diagnose, live, start
 from gyrocal.web.state import Topic, Workbench
 
 PANELS: dict[str, tuple[str, Callable[[Tab], Callable[[Topic], None]]]] = {}
@@ -117,8 +117,10 @@ MARK = (
 )
 
 PANELS.update({
+    "live": ("Live", live.show),
     "compare": ("Compare", compare.show),
     "diagnose": ("Diagnose", diagnose.show),
+        "calibrate": ("Calibrate & export", calibrate.show),
 })  # fmt: skip
 
 

@@ -17,9 +17,9 @@ from gyrocal.web.decimate import Pyramid
 from gyrocal.web.jobs import Cancelled, Jobs
 from gyrocal.web.live import Live
 from gyrocal.web.places import Places
-from gyrocal.web.views import CalibrationView, DiagnosisView, ModelView, SessionView
+from gyrocal.web.views import Bar, CalibrationView, DiagnosisView, ExportView, ModelView, SessionView
 
-Topic = Literal["session", "model", "diagnosis", "calibration", "job", "device", "message"]
+Topic = Literal["session", "model", "diagnosis", "calibration", "export", "job", "device", "message"]
 
 START = "default"
 
@@ -34,15 +34,6 @@ class Step:
     effect: str = ""
     title: str = "eq. (4)"
     removed: bool = False
-
-
-@dataclass(frozen=True)
-class Bar:
-    """One step of the waterfall, mdps of excess over the floor of the richest model so far."""
-
-    label: str
-    before: float
-    after: float
 
 
 class Traces:
@@ -78,7 +69,11 @@ class Workbench:
         self.steps: list[Step] = []
         self.undone: list[Step] = []
         self.diagnosis: DiagnosisView | None = None
+        """Of the model as it is."""
+        self.diagnosed: DiagnosisView | None = None
+        """The last one made, for the report."""
         self.calibration: CalibrationView | None = None
+        self.exported: ExportView | None = None
         self.before: dict[str, Any] | None = None
         """`before` of `gyrocal add --json` for the latest step."""
 
@@ -127,6 +122,7 @@ class Workbench:
                 self.diagnosis = await self.jobs.run(
                     "Looking for what is missing", "diagnose", self.session.path, self.step.source
                 )
+                self.diagnosed = self.diagnosis
                 self.changed("diagnosis")
 
     async def add(self, effect: str, title: str) -> None:
@@ -144,6 +140,25 @@ class Workbench:
                 return
             view = await self.jobs.run(f"Removing {title.lower()}", "without", self.session.path, self.step.source, effect)
             await self._take(Step(view.toml, view, effect, title, removed=True))
+
+    async def export(self, name: str, axis: str) -> None:
+        """The firmware as a project with this model's header, and the C network checked against onnxruntime."""
+        with self._telling():
+            if self.session is not None and self.step is not None:
+                folder = self.places.new(name)
+                self.exported = await self.jobs.run("Writing the firmware project", "export", folder, self.step.view.toml, axis)
+                self.changed("export")
+
+    async def report(self) -> str | None:
+        """Everything on the screen as one HTML file; None where it failed."""
+        with self._telling():
+            if self.session is not None and self.step is not None:
+                text: str = await self.jobs.run(
+                    "Writing the report", "report", self.session.path, self.step.source, self.step.view.toml,
+                    self.step.view.remark, self.waterfall(), self.floor_mdps(), self.diagnosed, self.calibration,
+                )  # fmt: skip
+                return text
+        return None
 
     async def undo(self) -> None:
         if len(self.steps) > 1:
@@ -175,7 +190,8 @@ class Workbench:
     # How it comes about.
 
     def _forget(self) -> None:
-        self.session = self.traces = self.diagnosis = self.calibration = self.before = None
+        self.session = self.traces = self.diagnosis = self.diagnosed = None
+        self.calibration = self.before = self.exported = None
         self.steps, self.undone = [], []
         self.changed("session")
 
@@ -195,7 +211,7 @@ class Workbench:
         assert self.traces is not None
         step = self.steps[-1]
         self.traces.take(step.view)
-        self.diagnosis = self.calibration = None
+        self.diagnosis = self.calibration = self.exported = None
         self.changed("model")
         models = {"model at first": self.steps[0].view.toml}
         if len(self.steps) > 1:

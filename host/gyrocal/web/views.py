@@ -106,3 +106,21 @@ class CalibrationView:
     errors: dict[str, dict[float, tuple[float, float]]]
     """{method: {seconds: (scale, bias_dps)}}: mean absolute difference over the power cycles."""
     note: str = ""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One step of the waterfall, mdps of excess over the floor of the richest model so far."""
+
+    label: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class ExportView:
+    """What was written for the device. ``parity``: C against onnxruntime, as `gyrocal verify --json` says it."""
+
+    folder: Path
+    effects: list[str]
+    parity: dict[str, Any]

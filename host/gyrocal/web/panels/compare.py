@@ -153,7 +153,7 @@ class ComparePanel:
             ui.space()
             runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
             select = ui.select(runs, multiple=True, value=self.chosen, label="all recordings", on_change=self._runs_chosen)
-            select.props("outlined dense options-dense clearable").style("width: 160px").mark("runs")
+            select.props("outlined dense options-dense clearable").style("width: 140px").mark("runs")
 
     def _chip(self, text: str, on: bool, pressed: Callable[[], None]) -> ui.button:
         button = ui.button(text, on_click=pressed, color=None).classes(f"chip {'on' if on else ''}")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import html
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from gyrocal.output import plus_minus
 from gyrocal.web import charts
+from gyrocal.web.report import evidence
 from gyrocal.web.state import Topic
 from gyrocal.web.views import Card, DiagnosisView
 
@@ -64,17 +64,25 @@ class DiagnosePanel:
     def _invite(self) -> None:
         assert self.bench.step is not None
         fits = self.bench.step.view.compared["verdict"] == "adequate"
-        with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}"), ui.element("div"):
+        bars = self.bench.waterfall()
+        with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}").style("flex: none"), ui.element("div"):
             ui.label("The model fits: what is left over is noise." if fits else "The model does not fit yet.").classes(
                 "big"
             ).mark("verdict")
+            if len(bars) > 1:
+                ui.label(f"The excess error went from {bars[0].after:.2f} to {bars[-1].after:.2f} mdps.").mark("fell")
             if self.bench.step.view.remark:
                 ui.label(self.bench.step.view.remark).classes("dim")
-            text = "Look all the same" if fits else "Find what is missing"
             with ui.row().style("margin-top: 8px"):
-                ui.button(text, icon="search", on_click=self.bench.diagnose, color=None).props(
-                    "unelevated no-caps" if not fits else "flat no-caps"
-                ).classes("" if fits else "primary").mark("find")
+                look = ui.button(
+                    "Look again" if fits else "Find what is missing", icon="search", on_click=self.bench.diagnose, color=None
+                )
+                look.props("flat no-caps" if fits else "unelevated no-caps").classes("" if fits else "primary").mark("find")
+                if fits:
+                    onward = ui.button(
+                        "Take it to the device", icon="memory", on_click=lambda: self.tab.go("calibrate"), color=None
+                    )
+                    onward.props("unelevated no-caps").classes("primary").mark("onward")
 
     def _sentence(self, found: DiagnosisView) -> None:
         tone = {"adequate": "good"}.get(found.verdict, "bad")
@@ -107,7 +115,7 @@ class DiagnosePanel:
                             else card.signature.title
                         ).classes("dim small").style("max-width: 220px; font-size: 11px")
             with ui.element("dl").classes("evidence").style("margin: 0"):
-                for name, text in _evidence(card):
+                for name, text in evidence(card):
                     ui.html(f"<dt>{html.escape(name)}</dt>", sanitize=False)
                     ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
             with ui.row().classes("tight"):
@@ -231,28 +239,6 @@ class DiagnosePanel:
                 ui.echart(charts.calibration(self.tab.palette, found.errors)).classes("chart grow").props(
                     'role="img" aria-label="calibration error against seconds"'
                 ).mark("calibration-chart")
-
-
-def _evidence(card: Card) -> list[tuple[str, str]]:
-    judged: dict[str, Any] = card.judged
-    rows = [("size", card.size)]
-    if judged["explained"] is not None:
-        rows.append(("explains", f"{judged['explained']:.0%} of the excess error on {judged['axis']}"))
-    if judged["heldout_gain"] is not None:
-        rows.append(
-            (
-                "on unseen data",
-                f"held-out gain {plus_minus(judged['heldout_gain'], judged['heldout_gain_se'])} in log-likelihood",
-            )
-        )
-    if judged["q_value"] is not None:
-        rows.append(("by chance", "practically impossible" if judged["q_value"] < 1e-9 else f"q = {judged['q_value']:.2g}"))
-    if card.looks_like:
-        rows.append(("cannot be told from", ", ".join(card.looks_like)))
-        rows.append(("to part them", judged["next_measurement"]))
-    elif judged["decision"] == "suggest" and judged["next_measurement"]:
-        rows.append(("to be sure", judged["next_measurement"]))
-    return rows
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

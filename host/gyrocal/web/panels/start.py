@@ -75,4 +75,12 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                 ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
                     "unelevated no-caps"
                 ).classes("primary").mark("simulate")
+            with ui.element("section").classes("face"):
+                ui.html("<h2>Plug in a device</h2>", sanitize=False)
+                ui.label("Watch it live, calibrate it face up and face down, record it. A simulated one is at hand.").classes(
+                    "dim small"
+                )
+                ui.button("Go live", icon="sensors", on_click=lambda: tab.go("live"), color=None).props(
+                    "unelevated no-caps"
+                ).classes("primary")
     return lambda topic: None

@@ -1,0 +1,359 @@
+"""The device, live: what it reads, how far the calibration is, what it answers; a recording with one click."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from gyrocal.errors import InputError
+from gyrocal.monitor import MISFIT_LIMIT
+from gyrocal.record import Wanted, wanted
+from gyrocal.session import read_header
+from gyrocal.web import charts
+from gyrocal.web.live import SHOWN_S
+from gyrocal.web.panels.start import HIDDEN
+from gyrocal.web.state import Topic
+from gyrocal.web.tables import number, plain
+
+if TYPE_CHECKING:
+    from gyrocal.web.page import Tab
+
+FRAME_S = 0.04
+READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
+STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
+STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
+SPEEDS = {"1": "in real time", "5": "5 times faster", "20": "20 times faster"}
+
+
+class LivePanel:
+    def __init__(self, tab: Tab) -> None:
+        self.tab, self.bench, self.live = tab, tab.bench, tab.bench.live
+        self.drawn: Any = None
+        self.shown: Any = None
+        with ui.element("div").classes("live fill"):
+            with ui.element("div").classes("scroll"):
+                self.connection = ui.element("section").classes("face column tight").props('aria-label="connection"')
+                self.guide = ui.element("section").classes("face column tight").props('aria-label="what to do"')
+                self.recording = ui.element("section").classes("face column tight").props('aria-label="recording"')
+            with ui.element("div").classes("column"):
+                with ui.element("section").classes("face readings"):
+                    self.readings = [self._reading(name, unit) for name, unit in READINGS]
+                with ui.element("section").classes("face grow").style("padding: 4px 6px"):
+                    self.chart = ui.echart(self._strips()).classes("chart").mark("live-chart")
+                    self.chart.props('role="img" aria-label="the last ten seconds of all axes and the temperature"')
+                self.results = ui.element("section").classes("face results").props('aria-label="results"')
+        self._connection()
+        self.hear("device")
+        ui.timer(FRAME_S, self._frame)
+        ui.timer(0.5, lambda: self.hear("device"))
+
+    def hear(self, topic: Topic) -> None:
+        """Draw anew what has changed."""
+        if topic != "device":
+            return
+        status = self.live.status
+        now = (self.live.port, self.live.ended, {k: v for k, v in status.items() if k not in ("rate_hz", "good", "samples")})
+        self._figures()
+        if now == self.shown:
+            return
+        connection = (self.live.port, self.live.ended, status.get("connected"), status.get("problem"))
+        if self.shown is None or connection != self.drawn:
+            self._connection()
+            self.drawn = connection
+        self.shown = now
+        self._guide()
+        self._recording()
+        self._results()
+
+    # Connection.
+
+    def _connection(self) -> None:
+        self.connection.clear()
+        with self.connection:
+            ui.html("<h2>Device</h2>", sanitize=False)
+            if not self.live.port:
+                self._choose()
+                return
+            status = self.live.status
+            with ui.row().style("flex-wrap: nowrap"):
+                up = self.live.connected and not self.live.ended
+                ui.element("span").classes(f"light {'good' if up else 'bad'}")
+                with ui.element("div"):
+                    ui.label(self._state_words()).mark("device-state").props('role="status"')
+                    hello = status.get("hello") or {}
+                    if hello:
+                        sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
+                        ui.label(f"{sensor}, {rate} Hz, ±{scale} deg/s").classes("dim small")
+            self.counts = ui.label().classes("dim small").mark("counts")
+            ui.button("Disconnect", icon="link_off", on_click=self.live.disconnect, color=None).props(
+                "flat dense no-caps"
+            ).mark("disconnect")
+
+    def _state_words(self) -> str:
+        if self.live.ended:
+            return "The simulated device has played its recording to the end."
+        if self.live.connected:
+            return f"Connected to {self.live.port}"
+        if self.live.status.get("problem"):
+            return str(self.live.status["problem"])
+        return "Unplugged: waiting for it to come back" if self.live.status.get("hello") else f"Listening at {self.live.port}…"
+
+    def _choose(self) -> None:
+        ports = self.live.ports()
+        port = ui.select(
+            ports, value=ports[0] if ports else None, label="serial port", with_input=True, new_value_mode="add-unique"
+        )
+        port.props("outlined dense").mark("port")
+        connect = ui.button("Connect", icon="link", on_click=lambda: self._connect(port.value), color=None)
+        connect.props("unelevated no-caps").classes("primary" if ports else "").mark("connect")
+        ui.separator()
+        ui.label("No board at hand? The firmware's own code, run on this machine:").classes("dim small")
+        hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense").mark("device-hidden")
+        speed = ui.select(SPEEDS, value="1", label="speed").props("outlined dense").mark("device-speed")
+        start = ui.button(
+            "Start a simulated device", icon="memory", on_click=lambda: self._simulate(hidden.value, speed.value), color=None
+        )
+        start.props("unelevated no-caps").classes("" if ports else "primary").mark("start-device")
+
+    def _connect(self, port: str | None) -> None:
+        try:
+            if not port:
+                raise InputError("Plug the device in and choose its port.")
+            self.live.connect(port.strip())
+        except InputError as error:
+            self.bench.say(str(error))
+
+    async def _simulate(self, effect: str, speed: str) -> None:
+        options = ["--speed", speed, *(["--effect", effect] if effect else [])]
+        self.bench.say("Starting the simulated device…")
+        try:
+            await self.live.simulate(self.bench.scratch / "device", options)
+        except InputError as error:
+            self.bench.say(str(error))
+
+    def _figures(self) -> None:
+        status = self.live.status
+        if self.live.port and "good" in status:
+            lost, bad = status["lost"], status["bad"]
+            self.counts.text = (
+                f"{status['rate_hz']:.0f} samples a second, {lost} lost, {bad} bad, {status['restarts']} restarts"
+            )
+            self.counts.classes(add="worry" if lost or bad else "", remove="" if lost or bad else "worry")
+
+    # What to do.
+
+    def _guide(self) -> None:
+        self.guide.clear()
+        status = self.live.status
+        self.guide.set_visibility(bool(status.get("hello")))
+        if not status.get("hello"):
+            return
+        state, face = str(status.get("state")), str(status.get("face"))
+        answered = bool(status.get("results")) and state != "recording"
+        second = answered or state in ("flip", "done") or bool(status.get("results"))
+        steps = [
+            ("One face up: let the table turn for 6 s or more", "done" if second else "now"),
+            ("Flip the sensor over, same table rate, once more", "done" if answered else "now" if second else ""),
+            ("Read scale and bias below", "now" if answered else ""),
+        ]
+        with self.guide:
+            with ui.row().classes("tight"):
+                ui.html("<h2>Calibrate in two turns</h2>", sanitize=False)
+                ui.space()
+                ui.element("span").classes(f"light {'rec' if state == 'recording' else ''}")
+                ui.label(f"{state} {face}".strip()).classes("small").mark("state")
+            with ui.element("ol").classes("steps"):
+                for number, (text, stage) in enumerate(steps, start=1):
+                    with ui.element("li").classes(f"step {stage}").props('aria-current="step"' if stage == "now" else ""):
+                        ui.label("✓" if stage == "done" else str(number))
+                        ui.label(text)
+            if status.get("replays"):
+                ui.label("This simulated device turns and flips by itself.").classes("dim small")
+
+    # Recording.
+
+    def _recording(self) -> None:
+        self.recording.clear()
+        status = self.live.status
+        going = status.get("recording") or {}
+        self.recording.set_visibility(bool(status.get("hello")))
+        if not status.get("hello"):
+            return
+        with self.recording:
+            ui.html("<h2>Record a session</h2>", sanitize=False)
+            if going.get("going"):
+                self._progress(going)
+                return
+            if going:
+                self._recorded(going)
+            if self.live.ended:
+                return
+            name = ui.input("folder", value=self._folder(going)).props("outlined dense").classes("full-width").mark("folder")
+            if status.get("replays"):
+                button = ui.button(
+                    "Record", icon="fiber_manual_record", on_click=lambda: self._start(name.value, None), color=None
+                )
+                button.props("unelevated no-caps").classes("primary").mark("record")
+                return
+            rate = ui.number("table rate, deg/s", value=_number(status["hello"].get("table_dps"), 78.0)).props("outlined dense")
+            seconds = ui.number("seconds", value=30, min=1).props("outlined dense")
+            with ui.row().classes("tight"):
+                for face in ("up", "down"):
+                    ui.button(
+                        f"Record face {face}", icon="fiber_manual_record", color=None,
+                        on_click=lambda f=face: self._start(name.value, (f, rate.value, seconds.value)),
+                    ).props("unelevated no-caps").classes("primary").mark(f"record-{face}")  # fmt: skip
+
+    def _progress(self, going: dict[str, Any]) -> None:
+        run = going.get("run")
+        told = (
+            "waiting for a run"
+            if run is None
+            else f"{run['file']}: {run['seconds']:.1f} s, {run['samples']} samples, {run['lost']} lost"
+        )
+        with ui.row().classes("tight"):
+            ui.element("span").classes("light rec")
+            ui.label(told).mark("recording").classes("small")
+        ui.button("Stop recording", icon="stop", on_click=self.live.stop, color=None).props("outline dense no-caps").mark(
+            "stop"
+        )
+
+    def _recorded(self, going: dict[str, Any]) -> None:
+        runs = going.get("done") or []
+        if going.get("error"):
+            ui.label(going["error"]).classes("worry small")
+        if runs:
+            seconds = sum(run["seconds"] for run in runs)
+            ui.label(f"{len(runs)} recordings, {seconds:.0f} s, are in {self.bench.places.name(self._path(going))}.").mark(
+                "recorded"
+            )
+            ui.button("Does the model fit it?", icon="insights", on_click=lambda: self._open(going), color=None).props(
+                "unelevated no-caps"
+            ).classes("primary").mark("open-recorded")
+
+    def _path(self, going: dict[str, Any]) -> Any:
+        return self.bench.places.inside(going["folder"])
+
+    async def _open(self, going: dict[str, Any]) -> None:
+        self.tab.go("compare")
+        await self.bench.open(going["folder"])
+
+    def _folder(self, going: dict[str, Any]) -> str:
+        if going and not self.live.status.get("replays"):
+            return self.bench.places.name(self._path(going))
+        return self.bench.places.free("recorded").name
+
+    def _start(self, name: str, run: tuple[str, float, float] | None) -> None:
+        try:
+            folder = self.bench.places.inside(name or "")
+            if not (folder / "session.toml").is_file():
+                folder = self.bench.places.new(name or "")
+            what = None if run is None else wanted(run[0], run[1], run[2], None, None)
+            self.live.record(folder, what, _scenario(folder, what))
+        except InputError as error:
+            self.bench.say(str(error))
+
+    # What it reads and answers.
+
+    def _reading(self, name: str, unit: str) -> ui.html:
+        with ui.element("div").classes("reading"):
+            value = ui.html("<b>–</b>", sanitize=False)
+            ui.label(f"{name}, {unit}")
+        return value
+
+    def _strips(self) -> charts.Options:
+        p = self.tab.palette
+        tops = [f"{5 + 18.5 * k}%" for k in range(5)]
+        x: list[charts.Options] = []
+        for k in range(5):
+            last = k == 4
+            hidden = {"show": last, "showMinLabel": False, "showMaxLabel": False}
+            x.append(charts.axis(p, gridIndex=k, label=hidden, min=0, max=SHOWN_S, scale=False, axisTick={"show": False}))
+        colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
+        return charts.base(
+            p,
+            grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
+            title=[charts.title(p, name, f"{1 + 18.5 * k}%", 58) for k, name in enumerate(STRIPS)],
+            xAxis=x,
+            yAxis=[charts.axis(p, gridIndex=k, splitNumber=2, label={"fontSize": 10}) for k in range(5)],
+            series=[charts.line(READINGS[i][0], [], colours[i], on=strip) for i, strip in enumerate(STRIP_OF)],
+        )
+
+    async def _frame(self) -> None:
+        samples = next(iter(self.live.sensors.values()), None)
+        if samples is None or self.live.newest == getattr(self, "_last", None):
+            return
+        self._last = self.live.newest
+        t_s, curves = samples.frame()
+        latest = samples.latest(0.0)[-1]
+        for element, value, (_, unit) in zip(self.readings, latest[1:], READINGS, strict=True):
+            element.content = "<b>–</b>" if value != value else f"<b>{value:.{2 if unit == '°C' else 3}f}</b>"
+        options = {
+            "xAxis": [{"min": round(t_s - SHOWN_S, 3), "max": round(t_s, 3)}] * len(STRIPS),
+            "series": [{"data": curve} for curve in curves],
+        }
+        with contextlib.suppress(TimeoutError, asyncio.CancelledError):
+            await self.chart.run_chart_method("setOption", options, timeout=2.0)  # the next frame waits for this one
+
+    def _results(self) -> None:
+        self.results.clear()
+        found = self.live.status.get("results") or []
+        self.results.set_visibility(bool(found))
+        if not found:
+            return
+        misfits = [
+            r["misfit"] for r in found if isinstance(r.get("misfit"), int | float) and r["method"] == found[-1]["method"]
+        ]
+        with self.results:
+            if misfits:
+                fits = max(misfits) <= MISFIT_LIMIT
+                with ui.row().classes("tight"):
+                    ui.element("span").classes(f"light {'good' if fits else 'bad'}").mark("misfit-light")
+                    ui.label(
+                        "The readings look like what the device is calibrated for."
+                        if fits
+                        else "The readings hold something that the calibration does not know: record a session and diagnose it."
+                    ).mark("misfit")
+            ui.html(_table(found), sanitize=False).mark("results")
+
+
+COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit")
+
+
+def _table(found: list[dict[str, Any]]) -> str:
+    found = sorted(found, key=lambda r: (str(r.get("axis")), str(r.get("seconds")), str(r.get("method"))))
+    rows = [
+        [
+            str(r.get("axis", "")), str(r.get("method", "")), number(r.get("seconds"), "g"),
+            number(r.get("scale"), ".4f", 100), number(r.get("scale_se"), ".4f", 100),
+            number(r.get("bias_dps"), ".1f", 1e3), number(r.get("bias_se_dps"), ".1f", 1e3), number(r.get("misfit"), ".2f"),
+        ]
+        for r in found
+    ]  # fmt: skip
+    return plain(COLUMNS, rows, [isinstance(r.get("misfit"), int | float) and r["misfit"] > MISFIT_LIMIT for r in found])
+
+
+def _number(text: Any, otherwise: float) -> float:
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        return otherwise
+
+
+def _scenario(folder: Any, run: Wanted | None) -> str:
+    """The power cycle that a new run belongs to: the last one, or a new one where that has such a run already."""
+    if not (folder / "session.toml").is_file():
+        return "s000"
+    entries = read_header(folder).run
+    last = entries[-1].scenario
+    if run is not None and not any(e.scenario == last and e.face == run.face for e in entries):
+        return last
+    return f"s{len({e.scenario for e in entries}):03d}"
+
+
+def show(tab: Tab) -> Callable[[Topic], None]:
+    return LivePanel(tab).hear

@@ -1,0 +1,23 @@
+"""Plain tables."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+
+def plain(columns: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequence[bool] = ()) -> str:
+    """A table as HTML; columns whose names end in a colon are text. ``marked`` rows show their last cell as a worry."""
+    kinds = [' class="text"' if name.endswith(":") else "" for name in columns]
+    head = "".join(f"<th{kind}>{html.escape(name.rstrip(':'))}</th>" for name, kind in zip(columns, kinds, strict=True))
+    body = []
+    for i, row in enumerate(rows):
+        cells = [f"<td{kind}>{html.escape(cell)}</td>" for cell, kind in zip(row, kinds, strict=True)]
+        worry = i < len(marked) and marked[i]
+        body.append(f"<tr{' class=marked' if worry else ''}>{''.join(cells)}</tr>")
+    return f'<table class="plain"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
+
+
+def number(value: object, form: str, factor: float = 1.0) -> str:
+    """A number in a format, or a dash."""
+    return format(factor * value, form) if isinstance(value, int | float) else "–"
