@@ -27,13 +27,34 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 SHARED = ("-fPIC", "-shared")
 
 NET_SHIM = """
-#include "gc_cnn.h"
+#include "gc_blocknet.h"
 #include "weights.h"
 
 const gc_cnn_net_t *gyrocal_net(void);
+const gc_blocknet_t *gyrocal_blocks(void);
+int gyrocal_blocks_run(const float *up, const float *down, uint32_t n, unsigned stage, float w_up_dps, float w_down_dps,
+                       float *out);
 int gyrocal_net_run(const float *up, const float *down, uint32_t n, float w_up_dps, float w_down_dps, float *out);
 
 const gc_cnn_net_t *gyrocal_net(void) { return &gc_net; }
+const gc_blocknet_t *gyrocal_blocks(void) { return gc_net.blocks; }
+
+int gyrocal_blocks_run(const float *up, const float *down, uint32_t n, unsigned stage, float w_up_dps, float w_down_dps,
+                       float *out)
+{
+    for (uint32_t i = 0; i < n; i++, up += GC_BLOCKNET_BLOCKS, down += GC_BLOCKNET_BLOCKS) {
+        gc_blocknet_answer_t answer;
+        int error = gc_blocknet_run(gc_net.blocks, up, down, stage, w_up_dps, w_down_dps, &answer);
+        if (error) {
+            return error;
+        }
+        *out++ = answer.scale;
+        *out++ = answer.bias_dps;
+        *out++ = answer.scale_sd;
+        *out++ = answer.bias_sd_dps;
+    }
+    return 0;
+}
 
 int gyrocal_net_run(const float *up, const float *down, uint32_t n, float w_up_dps, float w_down_dps, float *out)
 {
@@ -190,6 +211,20 @@ class _Net(ctypes.Structure):
     )
 
 
+def _build_net(header: Path) -> ctypes.CDLL:
+    try:
+        text = header.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{header}: not a readable header; write one with `gyrocal export`") from error
+    compiler()
+    sources = [CORE / "gc_cnn.c", CORE / "gc_blocknet.c", CORE / "gc_math.c"]
+    try:
+        built = build("net", sources, [CORE], SHARED, {"weights.h": text, "net_shim.c": NET_SHIM})
+    except GyrocalError as error:
+        raise InputError(f"{header}: not a network's header ({error}); write one with `gyrocal export`") from error
+    return ctypes.CDLL(str(built))
+
+
 class CoreNetwork:
     """A network's C header run by the core: what the device computes.
 
@@ -202,17 +237,7 @@ class CoreNetwork:
 
     def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
         self.source = str(header)
-        try:
-            text = header.read_text()
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{header}: not a readable header; write one with `gyrocal export`") from error
-        compiler()
-        sources = [CORE / "gc_cnn.c", CORE / "gc_math.c"]
-        try:
-            built = build("net", sources, [CORE], SHARED, {"weights.h": text, "net_shim.c": NET_SHIM})
-        except GyrocalError as error:
-            raise InputError(f"{header}: not a network's header ({error}); write one with `gyrocal export`") from error
-        library = ctypes.CDLL(str(built))
+        library = _build_net(header)
         library.gyrocal_net.restype = ctypes.POINTER(_Net)
         net = library.gyrocal_net().contents
         self.name: str = net.name.decode()
@@ -222,6 +247,9 @@ class CoreNetwork:
         self.window: int = net.window
         self.outputs: int = net.outputs
         self.scratch_floats: int = net.scratch_floats
+        library.gyrocal_blocks.restype = ctypes.c_void_p
+        self.blocks = bool(library.gyrocal_blocks())
+        """Does network gyrocal answer in this one's place?"""
         self._run = library.gyrocal_net_run
         pointer = np.ctypeslib.ndpointer(np.float32, flags="C_CONTIGUOUS")
         self._run.argtypes = [pointer, pointer, ctypes.c_uint32, ctypes.c_float, ctypes.c_float, pointer]
@@ -248,6 +276,51 @@ class CoreNetwork:
             )
         out = np.empty((len(up), self.outputs), np.float32)
         error = self._run(up, down, len(up), w_up_dps, w_down_dps, out)
+        if error:
+            raise InputError(
+                f"network {self.name} was trained at {self.table_dps:g} and {-self.table_dps:g} dps and takes no NaN: "
+                f"error {error} at true rates {w_up_dps:g} and {w_down_dps:g} dps"
+            )
+        return out
+
+
+class _Blocks(ctypes.Structure):
+    """The first fields of ``gc_blocknet_t``."""
+
+    _fields_ = (("name", ctypes.c_char_p), *((name, ctypes.c_float) for name in ("rate_hz", "table_dps", "clip_dps")))
+
+
+class CoreBlockNetwork:
+    """Network `gyrocal` of a C header run by the core: what the device computes.
+
+    Raises:
+        InputError: no such file, or no such network in it.
+    """
+
+    def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
+        self.source = str(header)
+        library = _build_net(header)
+        library.gyrocal_blocks.restype = ctypes.POINTER(_Blocks)
+        pointer = library.gyrocal_blocks()
+        if not pointer:
+            raise InputError(f"{header}: holds no network gyrocal; write one with `gyrocal export`")
+        self.name: str = pointer.contents.name.decode()
+        self.rate_hz: float = pointer.contents.rate_hz
+        self.table_dps: float = pointer.contents.table_dps
+        self.clip_dps: float = pointer.contents.clip_dps
+        self._run = library.gyrocal_blocks_run
+        array = np.ctypeslib.ndpointer(np.float32, flags="C_CONTIGUOUS")
+        self._run.argtypes = [
+            array, array, ctypes.c_uint32, ctypes.c_uint, ctypes.c_float, ctypes.c_float, array,
+        ]  # fmt: skip
+
+    def run(
+        self, up_dps: ArrayLike, down_dps: ArrayLike, stage: int, w_up_dps: float, w_down_dps: float
+    ) -> NDArray[np.float32]:
+        """Scale, bias (dps) and their standard deviations [n, 4] of block means [n, 24]; InputError where the core refuses."""
+        up, down = (np.ascontiguousarray(np.atleast_2d(x), np.float32) for x in (up_dps, down_dps))
+        out = np.empty((len(up), 4), np.float32)
+        error = self._run(up, down, len(up), stage, w_up_dps, w_down_dps, out)
         if error:
             raise InputError(
                 f"network {self.name} was trained at {self.table_dps:g} and {-self.table_dps:g} dps and takes no NaN: "

@@ -12,8 +12,8 @@ from gyrocal_export.graph import Graph, attribute
 BLOCK = 4  # GC_CNN_BLOCK
 
 
-def c_header(graph: Graph) -> str:
-    """The header's text; the same graph gives the same text.
+def c_header(graph: Graph, blocks: str = "") -> str:
+    """The header's text; the same graph gives the same text. ``blocks`` is the table of network gyrocal, if it is to answer.
 
     Raises:
         InputError: not a quantised network paper, or of a shape that the kernel does not compute.
@@ -53,13 +53,17 @@ def c_header(graph: Graph) -> str:
     scratch = combined["channels"] * combined["columns"] + max(rows + sums, hidden)
     meta = graph.metadata
     return TEMPLATE.format(
+        names=f"`{meta['name']}`" + (" and `gyrocal`" if blocks else ""),
+        include="gc_blocknet.h" if blocks else "gc_cnn.h",
+        table=f"{blocks}\n" if blocks else "",
+        blocks="    .blocks = &gc_blocks,\n" if blocks else "",
         name=meta["name"],
         arrays="\n".join(arrays),
         scratch=scratch,
-        rate=_float(float(meta["rate_hz"])),
-        table=_float(float(meta["table_dps"])),
-        clip=_float(high),
-        leak=_float(leak),
+        rate=literal(float(meta["rate_hz"])),
+        table_dps=literal(float(meta["table_dps"])),
+        clip=literal(high),
+        leak=literal(leak),
         window=graph.window,
         head=_initialiser(shape),
         combined=_initialiser(combined),
@@ -69,19 +73,19 @@ def c_header(graph: Graph) -> str:
 
 
 TEMPLATE = """\
-/* Written by `gyrocal export` from the quantised graph of network `{name}`; do not edit. */
+/* Written by `gyrocal export` from the quantised graph of network {names}; do not edit. */
 #ifndef GYROCAL_WEIGHTS_H
 #define GYROCAL_WEIGHTS_H
 
-#include "gc_cnn.h"
+#include "{include}"
 
 #define GC_NET_SCRATCH_FLOATS {scratch}
 
 {arrays}
-static const gc_cnn_net_t gc_net = {{
+{table}static const gc_cnn_net_t gc_net = {{
     .name = "{name}",
     .rate_hz = {rate},
-    .table_dps = {table},
+    .table_dps = {table_dps},
     .clip_dps = {clip},
     .leak = {leak},
     .window = {window},
@@ -95,10 +99,37 @@ static const gc_cnn_net_t gc_net = {{
     .combined_conv = {{gc_net_combined_code, gc_net_combined_step, gc_net_combined_bias}},
     .fc1 = {{gc_net_fc1_code, gc_net_fc1_step, gc_net_fc1_bias}},
     .fc2 = {{gc_net_fc2_code, gc_net_fc2_step, gc_net_fc2_bias}},
+{blocks}}};
+
+#endif
+"""
+
+
+BLOCKS_ALONE = """\
+/* Written by `gyrocal export` from the quantised graph of network `gyrocal`; do not edit. */
+#ifndef GYROCAL_WEIGHTS_H
+#define GYROCAL_WEIGHTS_H
+
+#include "gc_blocknet.h"
+
+#define GC_NET_SCRATCH_FLOATS 1
+
+{table}
+static const gc_cnn_net_t gc_net = {{
+    .name = "{name}",
+    .rate_hz = {rate_hz},
+    .table_dps = {table_dps},
+    .blocks = &gc_blocks,
 }};
 
 #endif
 """
+
+
+def c_header_of_blocks(blocks: str, metadata: dict[str, str]) -> str:
+    """The header of network gyrocal without the paper's."""
+    rate_hz, table_dps = (literal(float(metadata[name])) for name in ("rate_hz", "table_dps"))
+    return BLOCKS_ALONE.format(table=blocks, name=metadata["name"], rate_hz=rate_hz, table_dps=table_dps)
 
 
 def _conv_shape(graph: Graph, conv: Any, pool: Any, length: int) -> dict[str, int]:
@@ -116,13 +147,13 @@ def _initialiser(shape: dict[str, int]) -> str:
 
 def _layer(name: str, code: NDArray[np.int8], step: NDArray[Any], bias: NDArray[Any]) -> str:
     return (
-        _array("int8_t", f"gc_net_{name}_code", [str(v) for v in code.ravel()])
-        + _array("float", f"gc_net_{name}_step", [_float(v) for v in step])
-        + _array("float", f"gc_net_{name}_bias", [_float(v) for v in bias])
+        array("int8_t", f"gc_net_{name}_code", [str(v) for v in code.ravel()])
+        + array("float", f"gc_net_{name}_step", [literal(v) for v in step])
+        + array("float", f"gc_net_{name}_bias", [literal(v) for v in bias])
     )
 
 
-def _array(kind: str, name: str, values: list[str]) -> str:
+def array(kind: str, name: str, values: list[str]) -> str:
     lines, line = [], "   "
     for value in values:
         if len(line) + len(value) > 116:
@@ -132,7 +163,7 @@ def _array(kind: str, name: str, values: list[str]) -> str:
     return f"static const {kind} {name}[{len(values)}] = {{\n" + "\n".join([*lines, line]) + "\n};\n"
 
 
-def _float(value: float) -> str:
+def literal(value: float) -> str:
     """A C literal that reads back as the same float32."""
     text = f"{np.float32(value):.9g}"
     return text + ("f" if "." in text or "e" in text else ".0f")

@@ -12,12 +12,16 @@ from torch import Tensor
 
 from gyrocal.calibrate import baseline
 from gyrocal.errors import InputError
+from gyrocal.estimator import calibration_of
+from gyrocal.model import Model
 from gyrocal.network import image
+from gyrocal.scenarios import Protocol, Simulation
 from gyrocal.session import Run, Session
 from gyrocal.simulate import paper_windows
 
 SIMULATED_SECONDS = 6.0
 RECORDED_SECONDS = 50.0  # what follows is for the labels alone
+GRID = 32  # values that stand for a nonlinear parameter that differs from run to run
 STRIDE = 0.6  # of a window, between windows of a recorded run
 
 
@@ -50,15 +54,24 @@ class Windows:
         return float(max(self.up.abs().max(), self.down.abs().max()))
 
 
-def simulated(n: int, seed: int, window: int) -> Windows:
-    """``n`` scenarios of the paper's campaign, the windows of their first 6 s; the labels are the truth."""
-    data = paper_windows(n, seed, SIMULATED_SECONDS)
-    label = np.stack([data["scale"], data["bias_dps"]], axis=1)
-    per_run = data["up"].shape[1] // window
-    up, down = (
-        torch.from_numpy(data[f][:, : per_run * window].reshape(n, per_run, window).copy()) for f in ("up", "down")
-    )
-    return Windows(up, down, torch.from_numpy(label.astype(np.float32)), data["w_up_dps"], data["rate_hz"])
+def simulated(n: int, seed: int, window: int, model: str | None = None, axis: str = "z") -> Windows:
+    """``n`` scenarios of the paper's campaign, or of what a fitted model says, the windows of their first 6 s.
+
+    The labels are the truth.
+    """
+    if model is None:
+        data = paper_windows(n, seed, SIMULATED_SECONDS)
+        drawn = data["up"], data["down"], data["scale"], data["bias_dps"]
+        protocol = Protocol(data["rate_hz"], data["w_up_dps"])
+    else:
+        protocol = Protocol()
+        calibration = calibration_of(Model.open(model), axis, alternatives=GRID)
+        simulation = Simulation(calibration, protocol, SIMULATED_SECONDS, by_sample=True)
+        drawn = simulation.draw(n, np.random.default_rng(seed))
+    label = np.stack(drawn[2:], axis=1)
+    per_run = drawn[0].shape[1] // window
+    up, down = (torch.from_numpy(face[:, : per_run * window].reshape(n, per_run, window).astype(np.float32)) for face in faces)
+    return Windows(up, down, torch.from_numpy(label.astype(np.float32)), protocol.table_dps, protocol.rate_hz)
 
 
 def recorded(paths: Iterable[Path], window: int) -> Windows:

@@ -27,9 +27,7 @@ def write_all(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
             for name in contents:
                 os.replace(Path(partial, name), folder / name)
     except OSError as error:
-        raise GyrocalError(
-            f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
-        ) from error
+        raise GyrocalError(f"{folder}: cannot be written ({error.strerror}); choose another folder with --out") from error
     return [folder / name for name in contents]
 
 

@@ -40,7 +40,7 @@ def quantize(float_graph: Graph) -> onnx.ModelProto:
     Raises:
         InputError: the graph is not that of network paper.
     """
-    writer = _Writer()
+    writer = Writer()
     joined = []
     for name, sign in (("up", 1.0), ("down", -1.0)):
         limit, _, *block, concat = float_graph.chain(name, ("Clip", "Transpose", *CONV, "Concat"))
@@ -59,19 +59,17 @@ def quantize(float_graph: Graph) -> onnx.ModelProto:
     x = writer.node("Tanh", [_dense(writer, float_graph, fc1, x, "fc1")], "hidden")
     _dense(writer, float_graph, fc2, x, "fc2", output="y")
 
-    batch = [
-        helper.make_tensor_value_info(i, TensorProto.FLOAT, ["N", 1, 2, float_graph.window]) for i in ("up", "down")
-    ]
+    batch = [helper.make_tensor_value_info(i, TensorProto.FLOAT, ["N", 1, 2, float_graph.window]) for i in ("up", "down")]
     y = helper.make_tensor_value_info("y", TensorProto.FLOAT, ["N", 2])
     graph = helper.make_graph(writer.nodes, f"{float_graph.metadata['name']}_int8", batch, [y], writer.constants)
-    model = helper.make_model(
-        graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10, producer_name="gyrocal"
-    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10, producer_name="gyrocal")
     helper.set_model_props(model, float_graph.metadata)
     return model
 
 
-class _Writer:
+class Writer:
+    """Nodes and constants of a graph in the making."""
+
     def __init__(self) -> None:
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[TensorProto] = []
@@ -90,7 +88,7 @@ class _Writer:
 
 
 def _convolution(
-    writer: _Writer, graph: Graph, block: list[onnx.NodeProto], x: str, name: str, constant_row: float | None = None
+    writer: Writer, graph: Graph, block: list[onnx.NodeProto], x: str, name: str, constant_row: float | None = None
 ) -> str:
     norm, conv, pool, leaky = block
     gain, shift, mean, variance = (graph.constant(norm, i).astype(np.float64) for i in (1, 2, 3, 4))
@@ -110,7 +108,7 @@ def _convolution(
     return writer.node("LeakyRelu", [x], f"{name}.leaky", alpha=attribute(leaky, "alpha", 0.01))
 
 
-def _dense(writer: _Writer, graph: Graph, gemm: onnx.NodeProto, x: str, name: str, output: str | None = None) -> str:
+def _dense(writer: Writer, graph: Graph, gemm: onnx.NodeProto, x: str, name: str, output: str | None = None) -> str:
     if attribute(gemm, "transB", 0) != 1:
         raise graph.error("a Gemm's weight is not [out, in]")
     code, step = codes(graph.constant(gemm, 1).astype(np.float64))

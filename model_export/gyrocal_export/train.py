@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 import platform
 from collections.abc import Callable
@@ -31,6 +32,8 @@ class Config:
 
     net: str = "paper"
     sessions: tuple[str, ...] = ()
+    model: str | None = None
+    axis: str = "z"
     seed: int = 0
     epochs: int = 40
     patience: int = 15
@@ -68,9 +71,10 @@ def train(config: Config, out: Path, report: Callable[[int, float, float], None]
         epoch_data = lambda _: fixed  # noqa: E731
     else:
         fixed, validation = (
-            simulated(n, s, window) for n, s in ((config.scenarios, seeds[0]), (config.validation_scenarios, seeds[1]))
+            simulated(n, s, window, config.model, config.axis)
+            for n, s in ((config.scenarios, seeds[0]), (config.validation_scenarios, seeds[1]))
         )
-        epoch_data = lambda epoch: simulated(config.scenarios, seeds[2 + epoch], window)  # noqa: E731
+        epoch_data = lambda epoch: simulated(config.scenarios, seeds[2 + epoch], window, config.model, config.axis)  # noqa: E731
     sd = fixed.label.std(0, correction=0).clamp(min=1e-6)
     net = PaperNet(config.shape, two_digits_up(fixed.largest_dps()), fixed.label.mean(0), sd)
 
@@ -143,13 +147,13 @@ def evaluate(net: PaperNet, training: Windows, validation: Windows) -> dict[str,
     return {"errors": rows}
 
 
-def made_by(
-    config: Config, out: Path, training: Windows, validation: Windows, metrics: dict[str, Any]
-) -> dict[str, Any]:
+def made_by(config: Config, out: Path, training: Windows, validation: Windows, metrics: dict[str, Any]) -> dict[str, Any]:
     """What a reader needs to make the network again."""
-    options = [f"--seed {config.seed}", f"--epochs {config.epochs}", f"--out {out.name}"]
+    model = [] if config.model is None else [f"--model {Path(config.model).name}", f"--axis {config.axis}"]
+    options = [*model, f"--seed {config.seed}", f"--epochs {config.epochs}", f"--out {out.name}"]
     data = {
-        "source": [Path(s).name for s in config.sessions] or "gyrocal.simulate.paper_windows, afresh for every epoch",
+        "source": [Path(s).name for s in config.sessions]
+        or f"{'gyrocal.simulate.paper_windows' if config.model is None else Path(config.model).name}, afresh for every epoch",
         "labels": "baseline over the whole runs" if config.sessions else "the simulated truth",
         "training_scenarios": len(training.label),
         "validation_scenarios": len(validation.label),
@@ -162,16 +166,15 @@ def made_by(
         "numpy": np.__version__,
     }
     command = " ".join(["gyrocal train", *(Path(s).name for s in config.sessions), *options])
-    config = replace(config, sessions=tuple(Path(s).name for s in config.sessions))
+    named = None if config.model is None else Path(config.model).name
+    config = replace(config, sessions=tuple(Path(s).name for s in config.sessions), model=named)
     return {"command": command, "config": asdict(config), "data": data, "metrics": metrics, "versions": versions}
 
 
 def save(net: PaperNet, path: Path, data: Windows) -> None:
     """Write a checkpoint: weights, shape, training range and the rates that it holds for."""
     metadata = {"name": "paper", "rate_hz": f"{data.rate_hz:.9g}", "table_dps": f"{data.table_dps:.9g}"}
-    torch.save(
-        {"state": net.state_dict(), "shape": asdict(net.shape), "clip_dps": net.clip_dps, "metadata": metadata}, path
-    )
+    torch.save({"state": net.state_dict(), "shape": asdict(net.shape), "clip_dps": net.clip_dps, "metadata": metadata}, path)
 
 
 def load(run: Path) -> tuple[PaperNet, dict[str, str]]:
@@ -192,3 +195,18 @@ def load(run: Path) -> tuple[PaperNet, dict[str, str]]:
         raise InputError(f"{path}: not a checkpoint of network paper ({reason}); train it again") from error
     return net.eval(), checkpoint["metadata"]
 
+
+def load_config(run: Path) -> dict[str, Any]:
+    """What a run folder was trained with.
+
+    Raises:
+        InputError: not a run folder.
+    """
+    path = run / "config.json"
+    try:
+        config: dict[str, Any] = json.loads(path.read_text())
+    except (OSError, ValueError):
+        raise InputError(
+            f"{path}: not the configuration of a run; make a run folder with `gyrocal train --out {run}`"
+        ) from None
+    return config

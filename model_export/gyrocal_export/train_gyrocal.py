@@ -135,7 +135,7 @@ def _knowledge(calibration: Calibration, protocol: Protocol, drawn: Scenarios) -
     up, down = drawn[:2]
     return Knowledge(
         calibration.scale, calibration.bias_dps, protocol.table_dps,
-        unit_dps=two_digits_up(float(np.std(np.concatenate([up, down]), axis=0).mean())),
+        unit_dps=two_digits_up(float(np.std(np.concatenate([up - up.mean(0), down - down.mean(0)])))),
         clip_dps=two_digits_up(float(max(np.abs(up).max(), np.abs(down).max()))),
     )  # fmt: skip
 
@@ -213,7 +213,8 @@ def _made_by(config: GyrocalConfig, out: Path, calibration: Calibration, metrics
 
 def save(net: GyrocalNet, path: Path, protocol: Protocol) -> None:
     """Write a checkpoint."""
-    metadata = {"name": "gyrocal", "rate_hz": f"{protocol.rate_hz:.9g}", "table_dps": f"{protocol.table_dps:.9g}"}
+    numbers = {"rate_hz": protocol.rate_hz, "table_dps": protocol.table_dps, "clip_dps": net.knowledge.clip_dps}
+    metadata = {"name": "gyrocal", **{name: f"{value:.9g}" for name, value in numbers.items()}}
     torch.save(
         {"state": net.state_dict(), "shape": asdict(net.shape), "knowledge": asdict(net.knowledge), "metadata": metadata},
         path,

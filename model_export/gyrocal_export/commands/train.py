@@ -4,33 +4,40 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from gyrocal.errors import GyrocalError, InputError
 
+Net = Literal["paper", "gyrocal"]
+Axis = Literal["x", "y", "z"]
+
 
 def run(
-    sessions: Annotated[list[Path] | None, typer.Argument(help="Sessions to train on; simulated data if none.")] = None,
-    net: Annotated[str, typer.Option(help="Which network; `paper` is the only one.")] = "paper",
+    sessions: Annotated[list[Path] | None, typer.Argument(help="Sessions to train `paper` on; simulated data if none.")] = None,
+    net: Annotated[Net, typer.Option(help="Which network: the paper's, or ours, which also says how sure it is.")] = "paper",
+    model: Annotated[
+        str | None, typer.Option(help="Simulate from this fitted error model (TOML) instead of the campaign table2.")
+    ] = None,
+    axis: Annotated[Axis, typer.Option(help="The model's axis.")] = "z",
     out: Annotated[Path | None, typer.Option(help="Run folder, runs/NET-SEED by default.")] = None,
     seed: Annotated[int, typer.Option(help="Of weights, data and order.", min=0)] = 0,
     epochs: Annotated[int, typer.Option(help="At most so many.", min=1)] = 40,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Train the network from sessions, or from fresh simulations of the paper's campaign."""
-    if net != "paper":
-        raise InputError(f"no network named {net!r}; there is `paper`")
+    """Train a network on fresh simulations, of the paper's campaign or of what a fitted model says, or from sessions."""
+    if sessions and (net == "gyrocal" or model is not None):
+        raise InputError("sessions train network paper alone; for --net gyrocal or --model fit a model to them: `gyrocal add`")
     try:
         from gyrocal_export.train import Config, train
+        from gyrocal_export.train_gyrocal import GyrocalConfig, train_gyrocal
     except ImportError as error:
         raise GyrocalError(f"training needs {error.name}: pip install 'gyrocal[train]'") from error
     from rich.console import Console
     from rich.progress import Progress, TextColumn
 
     folder = out or Path("runs") / f"{net}-{seed}"
-    config = Config(net=net, sessions=tuple(map(str, sessions or ())), seed=seed, epochs=epochs)
     columns = (*Progress.get_default_columns(), TextColumn("{task.fields[note]}"))
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task(f"train {net}", total=epochs, note="")
@@ -38,7 +45,12 @@ def run(
         def report(epoch: int, trained: float, checked: float) -> None:
             progress.update(task, completed=epoch + 1, note=f"loss {trained:.3f}, validation {checked:.3f}")
 
-        metrics = train(config, folder, report)
+        if net == "gyrocal":
+            ours = GyrocalConfig(model=model, axis=axis, seed=seed, epochs=epochs)
+            metrics = train_gyrocal(ours, folder, report)
+        else:
+            config = Config(net=net, sessions=tuple(map(str, sessions or ())), model=model, axis=axis, seed=seed, epochs=epochs)
+            metrics = train(config, folder, report)
     if as_json:
         print(json.dumps({"run": str(folder), **metrics}))
         return

@@ -74,7 +74,7 @@ static void activate(const gc_cnn_conv_t *conv, const gc_cnn_layer_t *layer, flo
     }
 }
 
-static float neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *in, uint32_t n) {
+float gc_cnn_neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *in, uint32_t n) {
     const int8_t *row = layer->code + i * n;
     float sum = 0.0f;
     for (uint32_t k = 0; k < n; k++) {
@@ -83,15 +83,18 @@ static float neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *in, ui
     return layer->bias[i] + layer->step[i] * sum;
 }
 
-static int same_rate(float w_dps, float trained_dps) {
+bool gc_cnn_same_rate(float w_dps, float trained_dps) {
     float off = (w_dps - trained_dps) / trained_dps;
     return off >= -RATE_TOLERANCE && off <= RATE_TOLERANCE;
 }
 
 int gc_cnn_run(const gc_cnn_net_t *net, const float *up, const float *down, float w_up_dps, float w_down_dps,
                float *scratch, float *out) {
-    if (!same_rate(w_up_dps, net->table_dps) || !same_rate(w_down_dps, -net->table_dps)) {
+    if (!gc_cnn_same_rate(w_up_dps, net->table_dps) || !gc_cnn_same_rate(w_down_dps, -net->table_dps)) {
         return GC_E_NET_RATE;
+    }
+    if (net->window == 0u) {
+        return GC_E_NET_WINDOW;
     }
     const gc_cnn_conv_t *head = &net->head, *combined = &net->combined;
     uint32_t head_size = head->channels * head->columns, combined_size = combined->channels * combined->columns;
@@ -110,13 +113,13 @@ int gc_cnn_run(const gc_cnn_net_t *net, const float *up, const float *down, floa
     activate(combined, &net->combined_conv, net->leak, joined);
 
     for (uint32_t i = 0; i < net->hidden; i++) {
-        hidden[i] = gc_tanh(neuron(&net->fc1, i, joined, combined_size));
+        hidden[i] = gc_tanh(gc_cnn_neuron(&net->fc1, i, joined, combined_size));
     }
     if (hidden[0] != hidden[0]) {
         return GC_E_NET_INPUT; /* a NaN among the samples has reached every neuron */
     }
     for (uint32_t i = 0; i < net->outputs; i++) {
-        out[i] = neuron(&net->fc2, i, hidden, net->hidden);
+        out[i] = gc_cnn_neuron(&net->fc2, i, hidden, net->hidden);
     }
     return 0;
 }

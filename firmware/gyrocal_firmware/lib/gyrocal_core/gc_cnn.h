@@ -12,6 +12,7 @@
 #ifndef GC_CNN_H
 #define GC_CNN_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -50,14 +51,21 @@ typedef struct gc_cnn_net {
     gc_cnn_layer_t up, down;      /* the constant row of the true rate is in their bias */
     gc_cnn_layer_t combined_conv; /* its inputs: the channels of up, then those of down */
     gc_cnn_layer_t fc1, fc2;
+    const struct gc_blocknet *blocks; /* network `gyrocal`, which answers in this one's place where there is one */
 } gc_cnn_net_t;
 
 /* up, down: measured - true rate (dps), net->window consecutive samples of each run. w_up_dps, w_down_dps: the true
  * rates about the sensed axis: +table_dps and -table_dps within 3 %. scratch: net->scratch_floats floats.
  * out: net->outputs floats, untouched on error.
- * Returns 0, GC_E_NET_RATE (another true rate) or GC_E_NET_INPUT (a NaN among the samples). */
+ * Returns 0, GC_E_NET_RATE (another true rate), GC_E_NET_INPUT (a NaN among the samples) or GC_E_NET_WINDOW (a table
+ * without the paper's network). */
 int gc_cnn_run(const gc_cnn_net_t *net, const float *up, const float *down, float w_up_dps, float w_down_dps,
                float *scratch, float *out);
+
+/* Output i of a fully connected layer of n inputs, before its activation. */
+float gc_cnn_neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *in, uint32_t n);
+/* Within 3 % of the rate of the training data? */
+bool gc_cnn_same_rate(float w_dps, float trained_dps);
 
 #ifdef __cplusplus
 }

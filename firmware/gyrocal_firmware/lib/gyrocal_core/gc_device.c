@@ -57,6 +57,10 @@ static void tell_ack(gc_device_t *d, const char *command) {
     finish(d);
 }
 
+static const char *net_name(const gc_cnn_net_t *net) {
+    return net == NULL ? NULL : net->blocks != NULL ? net->blocks->name : net->name;
+}
+
 static void tell_hello(gc_device_t *d) {
     gc_sentence_t *s = begin(d, "HEL", now_us(d));
     gc_sentence_uint(s, "proto", GC_WIRE_PROTOCOL);
@@ -73,7 +77,7 @@ static void tell_hello(gc_device_t *d) {
     gc_sentence_real(s, "table_dps", d->settings.table_dps);
     gc_sentence_real(s, "turn_deg", d->settings.turn_deg);
     gc_sentence_text(s, "cal", d->config.calibration != NULL ? d->config.calibration->name : NULL);
-    gc_sentence_text(s, "net", d->config.net != NULL ? d->config.net->name : NULL);
+    gc_sentence_text(s, "net", net_name(d->config.net));
     finish(d);
 }
 
@@ -290,10 +294,22 @@ static int solve_baseline(const gc_device_t *d, unsigned k, gc_answer_t *answer)
     return gc_baseline_solve(&a->baseline.at[k], &b->baseline.at[k], a->w_dps, b->w_dps, a->lsb_dps, answer);
 }
 
+/* A reason not to trust the answers of this pair, told once. */
+static void doubt(gc_device_t *d, int error) {
+    if (d->doubt != error) {
+        d->doubt = error;
+        tell_error(d, error);
+    }
+}
+
 static int check_net(const gc_device_t *d) {
     const gc_cnn_net_t *net = d->config.net;
-    if (fabs((double)net->rate_hz - d->run[d->slot].settings.rate_hz) > 1e-3 * (double)net->rate_hz) {
+    const double rate_hz = (double)(net->blocks != NULL ? net->blocks->rate_hz : net->rate_hz);
+    if (fabs(rate_hz - d->run[d->slot].settings.rate_hz) > 1e-3 * rate_hz) {
         return GC_E_NET_SAMPLE_RATE;
+    }
+    if (net->blocks != NULL) {
+        return gc_blocknet_samples(net->blocks, GC_CHECKPOINTS - 1u) <= GC_MAX_CNN_SAMPLES ? GC_OK : GC_E_NET_WINDOW;
     }
     if (net->window == 0u || net->window > GC_MAX_CNN_WINDOW || net->outputs != 2u) {
         return GC_E_NET_WINDOW;
@@ -332,44 +348,84 @@ static bool is_broken(const gc_device_t *d, unsigned slot, uint32_t n) {
     return d->run[slot].missed > 0u && d->windows.run[slot].n < n;
 }
 
-/* The network's answers that are due: those whose baseline is there and whose windows are full in both runs. */
+/* Samples of each run that the network takes for checkpoint k: whole windows, or the blocks of a stage. */
+static uint32_t cnn_samples(const gc_cnn_net_t *net, unsigned k) {
+    if (net->blocks != NULL) {
+        return gc_blocknet_samples(net->blocks, k);
+    }
+    return net->window * (uint32_t)floor(checkpoint_s(k) * (double)net->rate_hz / (double)net->window + 1e-6);
+}
+
+/* The paper's network: the mean of its answers over the windows; it gives no standard errors. */
+static int run_windows(gc_device_t *d, uint32_t windows, gc_answer_t *answer) {
+    while (d->cnn_windows < windows) {
+        const int error = run_next_window(d);
+        if (error != GC_OK) {
+            return error;
+        }
+    }
+    answer->scale = d->cnn_sum[0] / (double)windows;
+    answer->bias_dps = d->cnn_sum[1] / (double)windows;
+    answer->scale_se = NAN;
+    answer->bias_se_dps = NAN;
+    return GC_OK;
+}
+
+static int run_blocks(gc_device_t *d, unsigned k, gc_answer_t *answer) {
+    const gc_blocknet_t *net = d->config.net->blocks;
+    const uint32_t n = gc_blocknet_samples(net, k);
+    const gc_run_t *up = &d->run[GC_SLOT_POSITIVE];
+    const gc_run_t *down = &d->run[GC_SLOT_NEGATIVE];
+    (void)gc_blocknet_means(net, d->windows.run[GC_SLOT_POSITIVE].counts, n, up->lsb_dps, up->w_dps, d->cnn_up);
+    (void)gc_blocknet_means(net, d->windows.run[GC_SLOT_NEGATIVE].counts, n, down->lsb_dps, down->w_dps, d->cnn_down);
+    gc_blocknet_answer_t found;
+    const int error = gc_blocknet_run(net, d->cnn_up, d->cnn_down, k, (float)up->w_dps, (float)down->w_dps, &found);
+    if (error != GC_OK) {
+        return error;
+    }
+    if (found.clipped) {
+        doubt(d, GC_E_NET_RANGE);
+    }
+    answer->scale = (double)found.scale;
+    answer->bias_dps = (double)found.bias_dps;
+    answer->scale_se = (double)found.scale_sd;
+    answer->bias_se_dps = (double)found.bias_sd_dps;
+    return GC_OK;
+}
+
+/* The network's answers that are due: those whose baseline is there and whose samples are there in both runs. */
 static void answer_by_cnn(gc_device_t *d) {
     const gc_run_t *up = &d->run[GC_SLOT_POSITIVE];
     const gc_run_t *down = &d->run[GC_SLOT_NEGATIVE];
-    if (d->config.net == NULL || d->cnn_off || !d->paired || d->run[d->slot].opposed) {
+    const gc_cnn_net_t *net = d->config.net;
+    if (net == NULL || d->cnn_off || !d->paired || d->run[d->slot].opposed) {
         return;
     }
     while (d->cnn_next < up->baseline.checkpoints && d->cnn_next < down->baseline.checkpoints) {
         const unsigned k = d->cnn_next;
         int error = check_net(d);
         if (error == GC_OK) {
-            const uint32_t window = d->config.net->window;
-            const double whole = floor(checkpoint_s(k) * (double)d->config.net->rate_hz / (double)window + 1e-6);
-            const uint32_t windows = (uint32_t)whole;
-            if (windows == 0u) {
+            const uint32_t n = cnn_samples(net, k);
+            if (n == 0u) {
                 d->cnn_next++;
                 continue;
             }
-            if (windows * window > GC_MAX_CNN_SAMPLES) {
+            gc_answer_t answer = {0};
+            if (n > GC_MAX_CNN_SAMPLES) {
                 error = GC_E_NET_WINDOW;
-            } else if (is_broken(d, GC_SLOT_POSITIVE, windows * window) || is_broken(d, GC_SLOT_NEGATIVE, windows * window)) {
+            } else if (is_broken(d, GC_SLOT_POSITIVE, n) || is_broken(d, GC_SLOT_NEGATIVE, n)) {
                 error = GC_E_NET_GAP;
-            } else if (up->n < windows * window || down->n < windows * window) {
+            } else if (up->n < n || down->n < n) {
                 return;
             }
-            while (error == GC_OK && d->cnn_windows < windows) {
-                error = run_next_window(d);
-            }
-            gc_answer_t answer;
             if (error == GC_OK) {
                 error = solve_baseline(d, k, &answer); /* its misfit is that of the data */
             }
             if (error == GC_OK) {
-                answer.scale = d->cnn_sum[0] / whole;
-                answer.bias_dps = d->cnn_sum[1] / whole;
-                answer.scale_se = NAN;
-                answer.bias_se_dps = NAN;
-                tell_answer(d, GC_METHOD_CNN, checkpoint_s(k), windows * window, pair_temp_c(d, k), &answer);
+                error = net->blocks != NULL ? run_blocks(d, k, &answer) : run_windows(d, n / net->window, &answer);
+            }
+            if (error == GC_OK) {
+                tell_answer(d, GC_METHOD_CNN, checkpoint_s(k), n, pair_temp_c(d, k), &answer);
                 d->cnn_next++;
             }
         }
@@ -472,6 +528,7 @@ static void start_run(gc_device_t *d, int face, bool automatic) {
         d->misfit = NAN;
         d->model_error = GC_OK;
         d->cnn_off = false;
+        d->doubt = GC_OK;
         d->cnn_next = 0;
         d->cnn_windows = 0;
         d->cnn_sum[0] = 0.0;

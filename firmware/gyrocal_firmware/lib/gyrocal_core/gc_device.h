@@ -13,6 +13,7 @@
 
 #include "gc_baseline.h"
 #include "gc_calibration.h"
+#include "gc_blocknet.h"
 #include "gc_cnn.h"
 #include "gc_estimator.h"
 #include "gc_kept.h"
@@ -149,6 +150,7 @@ typedef struct {
     gc_estimator_t estimator;
     gc_marginal_t first_run[GC_CHECKPOINTS];
 
+    int doubt;    /* the reason last told not to trust this pair's answers */
     bool cnn_off; /* an error was told for this pair */
     unsigned cnn_next, cnn_windows;
     double cnn_sum[2];

@@ -43,6 +43,7 @@ extern "C" {
     X(GC_E_NET_MEMORY, -53, "net_memory", "the network needs more memory than this firmware has: export a smaller one")  \
     X(GC_E_NET_INPUT, -54, "net_input", "the network was given a reading that is no number: report this")                \
     X(GC_E_NET_GAP, -55, "net_gap", "samples are missing in a window of the network: see missed in status; run again")    \
+    X(GC_E_NET_RANGE, -56, "net_range", "readings beyond what the network was trained on: record a session and diagnose") \
     X(GC_E_WIRE_START, -60, "wire_start", "the line is no sentence: it must start with a dollar sign")                   \
     X(GC_E_WIRE_CRC, -61, "wire_crc", "the sentence was damaged on its way: check cable and speed")                      \
     X(GC_E_WIRE_SYNTAX, -62, "wire_syntax", "the sentence is malformed: update firmware and host to one version")        \
