@@ -42,25 +42,19 @@ class Tab:
                 ui.label("gyrocal")
             with ui.element("nav").classes("views").props('aria-label="panels"'):
                 self._buttons = {
-                    name: ui.button(title, on_click=lambda n=name: self.go(n), color=None)
-                    .props("flat no-caps dense")
-                    .mark(f"view-{name}")
+                    name: ui.button(title, on_click=lambda n=name: self.go(n), color=None).props("flat no-caps dense")
                     for name, (title, _) in PANELS.items()
                 }
             ui.space()
-            self._name = ui.label().classes("session-name").mark("session-name")
-            ui.button("Open…", icon="folder_open", on_click=lambda: self.go("start"), color=None).props(
-                "flat no-caps dense"
-            ).mark("open")
+            self._name = ui.label().classes("session-name")
+            ui.button("Open…", icon="folder_open", on_click=lambda: self.go("start"), color=None).props("flat no-caps dense")
             self._theme = ui.button(icon="contrast", on_click=self._toggle_dark, color=None).props(
                 'flat round dense aria-label="light or dark"'
             )
         with ui.row().classes("job") as self._job:
             ui.spinner(size="18px")
-            self._job_text = ui.label().mark("job").props('role="status"')
-            ui.button("Stop", icon="stop", on_click=lambda: self.bench.jobs.cancel(), color=None).props(
-                "flat dense no-caps"
-            ).mark("cancel")
+            self._job_text = ui.label().props('role="status"')
+            ui.button("Stop", icon="stop", on_click=lambda: self.bench.jobs.cancel(), color=None).props("flat dense no-caps")
         self._content = ui.element("div").classes("content")
         self.go(self.view, push=False)
         self._hear("session")

@@ -111,11 +111,13 @@ def _extract(packed: zipfile.ZipFile, target: Path, name: str) -> None:
     for info in packed.infolist():
         path = PurePosixPath(info.filename)
         wanted = path.name == "session.toml" or path.suffix in TABLES
-        if info.is_dir() or not wanted or top not in path.parents:
+        if info.is_dir() or not wanted:
             continue
-        relative = path.relative_to(top)
         if ".." in path.parts or path.is_absolute() or "\\" in info.filename or stat.S_ISLNK(info.external_attr >> 16):
             raise InputError(f"{name}: {info.filename!r} points outside of it")
+        if top not in path.parents:
+            continue
+        relative = path.relative_to(top)
         budget -= info.file_size
         if budget < 0 or info.file_size > LARGEST_RATIO * max(info.compress_size, 1024):
             raise InputError(f"{name}: {info.filename!r} is too large to unpack")

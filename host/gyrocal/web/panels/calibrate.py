@@ -53,7 +53,7 @@ class CalibratePanel:
                     "dim small"
                 )
             with ui.element("div").classes("scroll grow"):
-                ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False).mark("estimates")
+                ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
 
     def _device(self) -> None:
         self.device.clear()
@@ -68,11 +68,7 @@ class CalibratePanel:
             exported = self.bench.exported
             if exported is None:
                 with ui.row().classes("tight"):
-                    name = (
-                        ui.input("folder", value=self.bench.places.free("firmware").name)
-                        .props("outlined dense")
-                        .mark("export-folder")
-                    )
+                    name = ui.input("folder", value=self.bench.places.free("firmware").name).props("outlined dense")
                     axis = ui.select(
                         list(self.bench.step.view.compared["per_axis"]), value=self.bench.session.axis, label="axis"
                     )
@@ -80,20 +76,18 @@ class CalibratePanel:
                     button = ui.button(
                         "Write it", icon="memory", on_click=lambda: self.bench.export(name.value, axis.value), color=None
                     )
-                    button.props("unelevated no-caps").classes("primary").mark("export")
+                    button.props("unelevated no-caps").classes("primary")
                 return
             parity = exported.parity
             with ui.row().classes("tight"):
                 ui.element("span").classes(f"light {'good' if parity['ok'] else 'bad'}")
                 agree = "agree" if parity["ok"] else "DISAGREE"
                 told = f"largest difference {parity['max_abs_diff']:.1e} over {parity['windows']} windows"
-                ui.label(f"The network in C and in onnxruntime {agree}: {told}.").mark("parity").classes("small")
-            ui.label(f"Written to {self.bench.places.name(exported.folder)}. With the board plugged in:").classes("small").mark(
-                "exported"
-            )
+                ui.label(f"The network in C and in onnxruntime {agree}: {told}.").classes("small")
+            ui.label(f"Written to {self.bench.places.name(exported.folder)}. With the board plugged in:").classes("small")
             command = f"cd {exported.folder} && pio run -t upload && pio device monitor"
             with ui.row().classes("tight").style("flex-wrap: nowrap; width: 100%"):
-                ui.html(f'<pre class="command">{html.escape(command)}</pre>', sanitize=False).classes("grow").mark("flash")
+                ui.html(f'<pre class="command">{html.escape(command)}</pre>', sanitize=False).classes("grow")
                 ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command), color=None).props(
                     'flat round dense aria-label="copy the command"'
                 )
@@ -104,11 +98,11 @@ class CalibratePanel:
         with self.files:
             ui.html("<h2>To keep</h2>", sanitize=False)
             with ui.row().classes("tight"):
-                for text, icon, act, name in (
-                    ("Report, one HTML file", "description", self._report, "report"),
-                    ("Model, TOML", "download", self._model, "model"),
+                for text, icon, act in (
+                    ("Report, one HTML file", "description", self._report),
+                    ("Model, TOML", "download", self._model),
                 ):
-                    ui.button(text, icon=icon, on_click=act, color=None).props("outline no-caps dense").mark(f"download-{name}")
+                    ui.button(text, icon=icon, on_click=act, color=None).props("outline no-caps dense")
             ui.label("The report holds everything on the screen. `gyrocal` takes the model file with --model.").classes(
                 "dim small"
             )

@@ -93,7 +93,7 @@ class ComparePanel:
         tone = "good" if fits else "bad"
         with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
             with ui.element("div"):
-                ui.label("The model fits." if fits else "The model does not fit.").classes("big").mark("verdict")
+                ui.label("The model fits." if fits else "The model does not fit.").classes("big")
                 why = "What is left over is noise." if fits else "The readings hold something that it does not know:"
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
@@ -103,18 +103,18 @@ class ComparePanel:
                             f"{finding['axis']}, against {against}: {finding['note']}",
                             on_click=lambda f=finding: self._look_at(f),
                             color=None,
-                        ).props("flat dense no-caps").classes("finding").mark("finding")
+                        ).props("flat dense no-caps").classes("finding")
             with ui.element("div").classes("figures"):
                 _, rms, floor, excess = view.rows[-1]
                 for name, value, kind in (
                     ("error, mdps rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
                 ):  # fmt: skip
                     with ui.element("div").classes(f"figure {kind}"):
-                        ui.html(f"<b>{value}</b>", sanitize=False).mark(f"figure-{name.split(',')[0].replace(' ', '-')}")
+                        ui.html(f"<b>{value}</b>", sanitize=False)
                         ui.label(name)
             if not fits:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
-                button.props("unelevated no-caps").classes("primary").mark("what-is-missing")
+                button.props("unelevated no-caps").classes("primary")
 
     async def _diagnose(self) -> None:
         self.tab.go("diagnose")
@@ -143,17 +143,16 @@ class ComparePanel:
         failing = {(f["axis"], _panel(f["against"])) for f in compared["where"]}
         with ui.row().classes("tight"):
             for axis in compared["per_axis"]:
-                self._chip(axis, axis in self.axes, partial(self._toggle, axis)).classes(f"axis-{axis}").mark(f"axis-{axis}")
+                self._chip(axis, axis in self.axes, partial(self._toggle, axis)).classes(f"axis-{axis}")
             ui.separator().props("vertical")
             for name in self._available():
                 button = self._chip(AGAINST[name][0], name == self.against, partial(self._choose, name))
-                button.mark(f"against-{name}")
                 if any((axis, name) in failing for axis in self.axes):
                     button.classes("flag").tooltip("the model fails here")
             ui.space()
             runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
             select = ui.select(runs, multiple=True, value=self.chosen, label="all recordings", on_change=self._runs_chosen)
-            select.props("outlined dense options-dense clearable").style("width: 140px").mark("runs")
+            select.props("outlined dense options-dense clearable").style("width: 140px")
 
     def _chip(self, text: str, on: bool, pressed: Callable[[], None]) -> ui.button:
         button = ui.button(text, on_click=pressed, color=None).classes(f"chip {'on' if on else ''}")
@@ -165,7 +164,7 @@ class ComparePanel:
         with ui.element("div").classes("zoom"):
             for icon, word, low, high in MOVES:
                 button = ui.button(icon=icon, on_click=lambda a=low, b=high: self._move(a, b), color=None)
-                button.props(f'flat round dense size="sm" aria-label="{word}"').mark(word.replace(" ", "-"))
+                button.props(f'flat round dense size="sm" aria-label="{word}"')
 
     def _toggle(self, axis: str) -> None:
         self.axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis]
@@ -190,7 +189,7 @@ class ComparePanel:
             return
         self.place.clear()
         with self.place:
-            self.chart = ui.echart(self._options(traces)).classes("chart").mark("compare-chart")
+            self.chart = ui.echart(self._options(traces)).classes("chart")
             self.chart.props(f'role="img" aria-label="{AGAINST[self.against][0]}"')
             if self.against == "timeline":
                 self.chart.on("chart:datazoom", self._zoomed, ["start", "end", "batch"], throttle=0.05)

@@ -66,33 +66,31 @@ class DiagnosePanel:
         fits = self.bench.step.view.compared["verdict"] == "adequate"
         bars = self.bench.waterfall()
         with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}").style("flex: none"), ui.element("div"):
-            ui.label("The model fits: what is left over is noise." if fits else "The model does not fit yet.").classes(
-                "big"
-            ).mark("verdict")
+            ui.label("The model fits: what is left over is noise." if fits else "The model does not fit yet.").classes("big")
             if len(bars) > 1:
-                ui.label(f"The excess error went from {bars[0].after:.2f} to {bars[-1].after:.2f} mdps.").mark("fell")
+                ui.label(f"The excess error went from {bars[0].after:.2f} to {bars[-1].after:.2f} mdps.")
             if self.bench.step.view.remark:
                 ui.label(self.bench.step.view.remark).classes("dim")
             with ui.row().style("margin-top: 8px"):
                 look = ui.button(
                     "Look again" if fits else "Find what is missing", icon="search", on_click=self.bench.diagnose, color=None
                 )
-                look.props("flat no-caps" if fits else "unelevated no-caps").classes("" if fits else "primary").mark("find")
+                look.props("flat no-caps" if fits else "unelevated no-caps").classes("" if fits else "primary")
                 if fits:
                     onward = ui.button(
                         "Take it to the device", icon="memory", on_click=lambda: self.tab.go("calibrate"), color=None
                     )
-                    onward.props("unelevated no-caps").classes("primary").mark("onward")
+                    onward.props("unelevated no-caps").classes("primary")
 
     def _sentence(self, found: DiagnosisView) -> None:
         tone = {"adequate": "good"}.get(found.verdict, "bad")
         with ui.element("div").classes(f"face verdict {tone}").style("flex: none"):
-            ui.label(found.sentence).classes("big").style("font-size: 16px").mark("diagnosis")
+            ui.label(found.sentence).classes("big").style("font-size: 16px")
 
     def _card(self, card: Card) -> None:
         judged = card.judged
         passed = judged["decision"] == "add"
-        with ui.element("article").classes(f"card {'add' if passed else ''}").mark(f"card-{judged['effect']}-{judged['axis']}"):
+        with ui.element("article").classes(f"card {'add' if passed else ''}"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
                 ui.label(f"on {judged['axis']}").classes(f"axis-{judged['axis']}")
@@ -121,15 +119,13 @@ class DiagnosePanel:
             with ui.row().classes("tight"):
                 ui.button(
                     "Add to the model", icon="add", on_click=lambda: self.bench.add(judged["effect"], card.title), color=None
-                ).props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "").mark(
-                    f"add-{judged['effect']}"
-                )
+                ).props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "")
                 ui.label(card.equation).classes("equation")
 
     def _unknown(self, found: DiagnosisView) -> None:
         u = found.unknown
         assert u is not None
-        with ui.element("article").classes("card add").mark("card-unknown"):
+        with ui.element("article").classes("card add"):
             with ui.element("div").classes("head"):
                 ui.html("<h2>Something no effect of the library explains</h2>", sanitize=False)
                 ui.label(f"on {u['axis']}").classes(f"axis-{u['axis']}")
@@ -146,15 +142,10 @@ class DiagnosePanel:
                 "t (time in the run), p (time since power-on), th (table angle)."
             ).classes("small dim")
             with ui.row().classes("tight").style("width: 100%"):
-                formula = (
-                    ui.input(placeholder="mine: k·w^2")
-                    .props('outlined dense aria-label="formula"')
-                    .classes("grow")
-                    .mark("formula")
-                )
+                formula = ui.input(placeholder="mine: k·w^2").props('outlined dense aria-label="formula"').classes("grow")
                 ui.button("Try and add", on_click=lambda: self._try(formula.value), color=None).props(
                     "unelevated no-caps"
-                ).classes("primary").mark("try-formula")
+                ).classes("primary")
 
     async def _try(self, text: str) -> None:
         if text and text.strip():
@@ -187,19 +178,19 @@ class DiagnosePanel:
             ui.label("The model knows").classes("dim")
             for effect, title, removable in step.view.effects:
                 if removable:
-                    with ui.element("span").classes("badge add").mark(f"effect-{effect}"):
+                    with ui.element("span").classes("badge add"):
                         ui.label(title).style("display: inline")
                         button = ui.button(icon="close", on_click=partial(self.bench.remove, effect, title), color=None)
-                        button.props(f'flat round dense size="8px" aria-label="remove {title}"').mark(f"remove-{effect}")
+                        button.props(f'flat round dense size="8px" aria-label="remove {title}"')
                 else:
                     ui.label(title).classes("badge")
             ui.space()
-            ui.button("Undo", icon="undo", on_click=self.bench.undo, color=None).props("flat dense no-caps").mark(
-                "undo"
-            ).set_enabled(len(self.bench.steps) > 1)
-            ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps").mark(
-                "redo"
-            ).set_enabled(bool(self.bench.undone))
+            ui.button("Undo", icon="undo", on_click=self.bench.undo, color=None).props("flat dense no-caps").set_enabled(
+                len(self.bench.steps) > 1
+            )
+            ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps").set_enabled(
+                bool(self.bench.undone)
+            )
 
     def _fall(self) -> None:
         self.fall.clear()
@@ -213,13 +204,13 @@ class DiagnosePanel:
             with ui.row():
                 ui.html("<h2>Error beyond the noise</h2>", sanitize=False)
                 floor = f"{self.bench.floor_mdps():.2f} mdps"
-                ui.label(f"on unseen recordings, over the noise floor of {floor}").classes("dim small")
+                ui.label(f"unseen data, over a noise floor of {floor}").classes("dim small")
                 if len(bars) > 1 and bars[0].after > 0:
                     gone = 1 - (bars[-1].after / bars[0].after) ** 2
-                    ui.label(f"{gone:.1%} of it explained").classes(f"badge {'good' if gone > 0 else 'bad'}").mark("explained")
+                    ui.label(f"{gone:.1%} of it explained").classes(f"badge {'good' if gone > 0 else 'bad'}")
             figures = " ".join(f"{b.after:.2f}" for b in bars)
             chart = ui.echart(charts.waterfall(self.tab.palette, bars)).classes("chart grow")
-            chart.props(f'role="img" aria-label="excess error, mdps: {figures}"').mark("waterfall")
+            chart.props(f'role="img" aria-label="excess error, mdps: {figures}"')
             if self.bench.step is not None and self.bench.step.view.remark:
                 ui.label(self.bench.step.view.remark).classes("dim small")
 
@@ -238,7 +229,7 @@ class DiagnosePanel:
             else:
                 ui.echart(charts.calibration(self.tab.palette, found.errors)).classes("chart grow").props(
                     'role="img" aria-label="calibration error against seconds"'
-                ).mark("calibration-chart")
+                )
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

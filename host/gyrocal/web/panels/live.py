@@ -43,7 +43,7 @@ class LivePanel:
                 with ui.element("section").classes("face readings"):
                     self.readings = [self._reading(name, unit) for name, unit in READINGS]
                 with ui.element("section").classes("face grow").style("padding: 4px 6px"):
-                    self.chart = ui.echart(self._strips()).classes("chart").mark("live-chart")
+                    self.chart = ui.echart(self._strips()).classes("chart")
                     self.chart.props('role="img" aria-label="the last ten seconds of all axes and the temperature"')
                 self.results = ui.element("section").classes("face results").props('aria-label="results"')
         self._connection()
@@ -83,15 +83,13 @@ class LivePanel:
                 up = self.live.connected and not self.live.ended
                 ui.element("span").classes(f"light {'good' if up else 'bad'}")
                 with ui.element("div"):
-                    ui.label(self._state_words()).mark("device-state").props('role="status"')
+                    ui.label(self._state_words()).props('role="status"')
                     hello = status.get("hello") or {}
                     if hello:
                         sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
                         ui.label(f"{sensor}, {rate} Hz, ±{scale} deg/s").classes("dim small")
-            self.counts = ui.label().classes("dim small").mark("counts")
-            ui.button("Disconnect", icon="link_off", on_click=self.live.disconnect, color=None).props(
-                "flat dense no-caps"
-            ).mark("disconnect")
+            self.counts = ui.label().classes("dim small")
+            ui.button("Disconnect", icon="link_off", on_click=self.live.disconnect, color=None).props("flat dense no-caps")
 
     def _state_words(self) -> str:
         if self.live.ended:
@@ -107,17 +105,17 @@ class LivePanel:
         port = ui.select(
             ports, value=ports[0] if ports else None, label="serial port", with_input=True, new_value_mode="add-unique"
         )
-        port.props("outlined dense").mark("port")
+        port.props("outlined dense")
         connect = ui.button("Connect", icon="link", on_click=lambda: self._connect(port.value), color=None)
-        connect.props("unelevated no-caps").classes("primary" if ports else "").mark("connect")
+        connect.props("unelevated no-caps").classes("primary" if ports else "")
         ui.separator()
         ui.label("No board at hand? The firmware's own code, run on this machine:").classes("dim small")
-        hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense").mark("device-hidden")
-        speed = ui.select(SPEEDS, value="1", label="speed").props("outlined dense").mark("device-speed")
+        hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense")
+        speed = ui.select(SPEEDS, value="1", label="speed").props("outlined dense")
         start = ui.button(
             "Start a simulated device", icon="memory", on_click=lambda: self._simulate(hidden.value, speed.value), color=None
         )
-        start.props("unelevated no-caps").classes("" if ports else "primary").mark("start-device")
+        start.props("unelevated no-caps").classes("" if ports else "primary")
 
     def _connect(self, port: str | None) -> None:
         try:
@@ -165,7 +163,7 @@ class LivePanel:
                 ui.html("<h2>Calibrate in two turns</h2>", sanitize=False)
                 ui.space()
                 ui.element("span").classes(f"light {'rec' if state == 'recording' else ''}")
-                ui.label(f"{state} {face}".strip()).classes("small").mark("state")
+                ui.label(f"{state} {face}".strip()).classes("small")
             with ui.element("ol").classes("steps"):
                 for number, (text, stage) in enumerate(steps, start=1):
                     with ui.element("li").classes(f"step {stage}").props('aria-current="step"' if stage == "now" else ""):
@@ -192,12 +190,12 @@ class LivePanel:
                 self._recorded(going)
             if self.live.ended:
                 return
-            name = ui.input("folder", value=self._folder(going)).props("outlined dense").classes("full-width").mark("folder")
+            name = ui.input("folder", value=self._folder(going)).props("outlined dense").classes("full-width")
             if status.get("replays"):
                 button = ui.button(
                     "Record", icon="fiber_manual_record", on_click=lambda: self._start(name.value, None), color=None
                 )
-                button.props("unelevated no-caps").classes("primary").mark("record")
+                button.props("unelevated no-caps").classes("primary")
                 return
             rate = ui.number("table rate, deg/s", value=_number(status["hello"].get("table_dps"), 78.0)).props("outlined dense")
             seconds = ui.number("seconds", value=30, min=1).props("outlined dense")
@@ -206,7 +204,7 @@ class LivePanel:
                     ui.button(
                         f"Record face {face}", icon="fiber_manual_record", color=None,
                         on_click=lambda f=face: self._start(name.value, (f, rate.value, seconds.value)),
-                    ).props("unelevated no-caps").classes("primary").mark(f"record-{face}")  # fmt: skip
+                    ).props("unelevated no-caps").classes("primary")  # fmt: skip
 
     def _progress(self, going: dict[str, Any]) -> None:
         run = going.get("run")
@@ -217,10 +215,8 @@ class LivePanel:
         )
         with ui.row().classes("tight"):
             ui.element("span").classes("light rec")
-            ui.label(told).mark("recording").classes("small")
-        ui.button("Stop recording", icon="stop", on_click=self.live.stop, color=None).props("outline dense no-caps").mark(
-            "stop"
-        )
+            ui.label(told).classes("small")
+        ui.button("Stop recording", icon="stop", on_click=self.live.stop, color=None).props("outline dense no-caps")
 
     def _recorded(self, going: dict[str, Any]) -> None:
         runs = going.get("done") or []
@@ -228,12 +224,10 @@ class LivePanel:
             ui.label(going["error"]).classes("worry small")
         if runs:
             seconds = sum(run["seconds"] for run in runs)
-            ui.label(f"{len(runs)} recordings, {seconds:.0f} s, are in {self.bench.places.name(self._path(going))}.").mark(
-                "recorded"
-            )
+            ui.label(f"{len(runs)} recordings, {seconds:.0f} s, are in {self.bench.places.name(self._path(going))}.")
             ui.button("Does the model fit it?", icon="insights", on_click=lambda: self._open(going), color=None).props(
                 "unelevated no-caps"
-            ).classes("primary").mark("open-recorded")
+            ).classes("primary")
 
     def _path(self, going: dict[str, Any]) -> Any:
         return self.bench.places.inside(going["folder"])
@@ -279,7 +273,7 @@ class LivePanel:
             grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
             title=[charts.title(p, name, f"{1 + 18.5 * k}%", 58) for k, name in enumerate(STRIPS)],
             xAxis=x,
-            yAxis=[charts.axis(p, gridIndex=k, splitNumber=2, label={"fontSize": 10}) for k in range(5)],
+            yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
             series=[charts.line(READINGS[i][0], [], colours[i], on=strip) for i, strip in enumerate(STRIP_OF)],
         )
 
@@ -312,13 +306,13 @@ class LivePanel:
             if misfits:
                 fits = max(misfits) <= MISFIT_LIMIT
                 with ui.row().classes("tight"):
-                    ui.element("span").classes(f"light {'good' if fits else 'bad'}").mark("misfit-light")
+                    ui.element("span").classes(f"light {'good' if fits else 'bad'}")
                     ui.label(
                         "The readings look like what the device is calibrated for."
                         if fits
                         else "The readings hold something that the calibration does not know: record a session and diagnose it."
-                    ).mark("misfit")
-            ui.html(_table(found), sanitize=False).mark("results")
+                    )
+            ui.html(_table(found), sanitize=False)
 
 
 COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit")

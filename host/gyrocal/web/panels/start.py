@@ -58,23 +58,23 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                         name = bench.places.name(folder)
                         ui.button(name, icon="folder", on_click=lambda f=folder: opened(f), color=None).props(
                             "flat no-caps align=left dense"
-                        ).mark(f"session-{name}")
+                        )
                     if not found:
                         ui.label(
                             f"None in {bench.places.home} yet. A session is a folder with session.toml and a table a run."
                         ).classes("dim small")
                 ui.upload(label="or drop a zipped session here", auto_upload=True, max_files=1, on_upload=uploaded).props(
                     'flat bordered accept=".zip"'
-                ).classes("full-width").mark("upload")
+                ).classes("full-width")
             with ui.element("section").classes("face"):
                 ui.html("<h2>Try it</h2>", sanitize=False)
                 ui.label(
                     "A simulated sensor on a turntable, with something hidden in it that its model does not know:"
                 ).classes("dim small")
-                hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense").mark("hidden")
+                hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense")
                 ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
                     "unelevated no-caps"
-                ).classes("primary").mark("simulate")
+                ).classes("primary")
             with ui.element("section").classes("face"):
                 ui.html("<h2>Plug in a device</h2>", sanitize=False)
                 ui.label("Watch it live, calibrate it face up and face down, record it. A simulated one is at hand.").classes(

@@ -1,0 +1,104 @@
+"""A workbench served from a folder of its own, and a headless Chromium that looks at it."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+ARGUMENTS = [
+    "--no-sandbox", "--headless", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+PATIENCE_MS = 60_000
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
+
+
+@dataclass
+class Served:
+    """A running workbench: its address, the folder it was started in."""
+
+    url: str
+    folder: Path
+    process: subprocess.Popen[str] = field(repr=False)
+
+
+@pytest.fixture(scope="module")
+def serve() -> Iterator[Callable[..., Served]]:
+    """`serve(folder, *arguments)` starts `gyrocal workbench` there; all end with the module."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(folder: Path, *arguments: str) -> Served:
+        # NiceGUI behaves otherwise where it finds itself under pytest
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")} | ONE_THREAD
+        command = [sys.executable, "-m", "gyrocal", "workbench", "--no-browser", *arguments]
+        process = subprocess.Popen(
+            command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+        )
+        started.append(process)
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        found = re.match(r"workbench: (http://\S+)", line)
+        assert found, line + (process.stderr.read() if process.stderr and not line else "")
+        return Served(found[1], folder, process)
+
+    yield start
+    for process in started:
+        process.send_signal(signal.SIGINT)
+        try:
+            _, problems = process.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+        assert process.returncode == 0, problems
+        assert "Traceback" not in problems, problems
+
+
+@pytest.fixture(scope="session")
+def chromium(require_tool: Callable[[str], str], require_module: Callable[[str], None]) -> Iterator[Any]:
+    path = require_tool("chromium")
+    require_module("playwright")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def look(chromium: Any) -> Iterator[Callable[..., Any]]:
+    """`look(url)` opens a page; at the end none has asked another host for anything, nor complained."""
+    complaints: list[str] = []
+    contexts = []
+
+    def open_page(url: str, **options: Any) -> Any:
+        context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        host = urlsplit(url).netloc
+
+        def request(asked: Any) -> None:
+            if urlsplit(asked.url).scheme in ("http", "https", "ws", "wss") and urlsplit(asked.url).netloc != host:
+                complaints.append(f"asked for {asked.url}")
+
+        page.on("request", request)
+        page.on("console", lambda m: complaints.append(f"{m.type}: {m.text}") if m.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(url)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert not complaints, complaints

@@ -1,0 +1,129 @@
+"""Short enough for a screen, and no spike lost: against brute force."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gyrocal.web.charts import LIGHT
+from gyrocal.web.decimate import FACTOR, Pyramid, binned, thinned
+from gyrocal.web.plots import STRETCHES, Timeline
+from gyrocal.web.state import Traces
+from gyrocal.web.views import ModelView, RunView, SessionView
+
+
+def written(folder: Path, values: np.ndarray) -> Pyramid:
+    def fill(samples: np.ndarray) -> None:
+        samples[:] = values
+
+    Pyramid.write(folder, len(values), values.shape[1], fill)
+    return Pyramid(folder)
+
+
+@pytest.fixture(scope="module")
+def pyramid(tmp_path_factory: pytest.TempPathFactory) -> Pyramid:
+    return written(
+        tmp_path_factory.mktemp("pyramid") / "p", np.random.default_rng(1).normal(size=(2, 70_001)).astype(np.float32)
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 70_000), st.integers(1, 70_001), st.integers(1, 900), st.integers(0, 1))
+def test_a_window_holds_its_extremes(pyramid: Pyramid, start: int, length: int, stretches: int, channel: int) -> None:
+    stop = min(70_001, start + length)
+    rows, values = pyramid.window(channel, start, stop, stretches)
+    inside = pyramid.samples[channel, start:stop]
+    assert len(values) <= 2 * stretches or len(values) == stop - start
+    assert rows[0] >= start
+    assert rows[-1] < stop
+    assert np.all(np.diff(rows) >= 0)
+    if len(values) == stop - start:
+        np.testing.assert_array_equal(values, inside)
+    else:  # the level's cells may reach a little over the window's ends, never short of them
+        cell = FACTOR ** len(pyramid.levels)
+        wider = pyramid.samples[channel, max(0, start - cell) : stop + cell]
+        assert inside.max() <= values.max() <= wider.max()
+        assert inside.min() >= values.min() >= wider.min()
+
+
+def test_every_spike_is_seen_where_it_is(tmp_path: Path) -> None:
+    values = np.zeros((1, 500_000), np.float32)
+    places = np.array([3, 77_777, 250_000, 499_999])
+    values[0, places] = 5.0
+    rows, seen = written(tmp_path / "p", values).window(0, 0, 500_000, 700)
+    tall = rows[seen == 5.0]
+    assert len(tall) == 4
+    assert np.abs(tall - places).max() <= 500_000 / 700 * 1.1
+
+
+def test_missing_samples_are_no_extremes(tmp_path: Path) -> None:
+    values = np.full((1, 10_000), np.nan, np.float32)
+    values[0, ::7] = 1.0
+    _, seen = written(tmp_path / "p", values).window(0, 0, 10_000, 100)
+    assert set(seen) == {1.0}
+
+
+def test_bins_are_means_with_their_errors() -> None:
+    rng = np.random.default_rng(2)
+    x, y = rng.uniform(0, 10, 5000), rng.normal(3.0, 0.5, 5000)
+    centre, mean, error = binned(x, y, 10)
+    edges = np.linspace(x.min(), x.max(), 11)
+    for k in range(10):
+        inside = (x >= edges[k]) & ((x < edges[k + 1]) | (k == 9))
+        assert centre[k] == pytest.approx((edges[k] + edges[k + 1]) / 2)
+        assert mean[k] == pytest.approx(y[inside].mean())
+        assert error[k] == pytest.approx(y[inside].std(ddof=1) / np.sqrt(inside.sum()))
+
+
+def test_bins_leave_out_what_is_missing_and_what_is_empty() -> None:
+    centre, mean, _ = binned(np.array([0.0, 1.0, np.nan, 10.0]), np.array([1.0, 3.0, 9.0, np.nan]), 5)
+    assert mean.tolist() == [1.0, 3.0]
+    assert centre.size == 2
+    assert binned(np.array([np.nan]), np.array([1.0]), 5)[0].size == 0
+    assert binned(np.array([2.0, 2.0]), np.array([1.0, 3.0]), 5)[1].tolist() == [2.0]
+
+
+def test_a_thinned_curve_keeps_its_line() -> None:
+    x = np.arange(8000.0)
+    y = np.ones(8000)
+    y[4321] = 50.0
+    few_x, few_y = thinned(x, y, 300)
+    assert len(few_x) <= 600
+    assert few_y.max() == 50.0
+    assert abs(few_x[np.argmax(few_y)] - 4321) < 8000 / 300 * 1.1
+
+
+def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:
+    """Eighteen recordings of half a million samples on three axes: any window in a blink, down to the single sample."""
+    runs, rows, rate_hz = 18, 555_556, 145.0
+    n = runs * rows
+    ramp = (np.arange(n, dtype=np.float32) % 1000) * 1e-3
+
+    def fill(samples: np.ndarray) -> None:
+        samples[:] = ramp
+
+    for name in ("measured", "modelled", "residual"):
+        Pyramid.write(tmp_path / name, 3, n, fill)
+    np.save(tmp_path / "t_s.npy", np.tile(np.arange(rows) / rate_hz, runs))
+    np.savez(tmp_path / "points.npz", run=np.zeros(1))
+    entries = [RunView(f"{i:03d}.csv", f"s{i:03d}", "up", "z", 78.0, 1, i * rows, rows, rows / rate_hz) for i in range(runs)]
+    traces = Traces(SessionView(tmp_path, "", "z", rate_hz, entries, tmp_path))
+    traces.take(ModelView("", {}, "", [], [], tmp_path, [], {}, {}))
+    line = Timeline(traces, list(enumerate(entries)), ("x", "y", "z"), LIGHT)
+    took = []
+    for window in ((0.0, 100.0), (20.0, 60.0), (49.0, 51.0), (50.0, 50.01), (50.0, 50.0001)):
+        began = time.perf_counter()
+        series = line.series(window)
+        took.append(time.perf_counter() - began)
+        assert all(len(s["data"]) <= 2 * STRETCHES + 4 * runs for s in series)
+    assert min(took) < 0.2, took
+    assert sorted(took)[2] < 0.2, took
+    finest = [p for p in series[0]["data"] if p[1] is not None]
+    steps = np.diff([x for x, _ in finest])
+    assert np.median(steps) == pytest.approx(1 / rate_hz, abs=2e-4)  # single samples
+    assert np.median(np.diff([y for _, y in finest])) == pytest.approx(1.0, abs=0.02)  # mdps, the ramp's own

@@ -1,0 +1,52 @@
+"""The worker: results, progress, errors, a stop at any moment."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from gyrocal.errors import GyrocalError
+from gyrocal.simulate import simulate
+from gyrocal.web.jobs import Cancelled, Jobs
+
+
+def test_results_errors_and_a_stop(tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    simulate(folder, scenarios=3, seconds=20, effects=["table_ripple"])
+
+    async def story() -> None:
+        words: list[str] = []
+        jobs = Jobs(tmp_path / "scratch", lambda: words.append(jobs.current.text if jobs.current else "-"))
+        try:
+            opened = await jobs.run("open", "open", folder)
+            assert opened.rows == 6 * 2900
+            with pytest.raises(GyrocalError, match=r"no such file; a session is a folder"):
+                await jobs.run("open", "open", tmp_path / "none")
+            with pytest.raises(GyrocalError, match="--model nonsense"):
+                await jobs.run("compare", "compare", folder, "nonsense")
+
+            words.clear()
+            running = asyncio.create_task(jobs.run("look", "diagnose", folder, "default"))
+            waiting = asyncio.create_task(jobs.run("look", "compare", folder, "default"))
+            while not any("fitting" in w for w in words):
+                await asyncio.sleep(0.01)
+            assert jobs.current is not None
+            assert jobs.current.title == "look"
+            began = time.monotonic()
+            jobs.cancel()
+            for task in (running, waiting):
+                with pytest.raises(Cancelled):
+                    await task
+            assert time.monotonic() - began < 2.0
+            assert jobs.current is None
+
+            again = await jobs.run("open", "open", folder)  # a new worker, as good as the old
+            assert again.rows == opened.rows
+            assert again.traces != opened.traces
+        finally:
+            jobs.close()
+
+    asyncio.run(story())

@@ -1,0 +1,95 @@
+"""The live page against the simulated device: the firmware's own core behind a virtual port."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gyrocal.device import SimulatedDevice
+from gyrocal.session import Session
+from gyrocal.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Session:
+    session, _ = simulate(None, "paper", ["table_ripple"], 5, scenarios=1, seconds=12)
+    return session
+
+
+def rates(page: Any) -> list[float]:
+    return [float(text) for text in page.locator(".reading b").all_inner_texts()]
+
+
+def test_a_simulated_device_from_the_page(
+    serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path, require_tool: Callable[[str], str]
+) -> None:
+    require_tool("cc")
+    served = serve(tmp_path)
+    page = look(f"{served.url}live")
+    page.get_by_label("speed").click()
+    page.get_by_role("option", name="20 times faster").click()
+    page.get_by_role("button", name="Start a simulated device").click()
+    page.get_by_role("button", name="Record", exact=True).click()
+    page.get_by_text(re.compile(r"00\d_(up|down).csv: [\d.]+ s, \d+ samples, 0 lost")).wait_for()
+    page.get_by_text("The simulated device has played its recording to the end.").wait_for()
+    page.get_by_text(re.compile(r"\d recordings?, \d+ s, are in recorded")).wait_for()
+    assert abs(abs(rates(page)[2]) - 78.3) < 1.0
+    assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
+
+    results = page.locator("[aria-label=results] tbody tr")
+    methods = {row.split("\t")[1] for row in results.all_inner_texts()}
+    assert {"baseline", "cnn"} <= methods
+    assert page.locator("[aria-label=results] .light.bad").is_visible()  # the table ripples, which nobody told the device
+    assert page.locator("[aria-label=results]").get_by_text("record a session and diagnose it").is_visible()
+
+    recorded = Session.open(tmp_path / "recorded")
+    assert recorded.runs[-1].face == "down"
+    assert abs(float(np.mean(recorded.runs[-1].gyro_dps[:, 2])) + 78.3) < 1.0
+    page.get_by_role("button", name="Does the model fit it?").click()
+    page.locator(".session-name", has_text="recorded").wait_for()
+    page.locator(".figure b").first.wait_for()
+
+
+def test_unplugged_and_plugged_in_again(
+    serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path, scenario: Session, require_tool: Callable[[str], str]
+) -> None:
+    require_tool("cc")
+    link = tmp_path / "board"
+    with SimulatedDevice(scenario, 1.0, symlink=link):
+        served = serve(tmp_path, "--port", str(link))
+        page = look(f"{served.url}live")
+        page.get_by_text(f"Connected to {link}").wait_for()
+        page.wait_for_function(
+            "Math.abs(Math.abs(parseFloat(document.querySelectorAll('.reading b')[2].innerText)) - 78.3) < 1"
+        )
+    page.get_by_text("Unplugged: waiting for it to come back").wait_for()
+    with SimulatedDevice(scenario, 1.0, symlink=link):
+        page.get_by_text(f"Connected to {link}").wait_for()
+        state = page.locator("[aria-label='what to do']")
+        state.get_by_text(re.compile("recording (up|down)")).wait_for()
+        first = page.locator(".reading b").first.inner_text()
+        page.wait_for_function("(first) => document.querySelector('.reading b').innerText !== first", arg=first)
+    page.get_by_text("Unplugged: waiting for it to come back").wait_for()
+
+
+def test_a_port_that_is_none(serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("nothing to see")
+    served = serve(tmp_path)
+    page = look(f"{served.url}live")
+    for name, words in (
+        (str(secret), "not a serial port"),
+        (f"spy:///dev/ttyS0?file={tmp_path}/spied", "not a serial port"),
+        ("/dev/ttyNOWHERE", "no such port; plug the device in"),
+    ):
+        field = page.get_by_label("serial port")
+        field.fill(name)
+        field.press("Enter")
+        page.get_by_role("button", name="Connect").click()
+        page.get_by_text(words).first.wait_for()
+    assert not (tmp_path / "spied").exists()
