@@ -94,15 +94,24 @@ def _learn(start: Calibration, term: Term, scenarios: list[list[Run]]) -> _Learn
     plain = [start.run_columns[i] for i in order]
     columns = (*plain, *(replace(own, values={**term.values, name: float(v)}) for v in values))
     grid = replace(start, run_columns=columns, alternatives=GRID)
+    k_common = len(start.shared_columns) + 2
     groups = _groups(grid, len(plain))
     runs = [run for scenario in scenarios for run in scenario]
     scenario_of = np.repeat(np.arange(len(scenarios)), [len(s) for s in scenarios])
 
     blocks = [run_blocks(run, grid) for run in runs]
+    alike: dict[tuple[bytes, bytes], list[int]] = {}
+    for i, (_, t_s, count) in enumerate(blocks):
+        alike.setdefault((t_s.tobytes(), count.tobytes()), []).append(i)
 
     def equations(noise: Noise) -> tuple[Array, float]:
-        found = [normal_equations(means[None], t_s, count, noise) for means, t_s, count in blocks]
-        return np.concatenate([gram for gram, _ in found]), sum(logdet for _, logdet in found)
+        """Of all runs; those with the same blocks together."""
+        grams, logdet = np.empty((len(runs), len(columns) + k_common + 1, len(columns) + k_common + 1)), 0.0
+        for rows in alike.values():
+            _, t_s, count = blocks[rows[0]]
+            grams[rows], of_one = normal_equations(np.array([blocks[i][0] for i in rows]), t_s, count, noise)
+            logdet += len(rows) * of_one
+        return grams, logdet
 
     now = _Learned(
         np.array([c.sd for c in plain]), own.mean, own.sd, float(np.log(term.values[name])), FIRST_SPREAD,
@@ -211,14 +220,16 @@ def _scenarios(
     own = [replace(grid.run_columns[len(plain) + i], mean=learned.own_mean, sd=learned.own_sd) for i in inside]
     known = replace(grid, run_columns=(*plain, *own), alternatives=len(own), bias_dps=learned.bias_dps, scale=learned.scale)
     kept = np.array([*range(len(plain)), *(len(plain) + inside), *range(len(plain) + GRID, grams.shape[1])])
-    found = [
-        posterior(known, [g[None][:, kept][:, :, kept] for g in grams[scenario_of == s]])
-        for s in range(int(scenario_of.max()) + 1)
-    ]
+    grams = grams[:, kept][:, :, kept]
+    numbers, sizes = np.unique(scenario_of, return_counts=True)
+    found = []
+    for size in np.unique(sizes):
+        rows = np.array([np.flatnonzero(scenario_of == s) for s in numbers[sizes == size]])
+        found += [posterior(known, [grams[r] for r in part.T]) for part in np.array_split(rows, 1 + len(rows) // 16)]
     out = []
     for mean, se in (("bias_dps", "bias_se_dps"), ("scale", "scale_se")):
-        value = np.array([getattr(p, mean)[0] for p in found])
-        square = np.array([getattr(p, se)[0] for p in found]) ** 2
+        value = np.concatenate([getattr(p, mean) for p in found])
+        square = np.concatenate([getattr(p, se) for p in found]) ** 2
         out.append((float(value.mean()), float(np.sqrt(value.var() + square.mean()))))
     return out[0], out[1]
 
