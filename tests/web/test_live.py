@@ -25,11 +25,36 @@ def rates(page: Any) -> list[float]:
     return [float(text) for text in page.locator(".reading b").all_inner_texts()]
 
 
-def test_a_simulated_device_from_the_page(
-    serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path, require_tool: Callable[[str], str]
-) -> None:
+@pytest.fixture(scope="module")
+def served(
+    serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory, require_tool: Callable[[str], str]
+) -> Any:
     require_tool("cc")
-    served = serve(tmp_path)
+    folder = tmp_path_factory.mktemp("live")
+    return serve(folder, "--port", str(folder / "board"))
+
+
+def test_unplugged_and_plugged_in_again(served: Any, look: Callable[..., Any], scenario: Session) -> None:
+    link = served.folder / "board"
+    with SimulatedDevice(scenario, 1.0, symlink=link):
+        page = look(f"{served.url}live")
+        page.get_by_text(f"Connected to {link}").wait_for()
+        page.wait_for_function(
+            "Math.abs(Math.abs(parseFloat(document.querySelectorAll('.reading b')[2].innerText)) - 78.3) < 1"
+        )
+    page.get_by_text("Unplugged: waiting for it to come back").wait_for()
+    with SimulatedDevice(scenario, 1.0, symlink=link):
+        page.get_by_text(f"Connected to {link}").wait_for()
+        state = page.locator("[aria-label='what to do']")
+        state.get_by_text(re.compile("recording (up|down)")).wait_for()
+        first = page.locator(".reading b").first.inner_text()
+        page.wait_for_function("(first) => document.querySelector('.reading b').innerText !== first", arg=first)
+    page.get_by_text("Unplugged: waiting for it to come back").wait_for()
+    page.get_by_role("button", name="Disconnect").click()
+    page.get_by_role("button", name="Connect", exact=True).wait_for()
+
+
+def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}live")
     page.get_by_label("speed").click()
     page.get_by_role("option", name="20 times faster").click()
@@ -47,40 +72,20 @@ def test_a_simulated_device_from_the_page(
     assert page.locator("[aria-label=results] .light.bad").is_visible()  # the table ripples, which nobody told the device
     assert page.locator("[aria-label=results]").get_by_text("record a session and diagnose it").is_visible()
 
-    recorded = Session.open(tmp_path / "recorded")
+    recorded = Session.open(served.folder / "recorded")
     assert recorded.runs[-1].face == "down"
     assert abs(float(np.mean(recorded.runs[-1].gyro_dps[:, 2])) + 78.3) < 1.0
     page.get_by_role("button", name="Does the model fit it?").click()
     page.locator(".session-name", has_text="recorded").wait_for()
     page.locator(".figure b").first.wait_for()
+    page.get_by_role("button", name="Live").click()
+    page.get_by_role("button", name="Disconnect").click()
+    page.get_by_role("button", name="Connect", exact=True).wait_for()
 
 
-def test_unplugged_and_plugged_in_again(
-    serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path, scenario: Session, require_tool: Callable[[str], str]
-) -> None:
-    require_tool("cc")
-    link = tmp_path / "board"
-    with SimulatedDevice(scenario, 1.0, symlink=link):
-        served = serve(tmp_path, "--port", str(link))
-        page = look(f"{served.url}live")
-        page.get_by_text(f"Connected to {link}").wait_for()
-        page.wait_for_function(
-            "Math.abs(Math.abs(parseFloat(document.querySelectorAll('.reading b')[2].innerText)) - 78.3) < 1"
-        )
-    page.get_by_text("Unplugged: waiting for it to come back").wait_for()
-    with SimulatedDevice(scenario, 1.0, symlink=link):
-        page.get_by_text(f"Connected to {link}").wait_for()
-        state = page.locator("[aria-label='what to do']")
-        state.get_by_text(re.compile("recording (up|down)")).wait_for()
-        first = page.locator(".reading b").first.inner_text()
-        page.wait_for_function("(first) => document.querySelector('.reading b').innerText !== first", arg=first)
-    page.get_by_text("Unplugged: waiting for it to come back").wait_for()
-
-
-def test_a_port_that_is_none(serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path) -> None:
-    secret = tmp_path / "secret"
+def test_a_port_that_is_none(served: Any, look: Callable[..., Any], tmp_path: Path) -> None:
+    secret = served.folder / "secret"
     secret.write_text("nothing to see")
-    served = serve(tmp_path)
     page = look(f"{served.url}live")
     for name, words in (
         (str(secret), "not a serial port"),
@@ -90,6 +95,6 @@ def test_a_port_that_is_none(serve: Callable[..., Any], look: Callable[..., Any]
         field = page.get_by_label("serial port")
         field.fill(name)
         field.press("Enter")
-        page.get_by_role("button", name="Connect").click()
+        page.get_by_role("button", name="Connect", exact=True).click()
         page.get_by_text(words).first.wait_for()
     assert not (tmp_path / "spied").exists()

@@ -68,11 +68,10 @@ class Workbench:
         self.traces: Traces | None = None
         self.steps: list[Step] = []
         self.undone: list[Step] = []
-        self.diagnosis: DiagnosisView | None = None
-        """Of the model as it is."""
         self.diagnosed: DiagnosisView | None = None
-        """The last one made, for the report."""
-        self.calibration: CalibrationView | None = None
+        """The last diagnosis made, for the report; :attr:`diagnosis` is that of the model as it is."""
+        self._diagnoses: dict[str, DiagnosisView] = {}
+        self._calibrations: dict[tuple[str, str], CalibrationView] = {}
         self.exported: ExportView | None = None
         self.before: dict[str, Any] | None = None
         """`before` of `gyrocal add --json` for the latest step."""
@@ -85,6 +84,17 @@ class Workbench:
     def say(self, text: str) -> None:
         self.message = text
         self.changed("message")
+
+    @property
+    def diagnosis(self) -> DiagnosisView | None:
+        return self._diagnoses.get(self.steps[-1].source) if self.steps else None
+
+    @property
+    def calibration(self) -> CalibrationView | None:
+        return self._calibrations.get(self._calibrated_models()) if self.steps else None
+
+    def _calibrated_models(self) -> tuple[str, str]:
+        return self.steps[0].view.toml, self.steps[-1].view.toml
 
     @property
     def step(self) -> Step | None:
@@ -119,10 +129,9 @@ class Workbench:
     async def diagnose(self) -> None:
         with self._telling():
             if self.session is not None and self.step is not None:
-                self.diagnosis = await self.jobs.run(
-                    "Looking for what is missing", "diagnose", self.session.path, self.step.source
-                )
-                self.diagnosed = self.diagnosis
+                source = self.step.source
+                found = await self.jobs.run("Looking for what is missing", "diagnose", self.session.path, source)
+                self._diagnoses[source] = self.diagnosed = found
                 self.changed("diagnosis")
 
     async def add(self, effect: str, title: str) -> None:
@@ -135,11 +144,19 @@ class Workbench:
             await self._take(Step(view.toml, view, effect, title))
 
     async def remove(self, effect: str, title: str) -> None:
+        """Take an effect out of the model: one that was tried before, or one to be fitted."""
         with self._telling():
             if self.session is None or self.step is None:
                 return
-            view = await self.jobs.run(f"Removing {title.lower()}", "without", self.session.path, self.step.source, effect)
-            await self._take(Step(view.toml, view, effect, title, removed=True))
+            left = {i for i, _, _ in self.step.view.effects} - {effect}
+            known = next((s for s in reversed(self.steps) if {i for i, _, _ in s.view.effects} == left), None)
+            if known is not None:
+                source, view = known.source, known.view
+            else:
+                name = f"Removing {title.lower()}"
+                view = await self.jobs.run(name, "without", self.session.path, self.step.source, effect)
+                source = view.toml
+            await self._take(Step(source, view, effect, title, removed=True))
 
     async def export(self, name: str, axis: str) -> None:
         """The firmware as a project with this model's header, and the C network checked against onnxruntime."""
@@ -161,14 +178,16 @@ class Workbench:
         return None
 
     async def undo(self) -> None:
-        if len(self.steps) > 1:
-            self.undone.append(self.steps.pop())
-            await self._show_model()
+        with self._telling():
+            if len(self.steps) > 1:
+                self.undone.append(self.steps.pop())
+                await self._show_model()
 
     async def redo(self) -> None:
-        if self.undone:
-            self.steps.append(self.undone.pop())
-            await self._show_model()
+        with self._telling():
+            if self.undone:
+                self.steps.append(self.undone.pop())
+                await self._show_model()
 
     # What is shown of it.
 
@@ -190,8 +209,8 @@ class Workbench:
     # How it comes about.
 
     def _forget(self) -> None:
-        self.session = self.traces = self.diagnosis = self.diagnosed = None
-        self.calibration = self.before = self.exported = None
+        self.session = self.traces = self.diagnosed = self.before = self.exported = None
+        self._diagnoses, self._calibrations = {}, {}
         self.steps, self.undone = [], []
         self.changed("session")
 
@@ -211,14 +230,15 @@ class Workbench:
         assert self.traces is not None
         step = self.steps[-1]
         self.traces.take(step.view)
-        self.diagnosis = self.calibration = self.exported = None
+        self.exported = None
         self.changed("model")
-        models = {"model at first": self.steps[0].view.toml}
-        if len(self.steps) > 1:
-            models["model now"] = step.view.toml
-        with contextlib.suppress(Cancelled):
-            self.calibration = await self.jobs.run("Calibrating", "calibrate", self.session.path, models)
-            self.changed("calibration")
+        models = self._calibrated_models()
+        if models in self._calibrations:
+            return
+        named = {"model at first": models[0]} | ({"model now": models[1]} if len(self.steps) > 1 else {})
+        found = await self.jobs.run("Calibrating", "calibrate", self.session.path, named)
+        self._calibrations[models] = found
+        self.changed("calibration")
 
     @contextlib.contextmanager
     def _telling(self) -> Any:

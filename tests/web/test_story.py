@@ -1,0 +1,205 @@
+"""The whole story in a real browser: the numbers on the page are the command line's."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.output import mdps
+from gyrocal.simulate import simulate
+
+SECONDS, SCENARIOS = 20, 3
+
+
+def cli(folder: Path, *arguments: str) -> Any:
+    """What the command line prints, run in this process."""
+    out = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out):
+        assert main([*arguments, "--json"]) == 0
+    return json.loads(out.getvalue())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("story")
+    simulate(folder / "hidden", "paper", ["table_ripple"], 3, scenarios=SCENARIOS, seconds=SECONDS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def served(serve: Callable[..., Any], folder: Path, chromium: Any) -> Any:
+    return serve(folder, "hidden")
+
+
+def figures(page: Any) -> list[str]:
+    """rms, floor and excess, as the compare panel shows them."""
+    page.locator(".figure b").first.wait_for()
+    return list(page.locator(".figure b").all_inner_texts())
+
+
+def shown_excess(page: Any) -> list[str]:
+    """The waterfall's excess after each step, from its words for those who do not see it."""
+    label = page.locator('[aria-label^="excess error, mdps:"]').get_attribute("aria-label")
+    return str(label).split(": ")[1].split()
+
+
+def chart_points(page: Any) -> int:
+    """How many points of the first curve the browser holds."""
+    return int(
+        page.evaluate(
+            "() => getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption()"
+            ".series[0].data.filter(p => p[1] !== null).length"
+        )
+    )
+
+
+def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
+    compared = cli(folder, "compare", "hidden")
+    added = cli(folder, "add", "table_ripple", "hidden", "--model", "m.toml")
+    calibrated = cli(folder, "calibrate", "hidden", "--model", "m.toml")["estimates"]
+
+    page = look(served.url)
+    page.get_by_text("The model does not fit.").wait_for()
+    assert figures(page) == [mdps(compared[name], 2) for name in ("rms_dps", "floor_dps", "excess_dps")]
+    page.get_by_role("button", name=re.compile("z, against table angle")).click()
+    page.locator('[role=img][aria-label="Table angle"]').wait_for()
+
+    page.get_by_role("button", name="What is missing?").click()
+    card = page.locator("article", has_text="Ripple of the table's speed")
+    card.wait_for()
+    diagnosed = cli(folder, "diagnose", "hidden")
+    best = diagnosed["candidates"][0]
+    assert f"{best['explained']:.0%} of the excess error on z" in card.inner_text()
+    assert shown_excess(page) == [mdps(compared["excess_dps"], 2)]
+
+    card.get_by_role("button", name="Add to the model").click()
+    page.get_by_text("The model fits: what is left over is noise.").wait_for()
+    before, after = (mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
+    assert shown_excess(page) == [before, after]
+    assert page.get_by_text(f"The excess error went from {before} to {after} mdps.").is_visible()
+    page.locator('[aria-label="calibration error against seconds"]').wait_for()
+
+    page.get_by_role("button", name="Undo").click()
+    card.wait_for()
+    assert shown_excess(page) == [mdps(compared["excess_dps"], 2)]
+    page.get_by_role("button", name="Redo").click()
+    page.get_by_text("The model fits: what is left over is noise.").wait_for()
+    assert shown_excess(page) == [before, after]
+
+    page.get_by_role("button", name="Calibrate & export").click()
+    page.locator("table.plain tbody tr").nth(len(calibrated) - 1).wait_for()
+    rows = [row.split("\t") for row in page.locator("table.plain tbody tr").all_inner_texts()]
+    expected = [
+        [e["scenario"], e["axis"], e["method"], f"{e['seconds']:g}", f"{e['scale'] * 100:.4f}",
+         "–" if e["scale_se"] is None else f"{e['scale_se'] * 100:.4f}", f"{e['bias_dps'] * 1e3:.1f}",
+         "–" if e["bias_se_dps"] is None else f"{e['bias_se_dps'] * 1e3:.1f}"]
+        for e in calibrated
+    ]  # fmt: skip
+    assert rows == expected
+
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Model, TOML").click()
+    assert Path(download.value.path()).read_text() == (folder / "m.toml").read_text()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Report, one HTML file").click()
+    report = Path(download.value.path()).read_text()
+    assert before in report
+    assert after in report
+    assert "Ripple of the table&#39;s speed" in report
+    assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", report)
+
+    page.get_by_role("button", name="Write it").click()
+    page.get_by_text("largest difference").wait_for()
+    header = (folder / "firmware/include/calibration.h").read_text()
+    assert "table_ripple" in header
+    assert (folder / "firmware/model.toml").read_text() == (folder / "m.toml").read_text()
+
+    # another tab sees the same, and what one removes the other sees gone
+    other = look(f"{served.url}diagnose", color_scheme="dark")
+    other.get_by_text("The model fits: what is left over is noise.").wait_for()
+    assert other.evaluate("document.body.classList.contains('body--dark')")
+    page.goto(f"{served.url}diagnose")
+    page.get_by_role("button", name="remove Ripple of the table's speed").click()
+    other.locator("article", has_text="Ripple of the table's speed").wait_for()  # found again as it was
+    assert shown_excess(other) == [before, after, before]
+
+
+def test_zoom_shows_single_samples(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}compare")
+    figures(page)
+    page.get_by_role("button", name="Timeline").click()
+    page.locator('[role=img][aria-label="Timeline"] canvas').wait_for()
+    before = chart_points(page)
+    for _ in range(5):
+        page.get_by_role("button", name="zoom in").click()
+        page.wait_for_timeout(150)
+    page.wait_for_function(
+        "(before) => { const o = getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption();"
+        " const p = o.series[0].data.filter(p => p[1] !== null); return p.length < before && p.length > 400"
+        " && Math.abs((p.at(-1)[0] - p[0][0]) / (p.length - 1) - 1 / 145) < 2e-4; }",
+        arg=before,
+    )
+
+
+def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}compare")
+    figures(page)
+    for axis in ("x", "y"):
+        page.get_by_role("button", name=axis, exact=True).click()
+        page.get_by_role("button", name=axis, exact=True, pressed=True).wait_for()
+    views = page.locator(".chip:not(.axis-x):not(.axis-y):not(.axis-z)").all_inner_texts()
+    assert {"Timeline", "In the run", "Temperature", "Table angle", "Reading", "Spectrum", "Allan"} <= set(views)
+    for view in views:
+        page.get_by_role("button", name=view, exact=True).click()
+        page.locator(f'[role=img][aria-label="{view}"] canvas').wait_for()
+        assert chart_points(page) > 10, view
+
+
+def test_the_keyboard_is_enough(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}start")
+    page.get_by_role("button", name="hidden").wait_for()
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        if "hidden" in page.evaluate("document.activeElement.innerText"):
+            break
+    outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+    assert outline == "solid"
+    page.keyboard.press("Enter")
+    page.get_by_text("The model does not fit.").wait_for()
+
+
+def test_long_work_can_be_stopped(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}compare")
+    figures(page)
+    page.get_by_role("button", name="What is missing?").click()
+    page.get_by_role("status").filter(has_text=re.compile("Looking for what is missing: .+")).wait_for()
+    page.get_by_role("button", name="Stop").click()
+    page.get_by_text("Looking for what is missing: stopped").first.wait_for()
+    find = page.get_by_role("button", name="Find what is missing")
+    find.wait_for()
+    find.click()
+    page.get_by_role("status").filter(has_text=re.compile("Looking for what is missing: .+")).wait_for()
+    page.get_by_role("button", name="Stop").click()
+    page.get_by_text("Looking for what is missing: stopped").first.wait_for()
+
+
+def test_an_upload_opens_and_a_bad_one_says_why(served: Any, folder: Path, look: Callable[..., Any], tmp_path: Path) -> None:
+    good = shutil.make_archive(str(tmp_path / "sent"), "zip", folder / "hidden")
+    (tmp_path / "bad.zip").write_bytes(b"no zip at all")
+    page = look(f"{served.url}start")
+    page.locator("input[type=file]").set_input_files(tmp_path / "bad.zip")
+    page.get_by_text("bad.zip: cannot be unpacked").wait_for()
+    page.goto(f"{served.url}start")
+    page.locator("input[type=file]").set_input_files(good)
+    page.locator(".session-name", has_text="sent").wait_for()
+    figures(page)
+    assert (folder / "sent/session.toml").is_file()
