@@ -14,6 +14,7 @@ LAYERS = [
     {"errors", "threads", "__init__"},
     {"session", "output", "wire", "core", "network", "spectrum", "climate", "campaigns"},
     {"port"},
+    {"outliers"},
     {"effects"},
     {"formula"},
     {"model", "blocks", "noise"},
@@ -21,7 +22,7 @@ LAYERS = [
     {"heldout", "probes", "simulate", "estimator", "importer"},
     {"scenarios", "spreads", "device", "record", "monitor", "verify"},
     {"compare", "calibrate", "calibration_header", "limit"},
-    {"diagnose", "pictures"},
+    {"diagnose", "custom", "pictures"},
     {"report", "api"},
     {"demo", "web"},
 ]

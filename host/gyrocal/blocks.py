@@ -1,7 +1,8 @@
 """A session reduced to block means: what slow effects are fitted on.
 
 All effects but tones and reading faults vary slowly against a tenth of a second. Means over blocks of that length lose nothing
-of them (columns are averaged alike, so the fit stays exact) and are a dozen times fewer.
+of them (columns are averaged alike, so the fit stays exact) and are a dozen times fewer. Single readings that stand far out are
+brought back to their neighbours first.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.earth_rate import known_dps as earth_dps
+from gyrocal.outliers import outliers
 from gyrocal.session import Array, Run, Session
 
 BLOCK_S = 0.1
@@ -80,6 +82,10 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     """Blocks of one run; a run known by its net angle alone is one block."""
     n = len(run)
     y = residual_dps(run)
+    if not run.rate_is_mean:
+        for axis in range(3):
+            rows_out, apart_dps = outliers(y[:, axis])
+            y[rows_out, axis] -= apart_dps
     size = n if run.rate_is_mean else min(n, max(1, round(block_s * run.sample_rate_hz)))
     period_s = float(np.median(np.diff(run.t_s)))
     gap = np.concatenate([[0], np.cumsum(np.diff(run.t_s) > 1.5 * period_s)]) if size < n else np.zeros(n, dtype=int)

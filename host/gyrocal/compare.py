@@ -20,7 +20,8 @@ from gyrocal.errors import InputError
 from gyrocal.fit import LEAST_WHITE_DPS, Fit, fit
 from gyrocal.heldout import Prediction
 from gyrocal.model import Model
-from gyrocal.probes import Finding, beside, probe, slow_probes
+from gyrocal.outliers import outliers
+from gyrocal.probes import Finding, beside, probe, slow_probes, too_much_power
 from gyrocal.session import AXES, Array, Session
 from gyrocal.spectrum import Spectrum, spectrum
 from gyrocal.threads import one_thread
@@ -112,10 +113,10 @@ def compare(
     if progress is not None:
         progress("judging on held-out data")
     held = list(heldout.predictions(fitted, folds))
-    residuals = {axis: [p.residual_dps for p in heldout.fitted(fitted) if AXES[p.axis] == axis] for axis in fitted.axes}
-    spectra = {axis: spectrum_of(fitted, r) for axis, r in residuals.items()}
+    residuals = {axis: _residuals(fitted, axis) for axis in fitted.axes}
+    spectra = {axis: spectrum_of(fitted, list(r.values())) for axis, r in residuals.items()}
     where = find_misfit(session, fitted, spectra, progress)
-    white = {axis: _white_power(fitted, axis) for axis in fitted.axes}
+    white = {axis: _white_power(fitted, axis, residuals[axis], spectra[axis]) for axis in fitted.axes}
     floors = floor_from or {axis: _floor(fitted, axis, where, white[axis]) for axis in fitted.axes}
     per_axis = {axis: _level([p for p in held if AXES[p.axis] == axis], floors[axis]) for axis in fitted.axes}
     pooled = _level(held, float(np.sqrt(np.mean([f**2 for f in floors.values()]))))
@@ -134,9 +135,20 @@ def _floor(fitted: Fit, axis: str, where: list[Finding], white_power: float) -> 
     return float(np.sqrt(white_power + found.slow_power))
 
 
-def _white_power(fitted: Fit, axis: str) -> float:
+def _residuals(fitted: Fit, axis: str) -> dict[int, Array]:
+    """Residuals in sample of each run [n], deg/s, single readings that stand out brought back."""
+    out = {}
+    for p in heldout.fitted(fitted):
+        if AXES[p.axis] == axis:
+            residual = p.residual_dps
+            rows, apart_dps = outliers(residual)
+            residual[rows] -= apart_dps
+            out[p.run.index] = residual
+    return out
+
+
+def _white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:
     """Mean square of one sample's noise, dps^2: the scatter of residuals within blocks, lines taken out."""
-    by_run = {p.run.index: p.residual_dps for p in heldout.fitted(fitted) if AXES[p.axis] == axis}
     total, count = 0.0, 0
     for b in fitted.blocks:
         if b.run.index not in by_run or b.within_n == 0:
@@ -144,12 +156,9 @@ def _white_power(fitted: Fit, axis: str) -> float:
         grouped = by_run[b.run.index][b.start[:, None] + np.arange(int(b.n[0]))]
         total += float(((grouped - grouped.mean(axis=1, keepdims=True)) ** 2).sum())
         count += b.within_n
-    if not by_run:
-        return fitted.axes[axis].noise.white_sd_dps ** 2
     if count < 10:  # a sample a block: the fit's own white level
         return fitted.axes[axis].noise.white_sd_dps ** 2
-    lines = spectrum_of(fitted, list(by_run.values())).line_power(1e-3)
-    return max(total / count - lines, LEAST_WHITE_DPS**2)
+    return max(total / count - spectrum.line_power(1e-3), LEAST_WHITE_DPS**2)
 
 
 def spectrum_of(fitted: Fit, residuals: list[Array]) -> Spectrum:
@@ -187,7 +196,7 @@ def find_misfit(
         for against, kinds in slow_probes(session, AXES.index(axis))
         for kind in kinds
     ]
-    share = ALARM / (len(tests) + 2 * len(fitted.axes))
+    share = ALARM / (len(tests) + 3 * len(fitted.axes))
     found: list[Finding] = []
     for axis, against, kind in tests:
         if progress is not None:
@@ -206,9 +215,14 @@ def find_misfit(
             )
             note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
             found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
-        reading = reading_fault(session, axis, share, fitted.model.value("quantization", axis, "lsb_dps"))
-        if reading is not None:
-            found.append(reading)
+        known_step_dps = fitted.model.value("quantization", axis, "lsb_dps")
+        known_outliers = fitted.model.value("bias_jumps", axis, "outliers")
+        more = [
+            too_much_power(fitted.axes[axis], axis, share),
+            reading_fault(session, axis, share, known_step_dps),
+            None if known_outliers else single_readings(session, axis),
+        ]
+        found += [finding for finding in more if finding is not None]
     return sorted(found, key=lambda f: -f.strength)
 
 
@@ -241,6 +255,28 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
             note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
             worst = Finding(axis, "reading", float(z), chance, 2**bit * session.lsb_dps, note)
     return worst
+
+
+def single_readings(session: Session, axis: str) -> Finding | None:
+    """Single readings that stand far out of their neighbours, where they add a hundredth to the noise's power."""
+    i = AXES.index(axis)
+    steady = [r for r in session.runs if not r.rate_is_mean]
+    if not steady:
+        return None
+    readings = [r.gyro_dps[:, i] - (r.rate_dps if r.axis == axis else 0.0) for r in steady]
+    apart = np.concatenate([outliers(y)[1] for y in readings])
+    white = np.median(np.concatenate([np.abs(np.diff(y)) for y in readings])) / (0.6745 * np.sqrt(2))
+    samples = sum(y.size for y in readings)
+    if apart.size < 2 or float(apart @ apart) < 0.01 * white**2 * samples:
+        return None
+    size_dps = float(np.sqrt(np.mean(apart**2)))
+    counts = np.abs(apart) / session.lsb_dps if session.lsb_dps else np.zeros(1)
+    torn = float(np.mean(np.abs(counts - 256) < 6 * white / session.lsb_dps)) if session.lsb_dps else 0.0
+    note = f"{apart.size} single readings stand out by {size_dps:.3g} dps"
+    if torn > 0.9:
+        note += ", 256 counts: the two bytes of a reading are not of one sample"
+    strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
+    return Finding(axis, "reading", strength, 0.0, size_dps, note)
 
 
 def residual_table(comparison: Comparison) -> pl.DataFrame:

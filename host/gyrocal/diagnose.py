@@ -47,7 +47,11 @@ SIMILAR_SHAPE = 0.7
 SAME_SHAPE = 0.97
 PARAMETER_GAIN = 2.0
 """Held-out log-likelihood that one more parameter must gain where the shapes are the same."""
+NOISY_COLUMNS = 0.01
+"""Of a large gain, what measured columns (an accelerometer's) lose by their own noise against computed ones."""
 LEAST_EXPLAINED = 0.10
+LEAST_OF_FINDING = 0.25
+"""Of the log-likelihood that the strongest probe gains: a cause gains about as much, its shadows less."""
 RANGE_FACTOR = 10.0
 
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
@@ -171,8 +175,11 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     """Fit one candidate beside the model, noise and all; measure what it gains in and out of sample."""
     from scipy.stats import chi2
 
+    found = kind.detect([b.run for b in current.design.blocks], current.design.axis)
+    if found is not None:
+        return _judge_reading(comparison, current, axis, kind, found)
     if kind.reading_fault:
-        return _judge_reading(comparison, current, axis, kind)
+        return Candidate(kind, axis, "reject")
     if kind.fast:
         peak = comparison.spectra[axis].peak()
         if peak is None or peak[2] > FDR:
@@ -202,12 +209,10 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     )  # fmt: skip
 
 
-def _judge_reading(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) -> Candidate:
+def _judge_reading(
+    comparison: Comparison, current: AxisFit, axis: str, kind: Effect, found: tuple[Values, Values, float]
+) -> Candidate:
     """A fault of the reading: found in the readings' own values, judged by how much better held-out readings are met."""
-    runs = [b.run for b in current.design.blocks]
-    found = kind.detect(runs, current.design.axis)
-    if found is None:
-        return Candidate(kind, axis, "reject")
     values, se, chance = found
     term = Term(kind.id, axis, values, se)
     design = Design(comparison.fit.blocks, current.design.axis, [*current.design.terms, term])
@@ -352,17 +357,32 @@ def _decide(candidates: list[Candidate], comparison: Comparison) -> list[Candida
     out = []
     for c in candidates:
         if c.decision != "not_measurable" and c.q_value is not None and c.q_value < FDR:
-            held = c.gain is not None and c.gain_se is not None and c.gain > 2 * c.gain_se
-            if c.effect.reading_fault:
-                held = held or (c.gain is not None and c.gain >= -1.0)
-            named = held and c.chance * tested < FAMILY_ALARM and in_range(c) and c.enough
+            named = _proven(c, tested) and in_range(c) and c.enough and _meets(c, comparison)
             c = replace(c, decision="add" if named else "suggest")
         out.append(c)
     return out
 
 
+def _meets(c: Candidate, comparison: Comparison) -> bool:
+    """Does the candidate go at what is most wrong with the axis? One that picks crumbs beside it is not what is missing."""
+    if c.effect.at_reading(c.values):
+        return True
+    found = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != "reading"]
+    return (c.gain or 0.0) >= LEAST_OF_FINDING * max(found, default=0.0)
+
+
+def _proven(c: Candidate, tested: int) -> bool:
+    """Beyond chance among so many, and better on what the fit never saw."""
+    held = c.gain is not None and c.gain_se is not None and c.gain > 2 * c.gain_se
+    if c.effect.at_reading(c.values):
+        held = held or (c.gain is not None and c.gain >= -1.0)
+    return held and c.chance * tested < FAMILY_ALARM
+
+
 def in_range(candidate: Candidate) -> bool:
-    """Every linear parameter at most ten times its typical size."""
+    """Every linear parameter at most ten times its typical size; a fault of the reading has no size of its own."""
+    if candidate.effect.at_reading(candidate.values):
+        return True
     for parameter in candidate.effect.parameters:
         value = candidate.values.get(parameter.name)
         if (
@@ -377,8 +397,8 @@ def in_range(candidate: Candidate) -> bool:
 def _groups(candidates: list[Candidate]) -> list[Candidate]:
     """Who cannot be told from whom: shapes that overlap, and held-out gains that do not differ by two standard errors.
 
-    Of two with the very same shape the one with more parameters yields, unless it pays for them; a candidate that only just failed to pass still counts
-    as a rival of one that passed.
+    Of two with the very same shape the one with more parameters yields, unless it pays for them; a candidate that only just
+    failed to pass still counts as a rival of one that passed.
     """
     rivals = [c for c in candidates if c.decision in ("add", "suggest")]
     out = []
@@ -391,8 +411,7 @@ def _groups(candidates: list[Candidate]) -> list[Candidate]:
             if other is c or other.axis != c.axis:
                 continue
             cosine = _cosine(c.signal, other.signal)
-            price = PARAMETER_GAIN * max(0, c.parameters - other.parameters) if cosine > SAME_SHAPE else 0.0
-            if cosine <= SIMILAR_SHAPE or not _as_good(c, other, price):
+            if cosine <= SIMILAR_SHAPE or not _as_good(c, other, _price(c, other) if cosine > SAME_SHAPE else 0.0):
                 continue
             if cosine > SAME_SHAPE and c.parameters != other.parameters:
                 if other.parameters < c.parameters and other.decision == "add":
@@ -403,6 +422,13 @@ def _groups(candidates: list[Candidate]) -> list[Candidate]:
         ids = tuple(dict.fromkeys(x.effect.id for x in same))
         out.append(replace(c, group=ids if c.decision == "add" else ()))
     return out
+
+
+def _price(c: Candidate, other: Candidate) -> float:
+    """Held-out log-likelihood by which a candidate must beat another of the same shape."""
+    if c.parameters == other.parameters:
+        return NOISY_COLUMNS * (c.gain or 0.0)
+    return PARAMETER_GAIN * max(0, c.parameters - other.parameters)
 
 
 def _cosine(a: Array | None, b: Array | None) -> float:
@@ -443,8 +469,8 @@ def add(
         if start.term(kind.id, a) is None and kind.missing(session.runs, AXES.index(a)) is None
     ]
     judged = {a: _judge(before, before.fit.axes[a], a, kind) for a in axes}
-    chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and c.chance * max(1, len(judged)) < FDR]
-    if not chosen:  # nothing gains: on the axis that gains most, so that the person sees that it does not help
+    chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and _proven(c, len(judged))]
+    if not chosen:  # nothing proven: on the axis that gains most, so that the person sees whether it helps
         measurable = [a for a, c in judged.items() if c.decision != "not_measurable" and c.values]
         chosen = sorted(measurable, key=lambda a: judged[a].chance)[:1]
     if not chosen:

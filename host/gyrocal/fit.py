@@ -97,7 +97,7 @@ class Design:
     def _usable(self, b: Blocks) -> Blocks:
         """The blocks of a run without samples that a fault of the reading has emptied of meaning."""
         for term in self.terms:
-            fault = term.effect.reading_fault and term.values
+            fault = term.values and term.effect.at_reading(term.values)
             usable = term.effect.usable(b.run, self.axis, term.values) if fault else None
             if usable is not None and b.t_s.size:
                 whole = b.mean(usable[:, None].astype(float))[:, 0] == 1.0
@@ -114,7 +114,7 @@ class Design:
             kind = term.effect
             k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
             scope = self.scopes[i]
-            if scope == "scenario" or kind.reading_fault:
+            if scope == "scenario" or kind.at_reading(term.values):
                 continue
             if scope == "session" or kind.common_mean:
                 fixed += [(i, j) for j in range(k)]
@@ -532,7 +532,7 @@ def by_sample(blocks: Sequence[Blocks]) -> list[Blocks]:
 
 def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:
     kind = term.effect
-    if kind.reading_fault and not term.values:
+    if not term.values:
         found = kind.detect([b.run for b in blocks], axis)
         return term if found is None else replace(term, values=found[0], se=found[1])
     if kind.scope == "session" and not kind.nonlinear and not term.values and len(kind.variants([], 0)) == 1:
@@ -794,7 +794,7 @@ def finish(current: AxisFit) -> AxisFit:
         values: Values = {n: term.values[n] for n in kind.nonlinear if n in term.values}
         se: Values = {}
         mine = [j for j, (t, _) in enumerate(layout.fixed) if t == i]
-        if kind.reading_fault:
+        if kind.at_reading(term.values):
             values, se = dict(term.values), dict(term.se)
         if mine:
             shared, shared_se = _named(term, current, mine)

@@ -184,7 +184,7 @@ def _predict(step: Step, i: int) -> Prediction:
     modelled = axis.predict(i, step.solution.beta, u)
     modelled = modelled + known_dps(run, axis.design.axis)
     for term in axis.design.terms:
-        if not term.effect.reading_fault or not term.values:
+        if not term.values or not term.effect.at_reading(term.values):
             continue
         modelled = term.effect.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
     rows = slice(0, len(run))

@@ -8,15 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
+from gyrocal.blocks import BLOCK_S
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
-from gyrocal.fit import AxisFit, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
+from gyrocal.effects.quantities import rate_slope_dps_s, rate_varies
+from gyrocal.fit import SLOW_S, AxisFit, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
 from gyrocal.model import Term
 from gyrocal.noise import Noise
 from gyrocal.session import Array, Run, Session
 
+HANN_NEIGHBOURS = 1.95
+"""Neighbouring bins under a Hann window share their noise: so many count as one."""
+BANDS = 6
+"""Of frequency, between drift and the blocks' own, in which residuals may have more power than noise."""
 MAX_STEPS = 16
 ORDERS = 6
 
@@ -157,6 +164,8 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
     edges = ((rates[1:] + rates[:-1]) / 2)[apart]
     if 2 <= edges.size <= steps_between:
         probes.append(("rate", [Steps(lambda r: r.rate_dps if r.axis_index == axis else np.zeros(len(r)), edges)]))
+    if rate_varies(runs, axis):
+        probes.append(("rate", [Linear(lambda r: _rate_slope(r, axis), 2)]))
     if all(r.acc_g is not None and np.all(np.isfinite(r.acc_g)) for r in runs):
         probes.append(("acceleration", [Linear(_acceleration, 3)]))
     if turning:
@@ -170,6 +179,11 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
 def _temperature(run: Run) -> Array:
     assert run.temp_c is not None
     return run.temp_c
+
+
+def _rate_slope(run: Run, axis: int) -> Array:
+    slope = rate_slope_dps_s(run, axis)
+    return np.column_stack([slope, slope * elapsed_s(run)])
 
 
 def _acceleration(run: Run) -> Array:
@@ -226,6 +240,58 @@ def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float)
     strength = float(np.sqrt(max(0.0, statistic - len(columns))))
     chance = float(chi2.sf(statistic, len(columns)))
     return Finding(axis, against, strength, chance, amplitude, _where(kind, fit, columns, amplitude), kind)
+
+
+def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
+    """Residuals with more power in a band of frequencies than white noise and drift have there: the test of whiteness.
+
+    Periodograms (Hann) of the block means' residuals, against their expectation under the fitted noise, which is exact: the
+    transform of its autocovariance times the window's. Slower than SLOW_S is drift and not judged; nor are samples, which a
+    sensor's low-pass makes anything but white.
+    """
+    from scipy.signal import fftconvolve
+    from scipy.signal.windows import hann
+    from scipy.stats import gamma
+
+    noise, p = fit.noise, len(fit.design.layout.fixed)
+    parts: list[tuple[Array, Array, Array, Array]] = []  # of each bin: frequency, sum of ratios, runs, power beyond noise
+    for index, stack, t_s, n in fit.design.stacks:
+        m = t_s.size
+        if m < 64 or np.ptp(n) > 0 or t_s[1] - t_s[0] < BLOCK_S / 2 or fit.design.blocks[index[0]].run.rate_is_mean:
+            continue
+        step_s = float(t_s[-1] - t_s[0]) / (m - 1)
+        window = hann(m, sym=False)
+        lags = np.arange(m)
+        covariance = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
+        covariance[0] += noise.white_sd_dps**2 / float(n[0])
+        tapered = covariance * fftconvolve(window, window[::-1])[m - 1 :]
+        expected = 2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0]
+        u = np.stack([fit.run_coefficients(i, fit.solution.beta, fit.spreads) for i in index])
+        residual = stack[:, 0] - np.einsum("p,rpm->rm", fit.solution.beta, stack[:, 1 : 1 + p])
+        residual = residual - np.einsum("rk,rkm->rm", u, stack[:, 1 + p :])
+        power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
+        ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
+        frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
+        use = (frequency > max(1 / SLOW_S, 2.5 / (m * step_s))) & (frequency < 0.49 / step_s)
+        runs: Array = np.full(frequency.size, float(len(index)))
+        parts.append((frequency[use], ratio.sum(axis=0)[use], runs[use], beyond.sum(axis=0)[use]))
+    if not parts:
+        return None
+    frequencies, ratios, counts, powers = (np.concatenate(x) for x in zip(*parts, strict=True))
+    edges = np.geomspace(frequencies.min(), frequencies.max() * (1 + 1e-9), BANDS + 1)
+    worst: Finding | None = None
+    for low, high in pairwise(edges):
+        band = (frequencies >= low) & (frequencies < high)
+        looks = float(counts[band].sum()) / HANN_NEIGHBOURS
+        if looks < 4:
+            continue
+        mean = float(ratios[band].sum() / counts[band].sum())
+        chance = min(1.0, BANDS * float(gamma.sf(mean * looks, looks)))
+        amplitude = float(np.sqrt(max(0.0, 2 * powers[band].sum() / counts[band].mean())))
+        note = f"{amplitude * 1e3:.3g} mdps between {low:.2g} and {high:.2g} Hz beyond noise"
+        if chance < alarm and (worst is None or chance < worst.chance):
+            worst = Finding(axis, "frequency", (mean - 1) * float(np.sqrt(looks)), chance, amplitude, note)
+    return worst
 
 
 def _where(kind: Effect, fit: AxisFit, columns: Sequence[int], amplitude_dps: float) -> str:

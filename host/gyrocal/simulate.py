@@ -126,6 +126,7 @@ def simulate(
     runs: list[Run] = []
     truths: list[RunTruth] = []
     shared: dict[str, base.Values] = {}
+    several = len({p.axis for p in plan}) > 1
     turn_on_dps = np.zeros(3)
     for i, planned in enumerate(plan):
         day = days[planned.day]
@@ -140,7 +141,7 @@ def simulate(
                 scale, bias_dps = sensor.draw(rng)
         truth = RunTruth(f"{i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
         extra = table2_draw(rng) if campaign == "table2" else []
-        runs.append(simulate_run(i, planned, truth, [*planted, *extra], shared, sensor, day, rng))
+        runs.append(simulate_run(i, planned, truth, [*planted, *extra], shared, sensor, day, several, rng))
         truths.append(truth)
         if progress is not None:
             progress(i + 1, len(plan))
@@ -178,9 +179,13 @@ def simulate_run(
     shared: dict[str, base.Values],
     sensor: Sensor,
     day: Day,
+    several: bool,
     rng: np.random.Generator,
 ) -> Run:
-    """One run; ``truth.effects`` is filled with what was planted, ``shared`` with what is the same in all runs."""
+    """One run; ``truth.effects`` is filled with what was planted, ``shared`` with what is the same in all runs.
+
+    Where the table turns about ``several`` axes, an effect is on all of them, else on the table's.
+    """
     n = round(planned.seconds * RATE_HZ)
     t_s = np.round(np.arange(n) / RATE_HZ, 6)
     axis = AXES.index(planned.axis)
@@ -210,13 +215,16 @@ def simulate_run(
         values = shared.get(effect_id) or kind.draw(given, rng)
         if kind.scope_in([bare]) == "session":
             shared[effect_id] = values
-        if kind.reading_fault:
+        if kind.at_reading(values):
             faults.append((kind, values))
             truth.effects.append({"id": effect_id, "axis": "all", **values})
             continue
-        for on in kind.axes(bare):
-            y_dps[:, on] += kind.term(bare, on, values)
-            truth.effects.append({"id": effect_id, "axis": AXES[on], **values})
+        axes = kind.axes(bare)
+        for on in range(3) if several and axes == (axis,) else axes:
+            term_dps = kind.term(bare, on, values)
+            y_dps[:, on] += term_dps
+            if on == axis or np.any(term_dps):
+                truth.effects.append({"id": effect_id, "axis": AXES[on], **values})
     y_dps += rng.normal(0.0, WHITE_SD_DPS, (n, 3))
     y_dps += ou_noise(n, 1 / RATE_HZ, sensor.ou_sd_dps, sensor.ou_tau_s, 3, rng)
     for kind, values in faults:

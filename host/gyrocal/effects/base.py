@@ -89,22 +89,26 @@ class Effect(ABC):
         """The first step of a nonlinear parameter's refinement, in its logarithm."""
         return 0.3
 
+    def at_reading(self, values: Mapping[str, float]) -> bool:
+        """Do these values describe a fault of the reading itself?"""
+        return self.reading_fault
+
     def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
-        """For a ``reading_fault``: (values, standard errors, chance that a sound reading looks so); None if nothing."""
+        """Where :meth:`at_reading`: (values, standard errors, chance that a sound reading looks so); None if nothing."""
         return None
 
     def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
-        """For a ``reading_fault``: the samples [n] that still say something of the rate; None = all."""
+        """Where :meth:`at_reading`: the samples [n] that still say something of the rate; None = all."""
         return None
 
     def respond(
         self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
     ) -> Array:
-        """For a ``reading_fault``: what such a sensor is expected to read [n] where the model says ``modelled_dps`` [n]."""
+        """Where :meth:`at_reading`: what such a sensor is expected to read [n] where the model says ``modelled_dps`` [n]."""
         return modelled_dps
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """For a ``reading_fault``: readings [n, 3] with the fault, deg/s, for the simulator."""
+        """Where :meth:`at_reading`: readings [n, 3] with the fault, deg/s, for the simulator."""
         return y_dps
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:

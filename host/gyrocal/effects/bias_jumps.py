@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
+from gyrocal.outliers import STANDS_OUT as OUTLIER_SPREADS
+from gyrocal.outliers import outliers
 from gyrocal.session import Array, Run
 
 MOST = 4
@@ -20,7 +22,11 @@ def jumps(run: Run, axis: int) -> list[int]:
     """Rows at which the mean of the next seconds differs from that of the last, the clearest first, in their order."""
     if run.rate_is_mean:
         return []
-    y = run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0)
+    y = run.gyro_dps[:, axis].copy()
+    if axis == run.axis_index:
+        y -= run.rate_dps
+        swing = run.rate_dps - run.rate_dps.mean()
+        y -= swing * (swing @ y) / max(swing @ swing, 1e-300)  # its scale is no jump
     width = round(_window_s(run) * run.sample_rate_hz)
     if width < 4 or y.size < 4 * width:
         return []
@@ -41,6 +47,15 @@ def _window_s(run: Run) -> float:
     return min(WINDOW_S, run.duration_s / 6)
 
 
+def outliers_of(run: Run, axis: int) -> Array:
+    """By how much single readings stand out, shape [n], deg/s; zero for all others."""
+    out = np.zeros(len(run))
+    if not run.rate_is_mean:
+        rows, apart_dps = outliers(run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0))
+        out[rows] = apart_dps
+    return out
+
+
 class BiasJumps(Effect):
     id = "bias_jumps"
     title = "Jumps of the bias"
@@ -58,6 +73,7 @@ class BiasJumps(Effect):
         Parameter("n", "jumps a run", (1.0, 5.0), "rare: parts that jump more often are faulty", 1.0),
         Parameter("size_dps", "dps", (0.01, 0.2), "consumer MEMS gyroscopes' random telegraph steps", 0.05),
         Parameter("first", "fraction of the run", (0.2, 0.8), "the first jump's moment: any"),
+        Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps: a bad bus", 0.0),
     )
     scope = "run"
 
@@ -66,6 +82,38 @@ class BiasJumps(Effect):
         return {**drawn, "size_dps": drawn["size_dps"] * float(rng.choice((-1.0, 1.0)))}
 
     linear = ("size_dps",)
+
+    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        return () if self.at_reading(values) else super().used(values)
+
+    def at_reading(self, values: Mapping[str, float]) -> bool:
+        """Outliers are faults of single readings; steps are not."""
+        return values.get("outliers", 0.0) > 0
+
+    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+        """Readings that stand far out of their neighbours, two at least."""
+        from scipy.stats import norm
+
+        apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
+        found = apart_dps[apart_dps != 0]
+        if found.size < 2:
+            return None
+        values = {
+            "n": found.size / len(runs), "size_dps": float(np.sqrt(np.mean(found**2))), "outliers": found.size / apart_dps.size
+        }  # fmt: skip
+        return values, {}, min(1.0, apart_dps.size * float(norm.sf(OUTLIER_SPREADS)) ** min(found.size, 15))
+
+    def respond(
+        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
+    ) -> Array:
+        return modelled_dps + outliers_of(run, axis)
+
+    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
+        """Single readings off by ``size_dps``, either way, on the run's own axis."""
+        out = y_dps.copy()
+        rows = np.flatnonzero(rng.random(len(run)) < values["outliers"])
+        out[rows, run.axis_index] += values["size_dps"] * rng.choice((-1.0, 1.0), rows.size)
+        return out
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
@@ -79,25 +127,27 @@ class BiasJumps(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """One step for each jump that stands out in this run, at most MOST; nothing (zeros) where there is none."""
+        if self.at_reading(values):
+            return np.zeros((len(run), 0))
         out = np.zeros((len(run), MOST))
         for k, row in enumerate(jumps(run, axis)):
             out[row:, k] = 1.0
         return out
 
     def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [0] * MOST
+        return [] if self.at_reading(values) else [0] * MOST
 
     def coefficients(self, values: Mapping[str, float]) -> Array:
-        return np.full(MOST, values["size_dps"])
+        return np.full(len(self.groups(values)), values["size_dps"])
 
     def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        return {"size_dps": float(np.mean(coefficients))}
+        return {"size_dps": float(np.mean(coefficients))} if coefficients.size else {}
 
     def spread(self, values: Mapping[str, float]) -> Array:
-        return np.full(MOST, values["size_dps"])
+        return np.full(len(self.groups(values)), values["size_dps"])
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {"n": values.get("n", 0.0), "size_dps": float(spread[0])}
+        return {"n": values.get("n", 0.0), "size_dps": float(spread[0])} if spread.size else {}
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Jumps evenly spaced from the first to the end of the run, there and back; which way first is drawn."""

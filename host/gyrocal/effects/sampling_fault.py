@@ -9,9 +9,6 @@ import numpy as np
 from gyrocal.effects.base import Effect, Mask, Parameter, Values
 from gyrocal.session import Array, Run
 
-APART = range(3, 11)
-"""Samples: farther than a stale reading lasts, nearer than the rate changes."""
-
 
 def stale(run: Run) -> Mask:
     """Which neighbours are equal on all three axes, shape [n - 1]."""
@@ -46,14 +43,13 @@ class SamplingFault(Effect):
         return np.zeros((len(run), 0))
 
     def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
-        """More neighbours equal on all three axes than readings a few samples apart."""
+        """More neighbours equal on all three axes at once than axes that are equal independently of one another allow."""
         from scipy.stats import binom
 
         pairs = sum(len(r) - 1 for r in runs)
         equal = sum(int(np.count_nonzero(stale(r))) for r in runs)
-        apart = sum(int((r.gyro_dps[k:] == r.gyro_dps[:-k]).all(axis=1).sum()) for r in runs for k in APART if k < len(r))
-        # by chance alone, equal pairs fall on neighbours as often as on each of the other distances
-        chance = float(binom.sf(equal - 1, equal + apart, 1 / (1 + len(APART))))
+        by_chance = sum(float(np.prod((r.gyro_dps[1:] == r.gyro_dps[:-1]).mean(axis=0))) * (len(r) - 1) for r in runs)
+        chance = float(binom.sf(equal - 1, pairs, min(1.0, (by_chance + 1) / pairs)))
         if chance > 1e-4:
             return None
         fraction = equal / pairs

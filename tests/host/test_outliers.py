@@ -1,0 +1,57 @@
+"""Single readings that stand out: found where planted, never in noise, and harmless to a fit."""
+
+import numpy as np
+import pytest
+
+from gyrocal.compare import compare
+from gyrocal.diagnose import add, diagnose
+from gyrocal.fit import fit
+from gyrocal.model import Model
+from gyrocal.outliers import outliers
+from gyrocal.simulate import simulate
+
+
+@pytest.mark.parametrize("count_dps", [0.0, 0.00875, 0.07])
+def test_noise_has_none_however_coarse_its_counts(count_dps: float) -> None:
+    y_dps = np.random.default_rng(1).normal(0.3, 0.044, 500_000)
+    if count_dps:
+        y_dps = np.round(y_dps / count_dps) * count_dps
+    assert outliers(y_dps)[0].size == 0
+
+
+def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slope() -> None:
+    rng = np.random.default_rng(2)
+    t_s = np.arange(20_000) / 145
+    y_dps = rng.normal(0, 0.044, t_s.size) + 0.2 * (t_s > 60) + 3 * np.sin(0.5 * t_s)
+    rows = np.sort(rng.choice(t_s.size, 40, replace=False))
+    size_dps = rng.choice((-1.0, 1.0), 40) * rng.uniform(1, 5, 40)
+    y_dps[rows] += size_dps
+    found, apart_dps = outliers(y_dps)
+    np.testing.assert_array_equal(found, rows)
+    np.testing.assert_allclose(apart_dps, size_dps, atol=0.25)
+
+
+def test_a_fit_does_not_feel_them() -> None:
+    model = Model.builtin("default")
+    clean, spoilt = (
+        fit(simulate(None, "paper", effects, 3, scenarios=3, seconds=20)[0], model, axes=["z"]).axes["z"].terms
+        for effects in (["table_ripple"], ["table_ripple", "bias_jumps:size_dps=4,outliers=0.002"])
+    )
+    for a, b in zip(clean, spoilt, strict=True):
+        for name in a.se:
+            assert abs(a.values[name] - b.values[name]) < 0.5 * a.se[name] + 1e-12, (a.effect_id, name)
+
+
+def test_they_are_shown_named_and_explained() -> None:
+    session = simulate(None, "paper", ["bias_jumps:size_dps=3,outliers=0.0005"], 5, scenarios=3, seconds=20)[0]
+    comparison = compare(session)
+    assert (comparison.where[0].axis, comparison.where[0].against) == ("z", "reading")
+    found = diagnose(session)
+    assert found.verdict == "add"
+    assert found.best is not None
+    assert (found.best.effect.id, found.best.axis) == ("bias_jumps", "z")
+    assert found.best.values["size_dps"] == pytest.approx(3, rel=0.05)
+    before, after, model = add(session, None, "bias_jumps")
+    assert after.pooled.excess_dps < 0.1 * before.pooled.excess_dps
+    assert after.verdict == "adequate"
+    assert diagnose(session, model).verdict == "adequate"
