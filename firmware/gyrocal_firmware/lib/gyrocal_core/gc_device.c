@@ -783,11 +783,13 @@ static void judge_reading(gc_device_t *d, uint64_t t_us, int error) {
 static void take_batch(gc_device_t *d) {
     const gc_lsm6dso_batch_t *batch = &d->batch;
     const double period_us = d->sensor.period_us;
-    const double latest_us = (double)batch->t_us - period_us * batch->left;
-    double newest_us = latest_us - 0.5 * period_us;
+    const double left_us = period_us * batch->left;
+    const double earliest_us = (double)batch->t_us - period_us - left_us;
+    const double latest_us = (double)batch->until_us - left_us;
+    double newest_us = 0.5 * (earliest_us + latest_us);
     double step_us = period_us;
     if (d->fifo_known) {
-        newest_us = fmin(fmax(d->fifo_us + period_us * batch->n, latest_us - period_us), latest_us);
+        newest_us = fmin(fmax(d->fifo_us + period_us * batch->n, earliest_us), latest_us);
         step_us = (newest_us - d->fifo_us) / batch->n;
     }
     for (unsigned i = 0; i < batch->n; i++) {

@@ -169,6 +169,10 @@ int gc_lsm6dso_init(gc_lsm6dso_t *imu, const gc_port_t *port, uint8_t address, d
     return error;
 }
 
+static double periods(const gc_lsm6dso_t *imu, uint64_t from_us, uint64_t to_us) {
+    return to_us > from_us ? (double)(to_us - from_us) / imu->period_us : 0.0;
+}
+
 int gc_lsm6dso_ready(gc_lsm6dso_t *imu) {
     uint8_t status = 0;
     const int error = read_regs(imu, GC_LSM6DSO_STATUS, &status, 1);
@@ -185,13 +189,14 @@ int gc_lsm6dso_read(gc_lsm6dso_t *imu, gc_sample_t *sample) {
         return ready;
     }
     sample->fresh = ready == 1;
+    int error = GC_OK;
     if (sample->fresh) {
-        imu->fresh_us = now;
-    } else if ((double)(now - imu->fresh_us) > STALE_PERIODS * 1e6 / imu->odr_hz) {
-        const int error = check_config(imu, GC_E_CONFIG_LOST);
+        error = burst(imu, sample);
+        imu->fresh_us = imu->port->now_us(imu->port->context); /* however long that took: what comes from here on is new */
+    } else if (periods(imu, imu->fresh_us, now) > STALE_PERIODS) {
+        error = check_config(imu, GC_E_CONFIG_LOST);
         return error != GC_OK ? error : GC_E_STALE;
     }
-    int error = burst(imu, sample);
     if (error == GC_OK && now - imu->config_checked_us >= GC_LSM6DSO_CONFIG_CHECK_US) {
         error = check_config(imu, GC_E_CONFIG_LOST);
         imu->config_checked_us = now;
@@ -302,6 +307,7 @@ int gc_lsm6dso_fifo_read(gc_lsm6dso_t *imu, gc_lsm6dso_batch_t *batch) {
     if (error != GC_OK) {
         return error;
     }
+    batch->until_us = imu->port->now_us(imu->port->context);
     const unsigned words = (unsigned)(status[1] & 3) << 8 | status[0];
     batch->overrun = (status[1] & GC_LSM6DSO_FIFO_OVERRUN) != 0u;
     if (batch->overrun) {
@@ -309,9 +315,9 @@ int gc_lsm6dso_fifo_read(gc_lsm6dso_t *imu, gc_lsm6dso_batch_t *batch) {
         imu->partial_has = 0;
     }
     if (words > 0u) {
-        imu->fresh_us = batch->t_us;
+        imu->fresh_us = batch->until_us;
         error = take_words(imu, words, batch);
-    } else if ((double)(batch->t_us - imu->fresh_us) > STALE_PERIODS * 1e6 / imu->odr_hz) {
+    } else if (periods(imu, imu->fresh_us, batch->t_us) > STALE_PERIODS) {
         error = check_config(imu, GC_E_CONFIG_LOST);
         return error != GC_OK ? error : GC_E_STALE;
     }

@@ -74,7 +74,7 @@ typedef struct {
     unsigned left; /* samples still in there, within one */
     bool overrun;  /* it was full */
     bool gap;      /* samples are missing before the first that comes from now on: it was full, or began anew */
-    uint64_t t_us; /* of the reading: the newest in the FIFO was taken at most one period before */
+    uint64_t t_us, until_us; /* the level was read then: a period before it at most, the newest sample was taken */
 } gc_lsm6dso_batch_t;
 
 typedef struct {
@@ -105,7 +105,7 @@ int gc_lsm6dso_init(gc_lsm6dso_t *imu, const gc_port_t *port, uint8_t address, d
 /* 1: new gyroscope data wait; 0: none. */
 int gc_lsm6dso_ready(gc_lsm6dso_t *imu);
 
-/* Reads flag and sample. Every 0.5 s, and when data stay away, also checks that the part still has its settings.
+/* Reads the flag and, where it is set, the sample. Every 0.5 s, and when data stay away, also checks that the part still has its settings.
    Errors: those of the bus, GC_E_CONFIG_LOST (call init again), GC_E_STALE (no data for three output periods). */
 int gc_lsm6dso_read(gc_lsm6dso_t *imu, gc_sample_t *sample);
 
