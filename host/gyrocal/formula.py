@@ -2,7 +2,7 @@
 
 Parsed, never run as Python: numbers, the variables and functions below, ``+ - * / **`` and parentheses; every other name is a
 parameter. A parameter that multiplies a whole term is linear, one inside a term is nonlinear and needs a value to start from:
-``A*exp(-t/tau); tau=5``.
+``A*exp(-t/tau); tau=5``. With ``; each run`` the linear parameters are of another size and sign in each run, about zero.
 """
 
 from __future__ import annotations
@@ -18,10 +18,14 @@ from gyrocal.effects.base import Effect, Parameter, Values, effect, effects, ela
 from gyrocal.errors import InputError
 from gyrocal.session import Array, Run
 
-FUNCTIONS: dict[str, Callable[[Array], Array]] = {
+FUNCTIONS: dict[str, Callable[..., Array]] = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
-    "tanh": np.tanh, "sign": np.sign,
+    "tanh": np.tanh, "sign": np.sign, "max": np.maximum, "min": np.minimum,
 }  # fmt: skip
+PAIRS = ("max", "min")
+"""Functions of two arguments; the others take one."""
+CONSTANTS = {"pi": np.pi}
+EACH_RUN = "each run"
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
 }  # fmt: skip
@@ -31,6 +35,7 @@ VARIABLES: dict[str, tuple[str, Callable[[Run, int], Array | None]]] = {
     "power_on_s": ("time since power-on, s", lambda r, a: quantities.power_on_time_s(r)),
     "temp_c": ("temperature, degC", lambda r, a: quantities.temperature_c(r)),
     "theta": ("the table's angle, rad", lambda r, a: table_angle_rad(r)),
+    "turn": ("the table's angle as a fraction of a turn, 0 to 1", lambda r, a: table_angle_rad(r) / (2 * np.pi) % 1.0),
     "ax": ("acceleration along x, g", lambda r, a: _acceleration(r, 0)),
     "ay": ("acceleration along y, g", lambda r, a: _acceleration(r, 1)),
     "az": ("acceleration along z, g", lambda r, a: _acceleration(r, 2)),
@@ -42,18 +47,22 @@ SEARCH = 10.0
 
 
 class FormulaEffect(Effect):
-    """An effect given by a formula. ``start`` holds its nonlinear parameters' first values."""
+    """An effect given by a formula. ``start`` holds its nonlinear parameters' first values. A subclass may stand in a file."""
 
     cause, looks_like = "Given by the user as a formula.", "whatever has the same shape on this session"
     measure_next = "vary what the formula depends on"
 
     def __init__(self, text: str, name: str = "formula") -> None:
-        if not name.isidentifier() or name in effects():
+        if not name.isidentifier() or (type(self) is FormulaEffect and name in effects()):
             raise InputError(f"formula {text!r}: {name!r} cannot be its name; use letters, digits and _, and no effect's id")
         self.id = name  # type: ignore[misc]
         self.equation = text  # type: ignore[misc]
         expression, *settings = (part.strip() for part in text.split(";"))
-        self.start = dict(_setting(part, text) for part in settings if part)
+        self.scope = "run" if EACH_RUN in settings else "session"  # type: ignore[misc]
+        self.start = dict(_setting(part, text) for part in settings if part not in ("", EACH_RUN))
+        taken = self.start.keys() & (VARIABLES.keys() | CONSTANTS.keys() | FUNCTIONS.keys())
+        if taken:
+            raise InputError(f"formula {text!r}: {sorted(taken)[0]} is not a parameter; give it another name")
         tree = _parse(expression, text)
         self.terms = [_term(node, sign, self.start, text) for node, sign in _summands(tree, 1.0)]
         names = [name for name, _ in self.terms]
@@ -61,12 +70,12 @@ class FormulaEffect(Effect):
         if doubled:
             raise InputError(f"formula {text!r}: {sorted(doubled)[0]} multiplies two terms; bracket them together")
         self.linear = tuple(names)
-        used = {n for _, node in self.terms for n in _names(node)}
+        used = {n for _, node in self.terms for n in _names(node)} - CONSTANTS.keys()
         self.variables = sorted(used & VARIABLES.keys())
         self.nonlinear = tuple(sorted(used - VARIABLES.keys()))  # type: ignore[misc]
         unset = [n for n in self.nonlinear if n not in self.start]
         if unset:
-            raise InputError(f"formula {text!r}: say where {unset[0]} starts, e.g. \"{expression}; {unset[0]}=1\"")
+            raise InputError(f'formula {text!r}: say where {unset[0]} starts, e.g. "{expression}; {unset[0]}=1"')
         self.title = f"your formula {expression}"  # type: ignore[misc]
         low = {n: abs(self.start[n]) / SEARCH if n in self.start else 0.0 for n in (*names, *self.nonlinear)}
         high = {n: abs(self.start[n]) * SEARCH if n in self.start else np.inf for n in low}
@@ -81,11 +90,18 @@ class FormulaEffect(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{**dict.fromkeys(self.linear, 0.0), **{n: self.start[n] for n in self.nonlinear}}]
 
+    def spread(self, values: Mapping[str, float]) -> Array:
+        return np.array([values.get(n, 0.0) for n in self.used(values)]) if self.scope == "run" else super().spread(values)
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        """Of coefficients that differ from run to run about zero the value is their root mean square."""
+        return dict(zip(self.used(values), map(float, spread), strict=True))
+
     def bounds(self, name: str) -> tuple[float, float]:
         return abs(self.start[name]) / SEARCH, abs(self.start[name]) * SEARCH
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        known: dict[str, Any] = {n: values.get(n, self.start.get(n)) for n in self.nonlinear}
+        known: dict[str, Any] = {**CONSTANTS, **{n: values.get(n, self.start.get(n)) for n in self.nonlinear}}
         for name in self.variables:
             known[name] = VARIABLES[name][1](run, axis)
         with np.errstate(all="ignore"):
@@ -132,11 +148,12 @@ def _check(node: ast.AST, text: str) -> None:
     fine = fine or (isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool))
     fine = fine or (isinstance(node, ast.BinOp) and type(node.op) in OPERATORS) or type(node) in OPERATORS
     if isinstance(node, ast.Call):
-        fine = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and len(node.args) == 1 and not node.keywords
+        fine = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and not node.keywords
+        fine = fine and len(node.args) == (2 if node.func.id in PAIRS else 1)  # type: ignore[attr-defined]
     if not fine:
         raise InputError(
             f"formula {text!r}: {type(node).__name__} is not allowed; use numbers, + - * / **, {', '.join(FUNCTIONS)}, "
-            f"{', '.join(VARIABLES)} and names of your own"
+            f"pi, {', '.join(VARIABLES)} and names of your own"
         )
 
 
@@ -163,7 +180,8 @@ def _factors(node: ast.expr) -> list[ast.expr]:
 def _term(node: ast.expr, sign: float, start: Mapping[str, float], text: str) -> tuple[str, ast.expr]:
     """(its linear parameter, the rest of it): exactly one free name multiplies a term."""
     factors = _factors(node)
-    free = [f for f in factors if isinstance(f, ast.Name) and f.id not in VARIABLES and f.id not in start]
+    fixed = VARIABLES.keys() | CONSTANTS.keys() | start.keys()
+    free = [f for f in factors if isinstance(f, ast.Name) and f.id not in fixed]
     if len(free) != 1:
         raise InputError(
             f"formula {text!r}: the term {ast.unparse(node)!r} needs exactly one parameter of its own in front, e.g. k*(...)"
@@ -195,4 +213,4 @@ def _value(node: ast.expr, known: Mapping[str, Any]) -> Any:
         return OPERATORS[type(node.op)](_value(node.left, known), _value(node.right, known))
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
-    return FUNCTIONS[node.func.id](np.asarray(_value(node.args[0], known), dtype=np.float64))
+    return FUNCTIONS[node.func.id](*(np.asarray(_value(a, known), dtype=np.float64) for a in node.args))

@@ -47,9 +47,13 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     if hidden:
         stdout.print(f"not measurable with this session: {', '.join(hidden)}")
     stdout.print(verdict_text(d), style="bold")
+    target = model if model and model.endswith(".toml") else "model.toml"
     if d.verdict == "add" and d.best is not None:
-        target = model if model and model.endswith(".toml") else "model.toml"
         stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
+    if d.verdict == "unknown":
+        stdout.print(
+            f"next: gyrocal keep {session} --model {target} finds a formula for it and keeps it as an effect of your own"
+        )
 
 
 def verdict_text(d: Diagnosis) -> str:
@@ -90,9 +94,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     for axis in after.per_axis:
         old, new = before.per_axis[axis], after.per_axis[axis]
         rows.append([axis, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
-    rows.append(
-        ["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)]
-    )
+    rows.append(["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)])
     table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
     part = explained(before, after)
     told = "" if part is None else f"; {part:.1%} of the excess explained"

@@ -42,12 +42,34 @@ def test_columns_are_the_formula_s_value(session: Session) -> None:
     np.testing.assert_allclose(columns, np.column_stack(expected), rtol=1e-12)
 
 
+def test_kinks_and_turns(session: Session) -> None:
+    run = session.runs[1]
+    kind = FormulaEffect("a*max(temp_c - 25.5, 0) + b*min(2*pi*turn, 3) + c*(turn - 0.5)")
+    turn = (78.0 * (run.t_s - run.t_s[0]) / 360) % 1
+    assert turn.max() > 0.99
+    expected = [np.clip(run.temp_c - 25.5, 0, None), np.clip(2 * np.pi * turn, None, 3), turn - 0.5]
+    np.testing.assert_allclose(kind.columns(run, 2, {}), np.column_stack(expected), atol=1e-9)
+
+
+def test_a_size_of_its_own_in_each_run(session: Session) -> None:
+    """`; each run`: the value is the size's root mean square over the runs."""
+    rng = np.random.default_rng(0)
+    sizes = rng.normal(0, 0.05, len(session.runs))
+    planted = with_signal(session, lambda r: sizes[r.index] * np.sin(0.7 * (r.t_s - r.t_s[0])))
+    before, after, model = add(planted, None, "wobble: k*sin(0.7*t); each run")
+    assert after.pooled.excess_dps < 0.2 * before.pooled.excess_dps
+    term = model.term("wobble", "z")
+    assert term is not None
+    assert term.values["k"] == pytest.approx(np.sqrt(np.mean(sizes**2)), abs=3 * term.se["k"])
+    assert "each run" in model.toml()
+
+
 @pytest.mark.parametrize(
     "text",
     [
         "__import__('os').system('true')", "k*open('x')", "k*rate.real", "k*[1][0]", "k*(lambda: 1)()", "k*sin", "k*sin(t, t)",
         "k if t else 0", "k*'a'", "k*True", "t", "k*m*t", "k*t + k*rate", "A*exp(-t/tau)", "k*t; tau=x", "k*(", "", "k*t**",
-        "k*t@t",
+        "k*t@t", "k*max(t)", "k*max(t, 1, 2)", "k*pi; pi=3",
     ],
 )  # fmt: skip
 def test_what_is_no_formula_is_refused_in_one_line(text: str) -> None:
@@ -88,7 +110,7 @@ def test_a_nonlinear_parameter_is_refined(session: Session) -> None:
     assert after.fit.model.value("formula", "z", "A") == pytest.approx(0.05, rel=0.1)
 
 
-OWN = '''
+OWN = """
 import numpy as np
 from gyrocal.effects.base import Effect, Parameter
 
@@ -100,7 +122,7 @@ class Wobble(Effect):
 
     def columns(self, run, axis, values):
         return np.sin(0.7 * (run.t_s - run.t_s[0]))[:, None]
-'''
+"""
 
 
 def test_a_file_in_a_folder_is_equal_to_the_built_in_ones(session: Session, tmp_path: Path) -> None:

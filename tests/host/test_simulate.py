@@ -63,6 +63,14 @@ def test_the_bench_shows_six_poses_warm_and_cold() -> None:
     assert np.ptp(temp_c) > 25
 
 
+def test_an_effect_of_the_part_is_on_every_axis_of_the_bench() -> None:
+    _, truth = simulate(None, "bench", ["bias_temperature", "table_ripple"], seed=1, scenarios=1, seconds=4.0)
+    session, _ = simulate(None, "bench", seed=1, scenarios=1, seconds=4.0)
+    for run, planted in zip(session.runs, truth["runs"], strict=True):
+        axes = {i: {e["axis"] for e in planted["effects"] if e["id"] == i} for i in ("bias_temperature", "table_ripple")}
+        assert axes == {"bias_temperature": {"x", "y", "z"}, "table_ripple": {run.axis}}
+
+
 @pytest.mark.parametrize("campaign", ["paper", "full"])
 def test_temperature_is_not_the_time_since_power_on(campaign: str) -> None:
     """A board that is still warm from the power cycle before, a room that changes: else warm-up and temperature are one."""

@@ -1,0 +1,39 @@
+"""``gyrocal keep``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gyrocal.commands import OwnEffects
+
+
+def run(
+    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
+    model: Annotated[Path, typer.Option(help="The model file that gains it; made from `default` if it is not there.")],
+    name: Annotated[str, typer.Option(help="What the effect is to be called.")] = "custom",
+    file: Annotated[
+        Path | None, typer.Option(help="A new Python file for it, to be edited and named by --effects FOLDER, not a formula.")
+    ] = None,
+    effects: OwnEffects = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Keep what `diagnose` calls unknown as an effect of your own: find a formula, add it, show the error before and after."""
+    from gyrocal.custom import keep
+    from gyrocal.errors import InputError
+    from gyrocal.output import emit, plus_minus, stdout, working
+    from gyrocal.report import print_before_after
+    from gyrocal.session import Session
+
+    if str(model) in ("paper", "default"):
+        raise InputError(f"--model {model}: built in; give the name of a file to write, e.g. model.toml")
+    opened = Session.open(session)
+    with working(as_json) as say:
+        found, before, after, fitted = keep(opened, model if model.exists() else None, name, file, progress=say)
+    fitted.save(model)
+    if as_json:
+        emit({**found.to_json(), "before": before.to_json(), "after": after.to_json()})
+        return
+    gain = "" if found.gain is None else f"; held-out gain in log-likelihood {plus_minus(found.gain, found.gain_se)}"
+    stdout.print(f"{found.formula}\nfound on {found.axis}, against {found.against.replace('_', ' ')}{gain}", style="bold")
+    print_before_after(before, after, model)
