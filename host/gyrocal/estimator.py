@@ -140,7 +140,7 @@ def calibration_of(
 def spreadable(term: Term) -> str | None:
     """The nonlinear parameter that may differ from run to run: that of an effect with one column of each run's own."""
     kind = term.effect
-    if kind.scope != "run" or len(kind.used(term.values)) != 1:
+    if kind.scope != "run" or len(kind.groups(term.values)) != 1:
         return None
     return next((name for name in kind.nonlinear if name in term.values), None)
 
