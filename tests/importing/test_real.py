@@ -13,6 +13,7 @@ import pytest
 from gyrocal import device
 from gyrocal.calibrate import calibrate
 from gyrocal.cli import main
+from gyrocal.diagnose import add, diagnose
 from gyrocal.errors import InputError
 from gyrocal.fit import fit
 from gyrocal.model import Model
@@ -37,9 +38,7 @@ def nilspod(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """Six rests and one turn about each axis."""
     source = recording("nilspod_ferraris_360", "example_ferraris_session.csv")
     out = tmp_path_factory.mktemp("nilspod") / "session"
-    columns = maps(
-        "t_s=n_samples:samples", *(f"g{a}_dps=gyr_{a}" for a in AXES), *(f"a{a}_g=acc_{a}:m/s2" for a in AXES)
-    )
+    columns = maps("t_s=n_samples:samples", *(f"g{a}_dps=gyr_{a}" for a in AXES), *(f"a{a}_g=acc_{a}:m/s2" for a in AXES))
     sections = ["--sections", str(source.with_name("example_ferraris_session_list.json")), "--rate", "0"]
     rules = ["x_*:axis=x", "y_*:axis=y", "z_*:axis=z", "*_a:face=down", "*_rot:turn=-360"]
     options = [word for rule in rules for word in ("--run-meta", rule)]
@@ -86,16 +85,42 @@ def test_mpu6050_over_the_wire(tmp_path: Path, require_tool: Callable[[str], str
     assert rest.real("bias_dps") == end.real("mean_z_dps")
 
 
-def test_thermal_chamber_is_read_by_its_tabs(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def chamber(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """At rest in a thermal chamber: down to -18, up to 74, and back to 36 degC in 70 minutes."""
     source = recording("thermal_chamber_imu", "imu_raw_data.tsv")
     columns = maps("t_s=timestamp:us", *(f"g{a}_dps=imu.gyro.{a}:rad/s" for a in AXES), "temp_c=imu.temperature")
-    out = tmp_path / "session"
+    out = tmp_path_factory.mktemp("chamber") / "session"
     assert main(["import", str(source), str(out), *columns, "--rate", "0"]) == 0
-    run = Session.open(out).runs[0]
+    return Session.open(out)
+
+
+def test_thermal_chamber_is_read_by_its_tabs(chamber: Session) -> None:
+    run = chamber.runs[0]
     assert len(run) == 8400
     assert run.duration_s / 60 == pytest.approx(70.7, abs=0.1)
     assert run.temp_c is not None
     assert (run.temp_c[0], run.temp_c.min(), run.temp_c.max()) == pytest.approx((51.6, -17.6, 74.0), abs=0.05)
+
+
+def test_thermal_chamber_is_diagnosed(chamber: Session) -> None:
+    """y follows a curve over temperature; x goes round a loop that no curve follows, which is a lag or has no name."""
+    model: Model | None = None
+    named: list[tuple[str, str]] = []
+    for _ in range(4):
+        found = diagnose(chamber, model)
+        if found.best is None:
+            break
+        named.append((found.best.effect.id, found.best.axis))
+        before, after, model = add(chamber, model, found.best.effect.id)
+        if named[-1] == ("bias_temperature", "y"):
+            old, new = before.per_axis["y"], after.per_axis["y"]
+            assert new.rms_dps < 0.2 * old.rms_dps
+            assert new.excess_dps < 0.2 * old.excess_dps
+    assert ("bias_temperature", "y") in named
+    on_x = {effect for effect, axis in named if axis == "x"}
+    assert on_x <= {"thermal_lag"}
+    assert on_x or (found.verdict, found.unknown["axis"]) == ("unknown", "x")
 
 
 def test_nilspod_on_the_host(nilspod: Session) -> None:
