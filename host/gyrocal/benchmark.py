@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.output import stderr, stdout, table
 
-TESTS = Path(__file__).parents[2] / "tests"
-BENCHMARKS = ("blind",)
+ROOT = Path(__file__).parents[2]
+BENCHMARKS = {"blind": ROOT / "tests" / "blind", "paper": ROOT / "benchmarks", "inference": ROOT / "benchmarks"}
 
 ROWS = {
     "false_alarm_rate": "null called anything but adequate",
@@ -31,25 +32,39 @@ def benchmark(name: str, *, sample: bool = False, quiet: bool = False) -> dict[s
     """Run one benchmark; what its ``--json`` prints. A progress bar on stderr unless ``quiet``."""
     from rich.progress import Progress
 
-    if name not in BENCHMARKS:
-        raise InputError(f"no benchmark {name!r}; there is {', '.join(BENCHMARKS)}")
-    if not (TESTS / name / "benchmark.py").is_file():
-        raise GyrocalError(f"benchmark {name} runs from a checkout: its cases are in tests/{name}, which a wheel lacks")
-    if str(TESTS) not in sys.path:
-        sys.path.insert(0, str(TESTS))
-    runner, cases = (importlib.import_module(f"{name}.{part}") for part in ("benchmark", "cases"))
+    runner = _runner(name)
     with Progress(console=stderr, transient=True, disable=quiet or not stderr.is_terminal) as bar:
         task = bar.add_task(f"benchmark {name}", total=None)
-        outcomes = runner.run(
-            cases.SAMPLE if sample else cases.CASES,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        )
-    found: dict[str, Any] = runner.report(outcomes)
+        found: dict[str, Any] = runner(sample, lambda done, total: bar.update(task, completed=done, total=total))
     return found
 
 
-def show(found: dict[str, Any]) -> None:
-    """The table, then each case in which the tool was wrong."""
+def _module(name: str) -> Any:
+    """The benchmark's module, from the checkout."""
+    if name not in BENCHMARKS:
+        raise InputError(f"no benchmark {name!r}; there are {', '.join(BENCHMARKS)}")
+    folder = BENCHMARKS[name]
+    module = "blind.benchmark" if name == "blind" else f"{folder.name}.{name}"
+    if not (folder.parent / f"{module.replace('.', '/')}.py").is_file():
+        raise GyrocalError(f"benchmark {name} runs from a checkout: its cases are not in a wheel")
+    if str(folder.parent) not in sys.path:
+        sys.path.insert(0, str(folder.parent))
+    return importlib.import_module(module)
+
+
+def _runner(name: str) -> Callable[[bool, Callable[[int, int], None]], dict[str, Any]]:
+    module = _module(name)
+    if name != "blind":
+        return module.run  # type: ignore[no-any-return]
+    cases = importlib.import_module("blind.cases")
+    return lambda sample, progress: module.report(module.run(cases.SAMPLE if sample else cases.CASES, progress))
+
+
+def show(name: str, found: dict[str, Any]) -> None:
+    """A benchmark's tables."""
+    if name != "blind":
+        _module(name).show(found)
+        return
     figures = [found if key is None else found[key] for key in METHODS.values()]
     rows = [[words, *("-" if f[key] is None else f"{f[key]:.3f}" for f in figures)] for key, words in ROWS.items()]
     title = ", ".join(f"{count} {kind}" for kind, count in found["cases"].items())

@@ -122,14 +122,15 @@ def _estimates(
 ) -> list[Estimate]:  # fmt: skip
     out: list[Estimate] = []
 
-    def keep(axis: str, answer: Answer | None, used: Sequence[Run], se: bool = True) -> None:
+    def keep(axis: str, answer: Answer | None, used: Sequence[Run]) -> None:
         if answer is None:
             return
         seconds = span if span is not None else max(r.duration_s for r in used)
-        errors = (answer.scale_se, answer.bias_se_dps) if se else (None, None)
         out.append(
-            Estimate(scenario, method, float(seconds), axis, answer.scale, errors[0], answer.bias_dps, errors[1])
-        )
+            Estimate(
+                scenario, method, float(seconds), axis, answer.scale, answer.scale_se, answer.bias_dps, answer.bias_se_dps
+            )
+        )  # fmt: skip
 
     if method == "model":
         cut = [r if r.rate_is_mean else (r if span is None else r.first(span)) for r in runs]
@@ -150,7 +151,7 @@ def _estimates(
         if method == "baseline":
             keep(up.axis, baseline(halves[0], halves[1]), halves)
         else:
-            keep(up.axis, network(up, down, span or min(up.duration_s, down.duration_s)), halves, se=False)
+            keep(up.axis, network(up, down, span or min(up.duration_s, down.duration_s)), halves)
     return out
 
 
@@ -222,30 +223,29 @@ def _mean(run: Run) -> tuple[float, float]:
 
 
 def network(up: Run, down: Run, seconds: float) -> Answer | None:
-    """The shipped network: the mean of its answers over whole windows of consecutive samples.
+    """The shipped network `gyrocal` on as much of the first 2, 4 or 6 s as ``seconds`` holds.
 
-    None where the runs are too short for one, or a sample is missing in one.
+    None where the runs are too short for 2 s, or a sample is missing.
     """
-    from gyrocal.network import Network
+    from gyrocal.network import STAGES_S, BlockNetwork
 
-    net = Network.shipped()
+    net = BlockNetwork.shipped()
     if not _suits_network(up):
         raise InputError(
             f"{up.file}: the network was trained at {net.rate_hz:g} Hz and {net.table_dps:g} dps, this run has "
             f"{up.sample_rate_hz:g} Hz and {abs(float(up.rate_dps[0])):g} dps; "
             "leave cnn out of --method or train a network for it"
         )
-    windows = int(seconds * net.rate_hz / net.window + 1e-9)
-    n = windows * net.window
-    if windows == 0 or min(consecutive(up), consecutive(down)) < n:
+    stage = sum(net.samples(k) <= seconds * net.rate_hz + 1e-6 for k in range(len(STAGES_S))) - 1
+    if stage < 0 or min(consecutive(up), consecutive(down)) < net.samples(stage):
         return None
-    w_dps = abs(float(up.rate_dps[0]))
-    images = [
-        (r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n]).astype(np.float32).reshape(windows, net.window)
-        for r in sorted((up, down), key=lambda r: -float(r.rate_dps[0]))  # the net's first head sees the positive rate
+    n, w_dps = net.samples(stage), abs(float(up.rate_dps[0]))
+    means = [
+        net.block_means(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n])
+        for r in sorted((up, down), key=lambda r: -float(r.rate_dps[0]))  # the network's first face has the positive rate
     ]
-    scale, bias_dps = net.estimate(images[0], images[1], w_dps, -w_dps).mean(axis=0)
-    return Answer(float(scale), np.nan, float(bias_dps), np.nan, None)
+    scale, bias_dps, scale_sd, bias_sd_dps = map(float, net.estimate(means[0], means[1], stage, w_dps, -w_dps)[0])
+    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None)
 
 
 def consecutive(run: Run) -> int:
@@ -256,8 +256,8 @@ def consecutive(run: Run) -> int:
 
 def _suits_network(run: Run) -> bool:
     """Is the run at the sample rate and the table rate that the shipped network was trained for?"""
-    from gyrocal.network import RATE_TOLERANCE, Network
+    from gyrocal.network import RATE_TOLERANCE, BlockNetwork
 
-    net = Network.shipped()
+    net = BlockNetwork.shipped()
     near = abs(abs(float(run.rate_dps[0])) - net.table_dps) <= RATE_TOLERANCE * net.table_dps
     return near and abs(run.sample_rate_hz - net.rate_hz) <= 1e-3 * net.rate_hz

@@ -70,7 +70,9 @@ def simulated(n: int, seed: int, window: int, model: str | None = None, axis: st
         drawn = simulation.draw(n, np.random.default_rng(seed))
     label = np.stack(drawn[2:], axis=1)
     per_run = drawn[0].shape[1] // window
-    up, down = (torch.from_numpy(face[:, : per_run * window].reshape(n, per_run, window).astype(np.float32)) for face in faces)
+    up, down = (
+        torch.from_numpy(face[:, : per_run * window].reshape(n, per_run, window).astype(np.float32)) for face in drawn[:2]
+    )
     return Windows(up, down, torch.from_numpy(label.astype(np.float32)), protocol.table_dps, protocol.rate_hz)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
+from importlib.resources import as_file, files
 from pathlib import Path
 
 from gyrocal_firmware import INCLUDE
@@ -16,6 +16,13 @@ def export_run(run: Path) -> dict[str, bytes]:
     Raises:
         InputError: not a run folder.
     """
+    from gyrocal_export.train import load_config
+
+    contents = _gyrocal(run) if load_config(run).get("net") == "gyrocal" else _paper(run)
+    return dict(zip(FILES, contents, strict=True))
+
+
+def _paper(run: Path) -> tuple[bytes, ...]:
     from gyrocal_export.c_header import c_header
     from gyrocal_export.graph import Graph
     from gyrocal_export.quantize import quantize
@@ -25,17 +32,45 @@ def export_run(run: Path) -> dict[str, bytes]:
     net, metadata = load(run)
     model = to_onnx(net, metadata)
     quantised = quantize(Graph(model, str(run)))
-    contents = (
-        model.SerializeToString(deterministic=True),
-        quantised.SerializeToString(deterministic=True),
-        (run / "made_by.json").read_bytes(),
-        c_header(Graph(quantised, str(run))).encode(),
-    )
-    return dict(zip(FILES, contents, strict=True))
+    return (
+        model.SerializeToString(deterministic=True), quantised.SerializeToString(deterministic=True),
+        (run / "made_by.json").read_bytes(), c_header(Graph(quantised, str(run))).encode(),
+    )  # fmt: skip
+
+
+def _gyrocal(run: Path) -> tuple[bytes, ...]:
+    from gyrocal_export.c_header import c_header_of_blocks
+    from gyrocal_export.gyrocal_onnx import tables, to_onnx
+    from gyrocal_export.train_gyrocal import load
+
+    net, metadata = load(run)
+    model, quantised = (to_onnx(net, metadata, int8=int8) for int8 in (False, True))
+    return (
+        model.SerializeToString(deterministic=True), quantised.SerializeToString(deterministic=True),
+        (run / "made_by.json").read_bytes(), c_header_of_blocks(tables(quantised, str(run)), metadata).encode(),
+    )  # fmt: skip
 
 
 def export_shipped() -> dict[str, bytes]:
-    """The same files of the network that ships; needs neither torch nor onnx."""
+    """The same files of network `paper`, those of `gyrocal` beside them, and the header that holds both: what ships.
+
+    Needs neither torch nor onnx.
+    """
     data = files("gyrocal") / "data"
-    shipped = [(data / name).read_bytes() for name in ("paper.onnx", "paper.int8.onnx", "paper.json")]
-    return dict(zip(FILES, [*shipped, (INCLUDE / "weights.h").read_bytes()], strict=True))
+    ends = ("onnx", "int8.onnx", "json")
+    shipped = {f"model.{end}": (data / f"paper.{end}").read_bytes() for end in ends}
+    header = {"weights.h": (INCLUDE / "weights.h").read_bytes()}
+    return shipped | header | {f"gyrocal.{end}": (data / f"gyrocal.{end}").read_bytes() for end in ends}
+
+
+def shipped_header() -> str:
+    """``weights.h`` as it ships, made from the quantised graphs: `gyrocal` answers, `paper` is there beside it."""
+    import onnx
+
+    from gyrocal_export.c_header import c_header
+    from gyrocal_export.graph import Graph
+    from gyrocal_export.gyrocal_onnx import tables
+
+    with as_file(files("gyrocal") / "data") as data:
+        blocks = tables(onnx.load(data / "gyrocal.int8.onnx"), "gyrocal.int8.onnx")
+        return c_header(Graph.open(data / "paper.int8.onnx"), blocks)

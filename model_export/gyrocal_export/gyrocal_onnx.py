@@ -22,8 +22,11 @@ INPUTS = ("up", "down", "stage")
 
 
 def to_onnx(net: GyrocalNet, metadata: dict[str, str], *, int8: bool) -> onnx.ModelProto:
-    """Inputs ``up``, ``down`` float32 [N, 24] (block means of measured - true rate, deg/s), ``stage`` [N, 3] (one-hot: 2, 4,
-    6 s); output ``y`` [N, 4]: scale, bias_dps and their standard deviations. ``int8``: codes and a step an output for weights."""
+    """The graph; with ``int8`` its weights are codes and a step an output.
+
+    Inputs ``up``, ``down`` float32 [N, 24] (block means of measured - true rate, deg/s), ``stage`` [N, 3] (one-hot: 2, 4, 6 s);
+    output ``y`` [N, 4]: scale, bias_dps and their standard deviations.
+    """
     writer, know = Writer(), net.knowledge
 
     def constant(name: str, value: Any) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal_firmware import SIM
+from gyrocal_firmware import INCLUDE, SIM
 
 from .conftest import HERE, LSB_DPS, Build, make_run, run, sentences, ticks, write_rows
 from .test_baseline import closed_form
@@ -95,18 +95,40 @@ def test_baseline_answers_are_the_closed_form(sim: Sim, tmp_path: Path, axis: in
         assert s.number("temp_c") == pytest.approx(temp, rel=1e-8)
 
 
-def test_cnn_answers_are_means_over_consecutive_windows(sim: Sim, build: Build, tmp_path: Path) -> None:
+def without_gyrocal(folder: Path) -> Path:
+    """A folder with a weights.h of network `paper` alone."""
+    folder.mkdir()
+    (folder / "weights.h").write_text((INCLUDE / "weights.h").read_text().replace("    .blocks = &gc_blocks,\n", ""))
+    return folder
+
+
+def test_the_papers_answers_are_means_over_consecutive_windows(sim: Sim, build: Build, tmp_path: Path) -> None:
     runs = pair(np.random.default_rng(2))
+    paper = without_gyrocal(tmp_path / "include")
     counts = [r["counts"][:, 3] for r in runs]
     text = f"{LSB_DPS} 78 -78 870\n" + "\n".join(str(c) for half in counts for c in half[:870])
     windows = np.array([line.split() for line in run(build(HERE / "cnn.c"), text).splitlines()], float)
     for answers in (runs, runs[::-1]):  # the order of the faces does not matter
-        said = [s for s in sentences(sim(write_rows(tmp_path / "a.rows", answers)), "CAL") if s["method"] == "cnn"]
+        text = sim(write_rows(tmp_path / "a.rows", answers), include=paper)
+        said = [s for s in sentences(text, "CAL") if s["method"] == "cnn"]
         assert [s["seconds"] for s in said] == ["2", "4", "6"]
         for k, s in enumerate(said):
             got = [s.number("scale"), s.number("bias_dps")]
             np.testing.assert_allclose(got, windows[: k + 1].mean(axis=0), rtol=3e-8)
             assert s["scale_se"] == s["bias_se_dps"] == ""
+
+
+def test_readings_beyond_the_training_range_are_doubted_once(sim: Sim, tmp_path: Path) -> None:
+    """Two dps off for a quarter of a second: the network answers, and says that it was not made for this."""
+    rng = np.random.default_rng(17)
+    runs = pair(rng)
+    assert "net_range" not in sim(write_rows(tmp_path / "a.rows", runs))
+    runs[1]["counts"][100:140, 3] += round(2.0 / LSB_DPS)
+    text = sim(write_rows(tmp_path / "b.rows", runs))
+    assert [s["name"] for s in sentences(text, "ERR")].count("net_range") == 1
+    said = [s for s in sentences(text, "CAL") if s["method"] == "cnn"]
+    assert [s["seconds"] for s in said] == ["2", "4", "6"]
+    assert all(float(s["scale_se"]) > 0 for s in said)
 
 
 @pytest.mark.parametrize("run_with_gap", [0, 1])

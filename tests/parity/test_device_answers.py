@@ -60,7 +60,7 @@ def test_the_device_answers_as_the_host_does(replayed: tuple[Session, list[dict]
     assert bias_dps <= ROUNDING[method][1]
 
 
-@pytest.mark.parametrize("method", ["baseline", "model"])
+@pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
 def test_standard_errors_agree_too(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
     session, said = replayed
     host = [e for e in calibrate(session, None, [method], model) if e.method == method]

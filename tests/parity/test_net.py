@@ -28,7 +28,7 @@ def _cc(require_tool: Callable[[str], str]) -> None:
 
 
 def test_c_gives_the_numbers_of_the_quantised_graph() -> None:
-    found = verify(seed=1, n=3000)
+    found = verify(DATA / "paper.int8.onnx", seed=1, n=3000)
     assert found["windows"] == 3000
     assert found["max_diff_of_range"] <= TOLERANCE == 2e-6
     assert found["ok"] is True
@@ -56,7 +56,7 @@ def test_one_wrong_number_in_any_array_is_noticed(name: str, tmp_path: Path) -> 
     values[at] = values[at][1:] if values[at].startswith("-") else "-" + values[at]
     broken = tmp_path / "weights.h"
     broken.write_text(text[: found.start(1)] + ", ".join(values) + text[found.end(1) :])
-    assert verify(header=broken)["ok"] is False
+    assert verify(DATA / "paper.int8.onnx", broken)["ok"] is False
 
 
 def test_a_code_off_by_one_is_noticed(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_a_code_off_by_one_is_noticed(tmp_path: Path) -> None:
     assert found is not None
     broken = tmp_path / "weights.h"
     broken.write_text(text[: found.start(1)] + str(int(found[1]) - 1) + text[found.end(1) :])
-    assert verify(header=broken)["ok"] is False
+    assert verify(DATA / "paper.int8.onnx", broken)["ok"] is False
 
 
 def test_faces_taken_for_each_other_are_noticed(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_faces_taken_for_each_other_are_noticed(tmp_path: Path) -> None:
     swap = {"up": "down", "down": "up"}
     broken = tmp_path / "weights.h"
     broken.write_text(re.sub(r"\.(up|down) = {", lambda m: f".{swap[m[1]]} = {{", text))
-    assert verify(header=broken)["ok"] is False
+    assert verify(DATA / "paper.int8.onnx", broken)["ok"] is False
 
 
 def test_quantising_costs_at_most_one_percent() -> None:

@@ -6,8 +6,8 @@ import typer
 
 
 def run(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="blind: diagnosis of sessions with hidden effects.")],
-    sample: Annotated[bool, typer.Option("--sample", help="Every ninth case alone, for a quick look.")] = False,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="blind, paper (its tables) or inference (its cost).")],
+    sample: Annotated[bool, typer.Option("--sample", help="A few cases alone, for a quick look.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
@@ -18,4 +18,4 @@ def run(
     if as_json:
         emit(found)
     else:
-        show(found)
+        show(name, found)

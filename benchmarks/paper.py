@@ -1,0 +1,289 @@
+"""Tables 1 to 3 and Figs. 4 and 5 of the paper on the simulated campaign `table2`, with the rivals and the limit beside.
+
+A campaign is three days of 13, 7 and 28 scenarios. What a method must learn, it learns on other scenarios than those that it is
+judged by: the priors of `prior`, `shrunk` and `model` on the days that are left (leave one day out), or on all but the last two
+scenarios of the last day, as in the paper. The networks are those that ship, trained on scenarios drawn apart. The model knows
+the campaign's structure, ripple and transient, and none of its numbers.
+
+    gyrocal benchmark paper
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from gyrocal import limit
+from gyrocal.estimator import calibration_of
+from gyrocal.model import Model, Term
+from gyrocal.network import BlockNetwork, Network
+from gyrocal.output import stdout, table
+from gyrocal.scenarios import answers
+from gyrocal.session import AXES, Array, Run, Session
+from gyrocal.simulate import RATE_HZ, TABLE_RATE_DPS, paper_windows
+from gyrocal.spreads import learn
+
+SEEDS = 42
+SAMPLE_SEEDS = 2
+FIRST_SEED = 700_000
+DAYS = np.repeat([1, 2, 3], [13, 7, 28])
+SECONDS = (2.0, 4.0, 6.0)
+LABEL_S = 70
+LEARN_S = 30.0
+METHODS = ("baseline", "prior", "shrunk", "model", "paper", "gyrocal", "limit")
+WITH_SE = ("model", "gyrocal", "limit")
+PAPERS = {"improvement": 72.0, "time": 75.0}
+IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """48 scenarios: residuals of both faces [48, 70 s of samples], truth, and the baseline after each whole second."""
+
+    up: Array
+    down: Array
+    truth: Array
+    baseline: Array
+    """[70, 48, 2]: after 1, 2, ... 70 s."""
+
+    @staticmethod
+    def draw(seed: int) -> Campaign:
+        data = paper_windows(len(DAYS), seed, float(LABEL_S))
+        ends = np.round(np.arange(1, LABEL_S + 1) * RATE_HZ).astype(int)
+        up, down = (np.cumsum(data[f], axis=1, dtype=float)[:, ends - 1] / ends for f in ("up", "down"))
+        baseline = np.stack([(up - down) / (2 * TABLE_RATE_DPS), (up + down) / 2], axis=-1).swapaxes(0, 1)
+        return Campaign(data["up"], data["down"], np.column_stack([data["scale"], data["bias_dps"]]), baseline)
+
+    def session(self, rows: Array) -> Session:
+        """The first seconds of some scenarios as a session, to learn from."""
+        n = round(LEARN_S * RATE_HZ)
+        t_s = np.round(np.arange(n) / RATE_HZ, 6)
+        runs = []
+        for row in rows:
+            for face, residual, sign in (("up", self.up, 1.0), ("down", self.down, -1.0)):
+                columns = {"t_s": t_s, **{f"g{a}_dps": np.zeros(n) for a in AXES}}
+                columns["gz_dps"] = residual[row, :n] + sign * TABLE_RATE_DPS
+                runs.append(
+                    Run(
+                        len(runs), f"{row:03d}_{face}.csv", f"s{row:03d}", face, "z", TABLE_RATE_DPS, None,  # type: ignore[arg-type]
+                        int(DAYS[row]), 3.0, RATE_HZ, frame=pl.DataFrame(columns),
+                    )
+                )  # fmt: skip
+        return Session(RATE_HZ, tuple(runs), "z")
+
+
+def unlearned(session: Session) -> Model:
+    """The structure with numbers that anybody might start from: typical sizes, white noise from successive differences."""
+    white = float(np.sqrt(np.mean([np.mean(np.diff(r.gyro_dps[:, 2]) ** 2) for r in session.runs]) / 2))
+    values: dict[str, dict[str, float]] = {
+        "scale": {"scale": 0.0, "scale_sd": 0.01}, "bias": {"bias_dps": 0.0}, "turn_on_bias": {"sd_dps": 0.5},
+        "colored_noise": {"sd_dps": 0.002, "tau_s": 20.0}, "table_ripple": {"amplitude_1": 0.002},
+        "spin_up": {"A": 0.0, "A_sd": 0.002, "tau_s": 2.0},
+    }  # fmt: skip
+    return Model("table2", tuple(Term(name, "z", own) for name, own in values.items()), {"z": white})
+
+
+def folds() -> Iterator[tuple[str, Array, Array]]:
+    """(which split, scenarios to learn from, scenarios to be judged by)."""
+    everything = np.arange(len(DAYS))
+    for day in (1, 2, 3):
+        held = np.equal(DAYS, day)
+        yield "day", everything[~held], everything[held]
+    yield "paper", everything[:-2], everything[-2:]
+
+
+def judge(campaign: Campaign, known: Array, tested: Array) -> tuple[Array, Array]:
+    """Answers [methods, seconds, tested, 2] and their standard errors (NaN where a method has none)."""
+    up, down = campaign.up[tested], campaign.down[tested]
+    labels = campaign.baseline[-1][known]
+    calibration = calibration_of(learn(campaign.session(known), unlearned(campaign.session(known))), "z")
+    found = np.full((len(METHODS), len(SECONDS), len(tested), 2), np.nan)
+    errors = found.copy()
+    ours, papers = BlockNetwork.shipped(), Network.shipped()
+    for k, seconds in enumerate(SECONDS):
+        base = campaign.baseline[round(seconds) - 1]
+        mean, of_base = labels.mean(0), base[known].mean(0)
+        slope = np.mean((labels - mean) * (base[known] - of_base), axis=0) / base[known].var(0)
+        found[METHODS.index("baseline"), k] = base[tested]
+        found[METHODS.index("prior"), k] = mean
+        found[METHODS.index("shrunk"), k] = mean + slope * (base[tested] - of_base)
+        windows = round(seconds / 2)
+        cut = [y[:, : windows * papers.window].reshape(-1, papers.window) for y in (up, down)]
+        y = papers.estimate(cut[0], cut[1], TABLE_RATE_DPS, -TABLE_RATE_DPS)
+        found[METHODS.index("paper"), k] = y.reshape(len(tested), windows, 2).mean(1)
+        means = [ours.block_means(y[:, : ours.samples(k)]) for y in (up, down)]
+        y = ours.estimate(means[0], means[1], k, TABLE_RATE_DPS, -TABLE_RATE_DPS)
+        found[METHODS.index("gyrocal"), k], errors[METHODS.index("gyrocal"), k] = y[:, :2], y[:, 2:]
+        for method, p in (
+            ("model", answers(calibration, up, down, seconds, limit.PROTOCOL)),
+            ("limit", limit.limit(up, down, seconds)),
+        ):
+            found[METHODS.index(method), k] = np.column_stack([p.scale, p.bias_dps])
+            errors[METHODS.index(method), k] = np.column_stack([p.scale_se, p.bias_se_dps])
+    return found, errors
+
+
+def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """All seeds; what ``gyrocal benchmark paper --json`` prints. The pictures go to docs/images unless it is a sample."""
+    seeds = SAMPLE_SEEDS if sample else SEEDS
+    kept: dict[str, list[tuple[Array, Array, Array, Array]]] = {"day": [], "paper": []}
+    seconds_of_baseline, labels, truths = [], [], []
+    done = 0
+    for seed in range(seeds):
+        campaign = Campaign.draw(FIRST_SEED + seed)
+        labels.append(campaign.baseline[-1])
+        truths.append(campaign.truth)
+        seconds_of_baseline.append(np.abs(campaign.baseline - campaign.truth))
+        for split, known, tested in folds():
+            found, errors = judge(campaign, known, tested)
+            kept[split].append((found, errors, campaign.truth[tested], campaign.baseline[-1][tested]))
+            done += 1
+            progress(done, 4 * seeds)
+    by_second = np.concatenate(seconds_of_baseline, axis=1).mean(1)
+    joined = {split: tuple(np.concatenate([p[i] for p in parts], axis=-2) for i in range(4)) for split, parts in kept.items()}
+    report = _report(joined, by_second, np.concatenate(labels), np.concatenate(truths))
+    if not sample:
+        _draw(report, by_second, np.concatenate(labels), np.concatenate(truths))
+    return report
+
+
+Joined = dict[str, tuple[Array, ...]]
+
+
+def _report(joined: Joined, by_second: Array, labels: Array, truths: Array) -> dict[str, Any]:
+    found, errors, truth, label = joined["day"]
+    off = np.abs(found - truth)
+    improvement, saving, conv = {}, {}, {}
+    last = off[:, -1].mean(1)
+    for m, method in enumerate(METHODS):
+        gain = 100 * (1 - last[m] / last[0])
+        improvement[method] = _terms(gain) | {"mean_interval": _interval(off, m)}
+        reached = [_first_second(by_second[:, j], last[m, j]) for j in range(2)]
+        conv[method] = {"scale": reached[0], "bias": reached[1]}
+        saving[method] = _terms(np.array([100 * (1 - 6 / (t or LABEL_S)) for t in reached]))
+    covered = {
+        method: [_terms(np.mean(off[METHODS.index(method), k] < errors[METHODS.index(method), k], axis=0)) for k in range(3)]
+        for method in WITH_SE
+    }
+    return {
+        "scenarios": int(truth.shape[0]),
+        "seeds": int(truth.shape[0] // len(DAYS)),
+        "table1": {
+            "label_mean": _terms(labels.mean(0)), "label_sd": _terms(labels.std(0)),
+            "truth_mean": _terms(truths.mean(0)), "truth_sd": _terms(truths.std(0)),
+            "label_mae": _terms(np.abs(labels - truths).mean(0)),
+        },
+        "table2": _table2(off),
+        "table2_against_labels": _table2(np.abs(found - label)),
+        "table2_paper_split": _table2(np.abs(joined["paper"][0] - joined["paper"][2])),
+        "covered_68": covered,
+        "improvement_percent": improvement,
+        "convergence_s": conv,
+        "time_saving_percent": saving,
+        "baseline_mae": [{"seconds": t + 1, "scale": float(e[0]), "bias_dps": float(e[1])} for t, e in enumerate(by_second)],
+    }  # fmt: skip
+
+
+def _terms(values: Array) -> dict[str, float]:
+    return {"scale": float(values[0]), "bias": float(values[1]), "mean": float(np.mean(values))}
+
+
+def _first_second(by_second: Array, error: float) -> int | None:
+    """The first whole second at which the baseline is as good; None if not within 70 s."""
+    reached = np.flatnonzero(by_second <= error)
+    return int(reached[0]) + 1 if reached.size else None
+
+
+def _table2(off: Array) -> list[dict[str, Any]]:
+    """Mean absolute errors with 95 % intervals (normal, of the mean), and how many times the limit's they are."""
+    rows = []
+    best = off[METHODS.index("limit")].mean(1)
+    for k, seconds in enumerate(SECONDS):
+        for m, method in enumerate(METHODS):
+            mae, half = off[m, k].mean(0), 1.96 * off[m, k].std(0) / np.sqrt(off.shape[2])
+            rows.append({
+                "seconds": seconds, "method": method, "scale_mae": float(mae[0]), "bias_mae_dps": float(mae[1]),
+                "scale_over_limit": float(mae[0] / best[k, 0]), "bias_over_limit": float(mae[1] / best[k, 1]),
+                "scale_half_interval": float(half[0]), "bias_half_interval_dps": float(half[1]),
+            })  # fmt: skip
+    return rows
+
+
+def _interval(off: Array, m: int) -> list[float]:
+    """95 % of the improvement at 6 s, mean of both terms, by bootstrap over scenarios."""
+    rng = np.random.default_rng(0)
+    rows = rng.integers(0, off.shape[2], (1000, off.shape[2]))
+    drawn = 100 * (1 - off[m, -1][rows].mean(1) / off[0, -1][rows].mean(1)).mean(1)
+    return [float(v) for v in np.percentile(drawn, [2.5, 97.5])]
+
+
+def _draw(report: dict[str, Any], by_second: Array, labels: Array, truths: Array) -> None:
+    """Figs. 4 and 5: the labels' spread; the baseline's error against time, the methods after 2, 4 and 6 s."""
+    from matplotlib.figure import Figure
+
+    from gyrocal.pictures import BLUE, GREEN, GREY, ORANGE, PURPLE
+
+    figure = Figure(figsize=(8, 3.2), layout="constrained", dpi=110)
+    for j, (axes, name, factor) in enumerate(zip(figure.subplots(1, 2), ("scale, %", "bias, mdps"), (100, 1e3), strict=True)):
+        bins = np.histogram_bin_edges(factor * labels[:, j], 40)
+        axes.hist(factor * labels[:, j], bins, color=BLUE, alpha=0.6, label="baseline over 70 s")
+        axes.hist(factor * truths[:, j], bins, histtype="step", color=GREY, lw=1.5, label="truth")
+        axes.set(xlabel=name, ylabel="scenarios")
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.axes[0].legend(frameon=False, fontsize=9)
+    figure.suptitle("Labels, as in the paper's Fig. 4", fontsize=11)
+    figure.savefig(IMAGES / "paper_fig4.png")
+
+    figure = Figure(figsize=(8, 3.6), layout="constrained", dpi=110)
+    styles = {"prior": (GREY, "_"), "paper": (ORANGE, "*"), "gyrocal": (PURPLE, "D"), "model": (GREEN, "o")}
+    styles["limit"] = ("k", "x")
+    for j, (axes, name, factor) in enumerate(zip(figure.subplots(1, 2), ("scale, %", "bias, mdps"), (100, 1e3), strict=True)):
+        axes.semilogy(np.arange(1, LABEL_S + 1), factor * by_second[:, j], color=BLUE, label="baseline")
+        for method, (colour, marker) in styles.items():
+            rows = [row for row in report["table2"] if row["method"] == method]
+            mae = [factor * row[("scale_mae", "bias_mae_dps")[j]] for row in rows]
+            axes.semilogy(SECONDS, mae, marker, color=colour, label=method, ms=8 if marker in "*_" else 5, ls="none")
+        axes.set(xlabel="seconds of each face", ylabel=f"mean error of {name}")
+        axes.grid(alpha=0.25, which="both")
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.axes[0].legend(frameon=False, fontsize=9)
+    figure.suptitle("Error against time, as in the paper's Fig. 5", fontsize=11)
+    figure.savefig(IMAGES / "paper_fig5.png")
+
+
+def show(report: dict[str, Any]) -> None:
+    """The tables on the terminal."""
+    titles = {
+        "table2": f"mean error against the truth, leave one day out, {report['scenarios']} scenarios",
+        "table2_against_labels": "the same against the paper's labels, the baseline over 70 s",
+        "table2_paper_split": "the last two scenarios of the last day, as in the paper",
+    }
+    for key, title in titles.items():
+        rows = [
+            [f"{r['seconds']:g}", r["method"], f"{r['scale_mae']:.6f} ± {r['scale_half_interval']:.6f}",
+             f"{1e3 * r['bias_mae_dps']:.2f} ± {1e3 * r['bias_half_interval_dps']:.2f}",
+             f"{r['scale_over_limit']:.3f}", f"{r['bias_over_limit']:.3f}"]
+            for r in report[key]
+        ]  # fmt: skip
+        table(title, ["seconds", "method:", "scale", "bias mdps", "scale / limit", "bias / limit"], rows)
+    rows = []
+    for method in METHODS:
+        gain, saved = report["improvement_percent"][method], report["time_saving_percent"][method]
+        low, high = gain["mean_interval"]
+        reached = [report["convergence_s"][method][term] or f"> {LABEL_S}" for term in ("scale", "bias")]
+        rows.append([
+            method, f"{gain['scale']:.1f}", f"{gain['bias']:.1f}", f"{gain['mean']:.1f} ({low:.1f} to {high:.1f})",
+            str(reached[0]), str(reached[1]), f"{saved['mean']:.1f}",
+        ])  # fmt: skip
+    table(
+        f"at 6 s against the baseline (paper: {PAPERS['improvement']:g} % less error, {PAPERS['time']:g} % less time)",
+        ["method:", "less error % scale", "bias", "mean", "T_conv s scale", "bias", "less time %"], rows,
+    )  # fmt: skip
+    for method, stages in report["covered_68"].items():
+        said = ", ".join(f"{s:g} s {c['scale']:.3f} and {c['bias']:.3f}" for s, c in zip(SECONDS, stages, strict=True))
+        stdout.print(f"{method}: the truth is within one standard error (scale and bias): {said}")
