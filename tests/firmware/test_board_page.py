@@ -32,6 +32,23 @@ def test_pins_are_those_of_the_environments() -> None:
         assert re.search(rf"LED={light.split(', ')[1].split()[0]}\b", section)
 
 
+def test_what_is_kept_has_a_partition_of_its_own() -> None:
+    """No two partitions overlap, all fit 4 MB, programs start where they must; ours is the one that flash_store.cpp opens."""
+    lines = [line.split(",") for line in (ROOT / "partitions.csv").read_text().splitlines() if not line.startswith("#")]
+    parts = {p[0].strip(): (p[2].strip(), int(p[3], 16), int(p[4], 16)) for p in lines}
+    end = 0x9000
+    for _, (_, offset, size) in sorted(parts.items(), key=lambda p: p[1][1]):
+        assert offset >= end
+        assert offset % 0x1000 == size % 0x1000 == 0
+        end = offset + size
+    assert end <= 4 << 20
+    assert all(offset % 0x10000 == 0 for kind, offset, _ in parts.values() if kind.startswith("ota_"))
+    opened = re.search(r'#define PARTITION "(\w+)"', (SRC / "flash_store.cpp").read_text())
+    assert opened is not None
+    assert parts[opened[1]][0] == "nvs"
+    assert parts[opened[1]][2] >= 16 * 0x1000  # four sensors' results and windows, each twice, and NVS's own pages
+
+
 def test_every_state_of_the_light() -> None:
     states = re.search(r"typedef enum \{ (.*) \} gc_led_t;", (CORE / "gc_port.h").read_text())
     looks = re.findall(r"\{0x[0-9A-F]{4}, .*\* (.*) \*/", (SRC / "status_led.cpp").read_text())

@@ -91,6 +91,11 @@ static int16_t random_count(double w_dps) {
     return (int16_t)(w_dps / 0.00875 + (double)random_real(20.0f));
 }
 
+/* From end to end of the scale: sums of squares go beyond 32 bits at once. */
+static int16_t random_extreme(void) {
+    return random_bits() & 1u ? INT16_MAX : INT16_MIN;
+}
+
 static void baseline(void) {
     static gc_baseline_t run[2];
     for (unsigned i = 0; i < 5; i++) {
@@ -99,7 +104,7 @@ static void baseline(void) {
             gc_baseline_begin(&run[side], 145.0);
             for (unsigned k = 0; k < 900; k++) {
                 gc_baseline_advance(&run[side], t_us);
-                gc_baseline_add(&run[side], t_us, random_count(side == 0 ? 78.3 : -77.9));
+                gc_baseline_add(&run[side], t_us, i == 4u ? random_extreme() : random_count(side == 0 ? 78.3 : -77.9));
                 t_us += 6500u + random_bits() % 800u;
             }
             gc_baseline_end(&run[side]);
