@@ -13,13 +13,15 @@ import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.record import Wanted
-from gyrocal.web.listener import News, listen
+
+if TYPE_CHECKING:
+    from gyrocal.record import Wanted
+    from gyrocal.web.listener import News
 
 SHOWN_S = 10.0
 STRETCHES = 250
@@ -115,6 +117,8 @@ class Live:
 
     def connect(self, name: str) -> None:
         """Listen at a port from now on; what it says comes by itself."""
+        from gyrocal.web.listener import listen
+
         self.check(name)
         self.disconnect(keep_simulated=True)
         context = multiprocessing.get_context("spawn")

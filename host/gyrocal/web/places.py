@@ -11,7 +11,6 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from gyrocal.errors import InputError
-from gyrocal.session import read_header
 
 TABLES = (".csv", ".parquet")
 LARGEST_BYTES = 8 << 30
@@ -42,6 +41,8 @@ class Places:
 
     def session(self, path: str | Path) -> Path:
         """A session's folder all of whose tables lie within it."""
+        from gyrocal.session import read_header
+
         folder = self.inside(path)
         for entry in read_header(folder).run:
             if folder not in (folder / entry.file).resolve().parents:

@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.session import AXES
 from gyrocal.web import charts
 from gyrocal.web.charts import Options, Palette
 from gyrocal.web.decimate import Pyramid, binned, thinned
 from gyrocal.web.state import Traces
-from gyrocal.web.views import Curve, RunView
+from gyrocal.web.views import AXES, Curve, RunView
 
 STRETCHES = 700
 BINS = 48
 MOST_LINES = 40
+FEW = 12
+"""Fewer points than this are drawn as points."""
 MOST_BOUNDS = 60
 MOST_NAMED = 20
 LEGEND_RIGHT = 130
@@ -140,13 +141,14 @@ def folded(p: Palette, points: dict[str, Any], against: str, x_name: str, runs: 
         for i in shown:
             one = points["run"] == i
             cx, cy, _ = binned(x[one], y[one], BINS)
-            series.append(charts.line("a recording", _pairs(cx, cy), p.axes[axis], on=k, style={"opacity": 0.35}))
+            few = {"showSymbol": cx.size < FEW, "symbolSize": 7}
+            series.append(charts.line("a recording", _pairs(cx, cy), p.axes[axis], on=k, style={"opacity": 0.35}, **few))
         cx, cy, se = binned(x[mine], y[mine], BINS)
         band: Options = {"stack": f"band {k}", "stackStrategy": "all", "on": k, "style": {"opacity": 0}}
         filled: Options = {"areaStyle": {"color": p.ink, "opacity": 0.15}}
         series.append(charts.line("twice the mean's error", _pairs(cx, cy - 2 * se), p.ink, **band))
         series.append(charts.line("twice the mean's error", _pairs(cx, 4 * se), p.ink, **band, **filled))
-        series.append(charts.line("mean", _pairs(cx, cy), p.ink, on=k, style={"width": 2.2}))
+        series.append(charts.line("mean", _pairs(cx, cy), p.ink, on=k, style={"width": 2.2}, showSymbol=cx.size < FEW))
     return charts.base(p, grid=grids, title=titles, xAxis=xs, yAxis=ys, series=series, dataZoom=_zoom(len(axes)))
 
 

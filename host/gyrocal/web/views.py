@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+AXES = ("x", "y", "z")
+
 
 @dataclass(frozen=True)
 class RunView:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
-from gyrocal.session import AXES
 from gyrocal.web import charts, plots
 from gyrocal.web.state import Topic, Traces
-from gyrocal.web.views import RunView
+from gyrocal.web.views import AXES, RunView
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -36,6 +35,13 @@ MOVES = (
     ("chevron_left", "earlier", -0.5, -0.5), ("chevron_right", "later", 0.5, 0.5),
 )  # fmt: skip
 """Icon, word, by what parts of the window's width its ends move."""
+ZOOM = """() => {
+    const chart = getElement(%d).chart, seen = chart.getOption().dataZoom[0], low = %g, high = %g;
+    const width = seen.end - seen.start;
+    let start = seen.start + low * width, end = seen.end + high * width;
+    const back = low === high ? Math.max(0, -start) - Math.max(0, end - 100) : 0;
+    chart.dispatchAction({type: "dataZoom", start: Math.max(0, start + back), end: Math.min(100, end + back)});
+}"""
 
 
 class ComparePanel:
@@ -69,10 +75,7 @@ class ComparePanel:
                 where = self.bench.step.view.compared["where"]
                 self.axes = [str(where[0]["axis"]) if where else self.bench.session.axis]
             self._controls()
-            with ui.element("div").classes("face grow over").style("padding: 6px 8px"):
-                self.place = ui.element("div").classes("chart")
-                self._zoom_buttons()
-            self._draw()
+            self._place()
 
     def _nothing(self) -> None:
         with ui.element("section").classes("face"):
@@ -126,7 +129,7 @@ class ComparePanel:
         wanted = _panel(finding["against"])
         self.against = wanted if wanted in self._available() else "timeline"
         self.window = ALL
-        self._build()
+        self._draw()
 
     def _available(self) -> list[str]:
         assert self.bench.step is not None
@@ -139,40 +142,45 @@ class ComparePanel:
     def _controls(self) -> None:
         assert self.bench.session is not None
         assert self.bench.step is not None
-        compared = self.bench.step.view.compared
-        failing = {(f["axis"], _panel(f["against"])) for f in compared["where"]}
         with ui.row().classes("tight"):
-            for axis in compared["per_axis"]:
-                self._chip(axis, axis in self.axes, partial(self._toggle, axis)).classes(f"axis-{axis}")
+            axes = self.bench.step.view.compared["per_axis"]
+            self.axis_chips = {a: _chip(a, partial(self._toggle, a)).classes(f"axis-{a}") for a in axes}
             ui.separator().props("vertical")
-            for name in self._available():
-                button = self._chip(AGAINST[name][0], name == self.against, partial(self._choose, name))
-                if any((axis, name) in failing for axis in self.axes):
-                    button.classes("flag").tooltip("the model fails here")
+            self.view_chips = {n: _chip(AGAINST[n][0], partial(self._choose, n)) for n in self._available()}
             ui.space()
             runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
             select = ui.select(runs, multiple=True, value=self.chosen, label="all recordings", on_change=self._runs_chosen)
             select.props("outlined dense options-dense clearable").style("width: 140px")
 
-    def _chip(self, text: str, on: bool, pressed: Callable[[], None]) -> ui.button:
-        button = ui.button(text, on_click=pressed, color=None).classes(f"chip {'on' if on else ''}")
-        return button.props(f'flat dense no-caps aria-pressed="{str(on).lower()}"')
+    def _press(self) -> None:
+        """Show which chips are pressed, and which views the model fails in."""
+        self.frame.props(f'aria-label="{AGAINST[self.against][0]}"')
+        self.zoom.set_visibility(self.against == "timeline")
+        assert self.bench.step is not None
+        for axis, chip in self.axis_chips.items():
+            _pressed(chip, axis in self.axes)
+        failing = {_panel(f["against"]) for f in self.bench.step.view.compared["where"] if f["axis"] in self.axes}
+        for name, chip in self.view_chips.items():
+            _pressed(chip, name == self.against)
+            chip.classes(add="flag" if name in failing else "", remove="" if name in failing else "flag")
+            chip.props(f'aria-description="{"the model fails here" if name in failing else ""}"')
 
     def _zoom_buttons(self) -> None:
-        if self.against != "timeline":
-            return
-        with ui.element("div").classes("zoom"):
+        """Done in the browser, so that quick clicks add up; ECharts tells :meth:`_zoomed` what came of them."""
+        self.zoom = ui.element("div").classes("zoom")
+        with self.zoom:
             for icon, word, low, high in MOVES:
-                button = ui.button(icon=icon, on_click=lambda a=low, b=high: self._move(a, b), color=None)
-                button.props(f'flat round dense size="sm" aria-label="{word}"')
+                button = ui.button(icon=icon, color=None).props(f'flat round dense size="sm" aria-label="{word}"')
+                button.on("click", js_handler=ZOOM % (self.chart.id, low, high))
 
     def _toggle(self, axis: str) -> None:
         self.axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis]
-        self._build()
+        self._draw()
 
     def _choose(self, against: str) -> None:
-        self.against = against
-        self._build()
+        if against != self.against:
+            self.against = against
+            self._draw()
 
     def _runs_chosen(self, event: events.ValueChangeEventArguments) -> None:
         self.chosen = sorted(event.value or [])
@@ -183,16 +191,23 @@ class ComparePanel:
         assert self.bench.session is not None
         return [(i, r) for i, r in enumerate(self.bench.session.runs) if not self.chosen or i in self.chosen]
 
-    def _draw(self) -> None:
+    def _place(self) -> None:
         traces = self.bench.traces
-        if traces is None or traces.residual is None:
-            return
-        self.place.clear()
-        with self.place:
-            self.chart = ui.echart(self._options(traces)).classes("chart")
-            self.chart.props(f'role="img" aria-label="{AGAINST[self.against][0]}"')
-            if self.against == "timeline":
-                self.chart.on("chart:datazoom", self._zoomed, ["start", "end", "batch"], throttle=0.05)
+        assert traces is not None
+        with ui.element("div").classes("face grow over").style("padding: 6px 8px"):
+            self.frame = ui.element("div").classes("chart").props("role=img")
+            with self.frame:
+                self.chart = ui.echart(self._options(traces)).classes("chart")
+            self.chart.on("chart:datazoom", self._zoomed, ["start", "end", "batch"], throttle=0.05)
+            self._zoom_buttons()
+        self._press()
+
+    def _draw(self) -> None:
+        """Draw anew in the chart that is there."""
+        traces = self.bench.traces
+        if traces is not None and traces.residual is not None:
+            self._press()
+            self.chart.run_chart_method("setOption", self._options(traces), {"notMerge": True})
 
     def _options(self, traces: Traces) -> charts.Options:
         assert self.bench.step is not None
@@ -214,22 +229,19 @@ class ComparePanel:
     def _zoomed(self, event: events.GenericEventArguments) -> None:
         said = (event.args.get("batch") or [event.args])[0]
         traces = self.bench.traces
-        if said.get("start") is None or traces is None or traces.residual is None:
+        if self.against != "timeline" or said.get("start") is None or traces is None or traces.residual is None:
             return
         self.window = (float(said["start"]), float(said["end"]))
         seen = [{"data": series["data"]} for series in self._timeline(traces).series(self.window)]
         self.chart.run_chart_method("setOption", {"series": seen})
 
-    def _move(self, low: float, high: float) -> None:
-        """Move the window's ends by parts of its width; ECharts tells :meth:`_zoomed` what came of it."""
-        start, end = self.window
-        width = end - start
-        start, end = start + low * width, end + high * width
-        if low == high:  # a shift keeps the width
-            shift = max(0.0, -start) - max(0.0, end - 100.0)
-            start, end = start + shift, end + shift
-        window = {"start": max(0.0, start), "end": min(100.0, end)}
-        self.chart.run_chart_method("dispatchAction", {"type": "dataZoom", **window})
+
+def _chip(text: str, act: Callable[[], None]) -> ui.button:
+    return ui.button(text, on_click=act, color=None).props("flat dense no-caps").classes("chip")
+
+
+def _pressed(chip: ui.button, on: bool) -> None:
+    chip.classes(add="on" if on else "", remove="" if on else "on").props(f'aria-pressed="{str(on).lower()}"')
 
 
 def _panel(against: str) -> str:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from gyrocal.web import charts
-from gyrocal.web.report import evidence
 from gyrocal.web.state import Topic
 from gyrocal.web.views import Card, DiagnosisView
+from gyrocal.web.words import evidence
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab

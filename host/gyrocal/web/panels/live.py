@@ -11,8 +11,6 @@ from nicegui import ui
 
 from gyrocal.errors import InputError
 from gyrocal.monitor import MISFIT_LIMIT
-from gyrocal.record import Wanted, wanted
-from gyrocal.session import read_header
 from gyrocal.web import charts
 from gyrocal.web.live import SHOWN_S
 from gyrocal.web.panels.start import HIDDEN
@@ -20,6 +18,7 @@ from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 
 if TYPE_CHECKING:
+    from gyrocal.record import Wanted
     from gyrocal.web.page import Tab
 
 FRAME_S = 0.04
@@ -242,6 +241,8 @@ class LivePanel:
         return self.bench.places.free("recorded").name
 
     def _start(self, name: str, run: tuple[str, float, float] | None) -> None:
+        from gyrocal.record import wanted
+
         try:
             folder = self.bench.places.inside(name or "")
             if not (folder / "session.toml").is_file():
@@ -340,6 +341,8 @@ def _number(text: Any, otherwise: float) -> float:
 
 def _scenario(folder: Any, run: Wanted | None) -> str:
     """The power cycle that a new run belongs to: the last one, or a new one where that has such a run already."""
+    from gyrocal.session import read_header
+
     if not (folder / "session.toml").is_file():
         return "s000"
     entries = read_header(folder).run
