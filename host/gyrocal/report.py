@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from gyrocal.compare import Comparison
 from gyrocal.diagnose import Candidate, Diagnosis
 from gyrocal.errors import InputError
 from gyrocal.output import mdps, plus_minus, stdout, table
+
+REJECTED_SHOWN = 3
 
 
 def headline(c: Comparison) -> str:
@@ -36,16 +39,22 @@ def print_comparison(c: Comparison) -> None:
 
 
 def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
-    shown = [c for c in d.candidates if c.decision != "not_measurable"]
+    passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
+    rejected = [c for c in d.candidates if c.decision == "reject"]
     rows = [
         [c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
          "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
-        for c in shown
+        for c in (*passed, *rejected[:REJECTED_SHOWN])
     ]  # fmt: skip
     table("", ["effect:", "axis:", "decision:", "explained", "held-out gain", "size:"], rows)
-    hidden = [f"{c.effect.id} on {c.axis}" for c in d.candidates if c.decision == "not_measurable"]
-    if hidden:
-        stdout.print(f"not measurable with this session: {', '.join(hidden)}")
+    if rejected[REJECTED_SHOWN:]:
+        stdout.print(f"rejected too: {by_effect(rejected[REJECTED_SHOWN:])}")
+    unseen = [c for c in d.candidates if c.decision == "not_measurable"]
+    nowhere = {c.effect.id for c in unseen} - {c.effect.id for c in (*passed, *rejected)}
+    if nowhere:
+        on_table = [c for c in unseen if c.effect.id in nowhere and c.axis == d.comparison.fit.session.axis]
+        rows = [[c.effect.id, c.next_measurement] for c in on_table]
+        table("What this session cannot show", ["effect:", "what would show it:"], rows)
     stdout.print(verdict_text(d), style="bold")
     target = model if model and model.endswith(".toml") else "model.toml"
     if d.verdict == "add" and d.best is not None:
@@ -54,6 +63,14 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(
             f"next: gyrocal keep {session} --model {target} finds a formula for it and keeps it as an effect of your own"
         )
+
+
+def by_effect(candidates: Iterable[Candidate]) -> str:
+    """Effects with their axes: "drift (x, y), warmup (z)"."""
+    axes: dict[str, list[str]] = {}
+    for c in candidates:
+        axes.setdefault(c.effect.id, []).append(c.axis)
+    return ", ".join(f"{effect_id} ({', '.join(on)})" for effect_id, on in axes.items())
 
 
 def verdict_text(d: Diagnosis) -> str:
@@ -114,12 +131,7 @@ def write_page(path: Path, c: Comparison) -> None:
 
     from gyrocal import pictures
 
-    drawn = [
-        ("Excess over the floor", pictures.png_data(pictures.levels(c))),
-        ("Residual against time", pictures.png_data(pictures.residual_against_time(c))),
-        ("Spectrum", pictures.png_data(pictures.spectra(c))),
-        ("Allan deviation", pictures.png_data(pictures.allan(c))),
-    ]
+    drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
     template = (files("gyrocal") / "report.html").read_text(encoding="utf-8")
     page = jinja2.Environment(autoescape=True).from_string(template)
     text = page.render(

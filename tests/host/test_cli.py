@@ -61,13 +61,24 @@ def test_calibrate_json(session: str, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_compare_json_and_files(session: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    found = told(capsys, "compare", session, "--html", str(tmp_path / "p.html"), "--residuals", str(tmp_path / "r.csv"))
+    files = [
+        "--html",
+        str(tmp_path / "p.html"),
+        "--residuals",
+        str(tmp_path / "r.csv"),
+        "--pictures",
+        str(tmp_path / "pictures"),
+    ]
+    found = told(capsys, "compare", session, *files)
     assert set(found) >= COMPARE
     assert found["verdict"] == "misfit"
     assert set(found["where"][0]) == {"axis", "against", "strength", "note"}
     page = (tmp_path / "p.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "https://" not in page
+    pictures = {p.name: p.read_bytes() for p in (tmp_path / "pictures").iterdir()}
+    assert pictures.keys() == {"levels.png", "where.png", "time.png", "spectrum.png", "allan.png"}
+    assert all(content.startswith(b"\x89PNG") and len(content) > 5_000 for content in pictures.values())
     assert (tmp_path / "r.csv").read_text().startswith("file,t_s,axis,measured_dps,modelled_dps\n")
 
 
@@ -127,9 +138,7 @@ def test_runs_that_are_too_short_are_called_so(
     assert says in err
 
 
-def test_baseline_without_a_pair_is_exit_2_and_model_takes_it(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_baseline_without_a_pair_is_exit_2_and_model_takes_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = str(tmp_path / "full")
     assert main(["simulate", path, "--campaign", "full", "--scenarios", "1", "--seconds", "8"]) == 0
     assert run(capsys, "calibrate", path, "--method", "baseline")[0] == 2

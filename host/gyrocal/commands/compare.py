@@ -12,6 +12,7 @@ def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
     model: Annotated[str | None, typer.Option(help="paper, default, or a model file.")] = None,
     html: Annotated[Path | None, typer.Option(help="Write a page with pictures.")] = None,
+    pictures: Annotated[Path | None, typer.Option(help="Write the pictures alone, as PNG, into a folder.")] = None,
     residuals: Annotated[
         Path | None, typer.Option(help="Write file,t_s,axis,measured_dps,modelled_dps as CSV or Parquet.")
     ] = None,
@@ -25,7 +26,7 @@ def run(
     from gyrocal.report import print_comparison, write_page
     from gyrocal.session import Session
 
-    for target in (html, residuals):
+    for target in (html, pictures, residuals):
         if target is not None and not target.absolute().parent.is_dir():
             raise InputError(f"{target}: no such folder to write into")
     with working(as_json) as say:
@@ -35,6 +36,11 @@ def run(
         if html is not None:
             say("drawing")
             write_page(html, found)
+        if pictures is not None:
+            from gyrocal.pictures import save
+
+            say("drawing")
+            save(found, pictures)
     if as_json:
         emit(found.to_json())
     else:
