@@ -6,13 +6,15 @@ import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = {"blind": ROOT / "tests" / "blind", "paper": ROOT / "benchmarks", "inference": ROOT / "benchmarks"}
+
+Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
 
 ROWS = {
     "false_alarm_rate": "null called anything but adequate",
@@ -52,10 +54,10 @@ def _module(name: str) -> Any:
     return importlib.import_module(module)
 
 
-def _runner(name: str) -> Callable[[bool, Callable[[int, int], None]], dict[str, Any]]:
+def _runner(name: str) -> Runner:
     module = _module(name)
     if name != "blind":
-        return module.run  # type: ignore[no-any-return]
+        return cast(Runner, module.run)
     cases = importlib.import_module("blind.cases")
     return lambda sample, progress: module.report(module.run(cases.SAMPLE if sample else cases.CASES, progress))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -18,8 +19,16 @@ if TYPE_CHECKING:
 
 EVENTS = {"HEL": "hello", "RUN": "run", "CAL": "result", "STA": "state", "ACK": "ack", "ERR": "error"}
 SAMPLE_UNITS = ("gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
-MISFIT_LIMIT = 1.5
-"""As in the core (gc_device.h): above it the data do not look like what the device was calibrated for."""
+BLOCKS_A_SECOND = 8.0
+"""Of two faces."""
+
+
+def misfit_limit(seconds: float) -> float:
+    """As in the core (gc_device.h): a misfit above it after so many seconds of each face is more than noise shows."""
+    return 1 + 2.5 / math.sqrt(2 * BLOCKS_A_SECOND * seconds)
+
+
+MISFIT_LIMIT = misfit_limit(6.0)
 RATE_OVER_S = 2.0
 
 Event = dict[str, Any]
@@ -189,7 +198,8 @@ class Monitor:
         for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
             table.add_column(name, justify="left" if name in ("axis", "method") else "right")
         for values in self.results.values():
-            misfit = values.get("misfit")
+            misfit, seconds = values.get("misfit"), values.get("seconds")
+            doubtful = misfit is not None and misfit > misfit_limit(seconds or 6.0)
             table.add_row(
                 str(values.get("axis", "")),
                 str(values.get("method", "")),
@@ -197,7 +207,7 @@ class Monitor:
                 _with_error(values.get("scale"), values.get("scale_se"), 100.0),
                 _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
                 _number(values.get("temp_c"), ".1f"),
-                Text(_number(misfit, ".2f"), style="bold red" if misfit is not None and misfit > MISFIT_LIMIT else ""),
+                Text(_number(misfit, ".2f"), style="bold red" if doubtful else ""),
             )
         return table
 

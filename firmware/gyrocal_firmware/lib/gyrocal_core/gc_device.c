@@ -200,7 +200,7 @@ gc_state_t gc_device_state(const gc_device_t *d) {
 static void show_led(gc_device_t *d) {
     static const gc_led_t of_state[] = {GC_LED_IDLE, GC_LED_RECORDING, GC_LED_FLIP, GC_LED_DONE};
     gc_led_t led = of_state[gc_device_state(d)];
-    if (led == GC_LED_DONE && d->misfit > GC_MISFIT_LIMIT) {
+    if (led == GC_LED_DONE && d->misfits) {
         led = GC_LED_MISFIT;
     }
     if (d->config.port->led != NULL && (!d->led_known || led != d->led)) {
@@ -274,6 +274,7 @@ static void forget_runs(gc_device_t *d) {
         d->run[i].complete = false;
     }
     d->misfit = NAN;
+    d->misfits = false;
 }
 
 /* ---- answers ---- */
@@ -294,11 +295,12 @@ static int solve_baseline(const gc_device_t *d, unsigned k, gc_answer_t *answer)
     return gc_baseline_solve(&a->baseline.at[k], &b->baseline.at[k], a->w_dps, b->w_dps, a->lsb_dps, answer);
 }
 
-/* A reason not to trust the answers of this pair, told once. */
-static void doubt(gc_device_t *d, int error) {
-    if (d->doubt != error) {
-        d->doubt = error;
-        tell_error(d, error);
+/* Do two runs' readings fit what is known of sensor and table? Told at the last checkpoint, when most can be seen. */
+static void judge(gc_device_t *d, double misfit, unsigned k) {
+    d->misfit = misfit;
+    d->misfits = misfit > GC_MISFIT_LIMIT(2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US));
+    if (d->misfits && k + 1u == GC_CHECKPOINTS) {
+        tell_error(d, GC_E_MISFIT);
     }
 }
 
@@ -383,8 +385,9 @@ static int run_blocks(gc_device_t *d, unsigned k, gc_answer_t *answer) {
     if (error != GC_OK) {
         return error;
     }
-    if (found.clipped) {
-        doubt(d, GC_E_NET_RANGE);
+    if (found.clipped && !d->range_told) {
+        d->range_told = true;
+        tell_error(d, GC_E_NET_RANGE);
     }
     answer->scale = (double)found.scale;
     answer->bias_dps = (double)found.bias_dps;
@@ -457,7 +460,7 @@ static void answer_by_model(gc_device_t *d, unsigned k) {
     }
     if (error == GC_OK) {
         tell_answer(d, GC_METHOD_MODEL, checkpoint_s(k), run->n_at[k], pair_temp_c(d, k), &answer);
-        d->misfit = answer.misfit;
+        judge(d, answer.misfit, k);
     } else {
         tell_error(d, error);
         d->model_error = error;
@@ -474,7 +477,7 @@ static void answer_by_baseline(gc_device_t *d, unsigned k) {
     if (error == GC_OK) {
         tell_answer(d, GC_METHOD_BASELINE, checkpoint_s(k), run->n_at[k], pair_temp_c(d, k), &answer);
         if (!d->model || d->model_error != GC_OK) { /* the richer method judges */
-            d->misfit = answer.misfit;
+            judge(d, answer.misfit, k);
         }
     } else {
         tell_error(d, error);
@@ -526,9 +529,10 @@ static void start_run(gc_device_t *d, int face, bool automatic) {
         d->windows_changed = true;
         d->first_answer = true;
         d->misfit = NAN;
+        d->misfits = false;
         d->model_error = GC_OK;
         d->cnn_off = false;
-        d->doubt = GC_OK;
+        d->range_told = false;
         d->cnn_next = 0;
         d->cnn_windows = 0;
         d->cnn_sum[0] = 0.0;
@@ -667,6 +671,7 @@ static void end_rest(gc_device_t *d, const gc_run_t *run) {
         tell_error(d, GC_E_NOT_ONE_G);
     }
     d->misfit = rest.misfit;
+    d->misfits = rest.misfit > GC_MISFIT_LIMIT((double)(run->last_us - run->first_us) / (double)GC_BLOCK_US);
     tell_answer(d, GC_METHOD_REST, 1e-6 * (double)(run->last_us - run->first_us), run->n, temp_c(run->temp_sum, run->n), &rest);
 }
 
@@ -1117,6 +1122,7 @@ void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
     memset(d, 0, sizeof *d);
     d->config = *config;
     d->misfit = NAN;
+    d->misfits = false;
     d->armed = true;
     gc_line_reader_init(&d->reader, d->command, GC_COMMAND_MAX);
     d->settings = (gc_settings_t){.rate_hz = 145.0, .full_scale_dps = 250.0, .table_dps = 78.0, .axis = 2};

@@ -37,7 +37,8 @@ extern "C" {
 #endif
 
 #define GC_GAP_PERIODS 1.5 /* two samples that are further apart have lost one between them */
-#define GC_MISFIT_LIMIT 1.5 /* above it the LED says so: 5 standard deviations of an adequate 6 s */
+/* A misfit above this says that the readings do not fit: 2.5 standard deviations of what `blocks` of noise alone show. */
+#define GC_MISFIT_LIMIT(blocks) (1.0 + 2.5 / sqrt(2.0 * (blocks)))
 
 typedef struct {
     const gc_port_t *port;
@@ -130,6 +131,7 @@ typedef struct {
 
     uint32_t seq, lost, stale, resets, missed, overruns;
     double misfit;
+    bool misfits; /* that is above its limit */
     gc_stream_t stream;
     gc_led_t led;
     bool led_known;
@@ -150,7 +152,7 @@ typedef struct {
     gc_estimator_t estimator;
     gc_marginal_t first_run[GC_CHECKPOINTS];
 
-    int doubt;    /* the reason last told not to trust this pair's answers */
+    bool range_told; /* readings beyond the network's range, in this pair */
     bool cnn_off; /* an error was told for this pair */
     unsigned cnn_next, cnn_windows;
     double cnn_sum[2];

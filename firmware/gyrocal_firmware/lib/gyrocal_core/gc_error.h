@@ -37,6 +37,7 @@ extern "C" {
     X(GC_E_TOO_MANY_COLUMNS, -42, "too_many_columns", "the calibration has over 8 effect columns: export fewer")         \
     X(GC_E_WHITE_NOISE, -43, "no_white_noise", "the calibration has no white noise: export again")                       \
     X(GC_E_CALIBRATION_AXIS, -44, "calibration_axis", "the calibration is for another axis: set axis or export again")   \
+    X(GC_E_MISFIT, -45, "misfit", "the readings do not fit the calibration's model: record a session and diagnose it")   \
     X(GC_E_NET_SAMPLE_RATE, -50, "net_sample_rate", "the network was trained for another rate_hz: set it or export again")\
     X(GC_E_NET_RATE, -51, "net_table_rate", "the network was trained for another table rate: set it or export again")    \
     X(GC_E_NET_WINDOW, -52, "net_window", "the network's window does not fit this firmware: export again")               \
