@@ -16,6 +16,7 @@ from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Ses
 from gyrocal.api import add as add_effect
 from gyrocal.blocks import Blocks, known_dps
 from gyrocal.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
+from gyrocal.custom import keep
 from gyrocal.effects import base
 from gyrocal.model import BASE, RANDOM
 from gyrocal.session import AXES, Array, Run
@@ -102,6 +103,11 @@ class Bench:
         if before.note:
             raise InputError(before.note)
         return before.to_json(), self._view(after, progress)
+
+    def keep(self, folder: Path, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
+        """A formula for what is unknown: (the formula; the model with it)."""
+        proposed, _, after, _ = keep(self._opened(folder), self._model(model), name, progress=progress)
+        return proposed.formula, self._view(after, progress)
 
     def without(self, folder: Path, model: str, effect: str, progress: Progress) -> ModelView:
         """The model less an effect."""

@@ -143,6 +143,14 @@ class Workbench:
             self.before = before
             await self._take(Step(view.toml, view, effect, title))
 
+    async def keep(self, name: str) -> None:
+        """Find a formula for what is unknown, and add it as an effect of that name."""
+        with self._telling():
+            if self.session is None or self.step is None:
+                return
+            formula, view = await self.jobs.run("Looking for a formula", "keep", self.session.path, self.step.source, name)
+            await self._take(Step(view.toml, view, name, formula))
+
     async def remove(self, effect: str, title: str) -> None:
         """Take an effect out of the model: one that was tried before, or one to be fitted."""
         with self._telling():

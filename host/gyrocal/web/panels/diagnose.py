@@ -137,15 +137,20 @@ class DiagnosePanel:
                 ):
                     ui.html(f"<dt>{name}</dt>", sanitize=False)
                     ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
+            with ui.row().classes("tight"):
+                name = ui.input("name", value="custom").props("outlined dense").style("width: 130px")
+                keep = ui.button(
+                    "Find a formula and keep it", icon="functions", on_click=lambda: self.bench.keep(name.value), color=None
+                )
+                keep.props("unelevated no-caps").classes("primary")
+            ui.label("or, if you can guess its form, write it down:").classes("small dim")
+            with ui.row().classes("tight").style("width: 100%; flex-wrap: nowrap"):
+                formula = ui.input(placeholder="mine: k*rate**2").props('outlined dense aria-label="formula"').classes("grow")
+                ui.button("Try and add", on_click=lambda: self._try(formula.value), color=None).props("outline no-caps")
             ui.label(
-                "If you can guess its form, write it down: a name and a formula of w (true rate), T (temperature), "
-                "t (time in the run), p (time since power-on), th (table angle)."
+                "Names: rate (true rate), t (time in the run), power_on_s, temp_c, theta (table angle), ax, ay, az. "
+                "Whatever else is a parameter to be fitted."
             ).classes("small dim")
-            with ui.row().classes("tight").style("width: 100%"):
-                formula = ui.input(placeholder="mine: k·w^2").props('outlined dense aria-label="formula"').classes("grow")
-                ui.button("Try and add", on_click=lambda: self._try(formula.value), color=None).props(
-                    "unelevated no-caps"
-                ).classes("primary")
 
     async def _try(self, text: str) -> None:
         if text and text.strip():

@@ -31,8 +31,8 @@ SPEEDS = {"1": "in real time", "5": "5 times faster", "20": "20 times faster"}
 class LivePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench, self.live = tab, tab.bench, tab.bench.live
-        self.drawn: Any = None
-        self.shown: Any = None
+        self.shown: dict[Callable[[], None], Any] = {}
+        """What each part was drawn from."""
         with ui.element("div").classes("live fill"):
             with ui.element("div").classes("scroll"):
                 self.connection = ui.element("section").classes("face column tight").props('aria-label="connection"')
@@ -45,28 +45,35 @@ class LivePanel:
                     self.chart = ui.echart(self._strips()).classes("chart")
                     self.chart.props('role="img" aria-label="the last ten seconds of all axes and the temperature"')
                 self.results = ui.element("section").classes("face results").props('aria-label="results"')
-        self._connection()
         self.hear("device")
         ui.timer(FRAME_S, self._frame)
         ui.timer(0.5, lambda: self.hear("device"))
 
     def hear(self, topic: Topic) -> None:
-        """Draw anew what has changed."""
+        """Draw anew what has changed, and no more: a button must not vanish under the finger."""
         if topic != "device":
             return
-        status = self.live.status
-        now = (self.live.port, self.live.ended, {k: v for k, v in status.items() if k not in ("rate_hz", "good", "samples")})
+        live, status = self.live, self.live.status
+        hello, going = status.get("hello") or {}, status.get("recording") or {}
+        results = status.get("results") or []
+        parts: dict[Callable[[], None], Any] = {
+            self._connection: (live.port, live.ended, live.connected, status.get("problem"), bool(hello)),
+            self._guide: (bool(hello), status.get("state"), status.get("face"), status.get("replays"), bool(results)),
+            self._recording: (
+                hello.get("table_dps"),
+                bool(hello),
+                status.get("replays"),
+                live.ended,
+                going.get("going"),
+                going.get("folder"),
+            ),
+            self._results: results,
+        }
+        for draw, now in parts.items():
+            if self.shown.get(draw) != now:
+                self.shown[draw] = now
+                draw()
         self._figures()
-        if now == self.shown:
-            return
-        connection = (self.live.port, self.live.ended, status.get("connected"), status.get("problem"))
-        if self.shown is None or connection != self.drawn:
-            self._connection()
-            self.drawn = connection
-        self.shown = now
-        self._guide()
-        self._recording()
-        self._results()
 
     # Connection.
 
@@ -139,6 +146,10 @@ class LivePanel:
             self.counts.text = (
                 f"{status['rate_hz']:.0f} samples a second, {lost} lost, {bad} bad, {status['restarts']} restarts"
             )
+            run = (status.get("recording") or {}).get("run")
+            if run is not None and status["recording"]["going"]:
+                told = f"{run['seconds']:.1f} s, {run['samples']} samples, {run['lost']} lost"
+                self.progress.text = f"{run['file']}: {told}"
             self.counts.classes(add="worry" if lost or bad else "", remove="" if lost or bad else "worry")
 
     # What to do.
@@ -183,7 +194,7 @@ class LivePanel:
         with self.recording:
             ui.html("<h2>Record a session</h2>", sanitize=False)
             if going.get("going"):
-                self._progress(going)
+                self._progress()
                 return
             if going:
                 self._recorded(going)
@@ -205,16 +216,10 @@ class LivePanel:
                         on_click=lambda f=face: self._start(name.value, (f, rate.value, seconds.value)),
                     ).props("unelevated no-caps").classes("primary")  # fmt: skip
 
-    def _progress(self, going: dict[str, Any]) -> None:
-        run = going.get("run")
-        told = (
-            "waiting for a run"
-            if run is None
-            else f"{run['file']}: {run['seconds']:.1f} s, {run['samples']} samples, {run['lost']} lost"
-        )
+    def _progress(self) -> None:
         with ui.row().classes("tight"):
             ui.element("span").classes("light rec")
-            ui.label(told).classes("small")
+            self.progress = ui.label("waiting for a run").classes("small")
         ui.button("Stop recording", icon="stop", on_click=self.live.stop, color=None).props("outline dense no-caps")
 
     def _recorded(self, going: dict[str, Any]) -> None:
