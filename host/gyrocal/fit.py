@@ -501,7 +501,10 @@ def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
     runs = [b.run for b in current.design.blocks]
     count = len(runs)
     best: tuple[float, Values] | None = None
-    for values in term.effect.variants(runs, current.design.axis):
+    variants = term.effect.variants(runs, current.design.axis)
+    if len(variants) == 1:
+        return variants[0]
+    for values in variants:
         terms = [*current.design.terms, replace(term, values=values)]
         design = current.design.changed(terms)
         trial = with_noise(design, noise, carry_spreads(current, design))
@@ -742,7 +745,10 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     noise, sd = noise_at(x), scale.settled(x[m:])
     if drift and x[1] < 10 * NO_SPREAD:
         noise = replace(noise, ou_sd_dps=0.0)
-    return with_noise(design, noise, Spreads(sd[:k], sd[k:]))
+    grams, logdet = design.grams(noise)
+    spreads = Spreads(sd[:k], sd[k:])
+    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
+    return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
 
 
 def refine(current: AxisFit) -> AxisFit:
@@ -835,20 +841,34 @@ def _named(term: Term, current: AxisFit, mine: list[int]) -> tuple[Values, Value
 
 
 def _spread_errors(current: AxisFit) -> tuple[Array, Array]:
-    """Standard errors of the spreads from the curvature of REML's log-likelihood in their logarithm."""
+    """Standard errors of the spreads: from the curvature of REML's log-likelihood in their logarithm.
+
+    Of a spread that vanishes, or that has no curvature, the size at which the log-likelihood has fallen by a half.
+    """
     sd = np.concatenate([current.spreads.run, current.spreads.scenario])
     k = current.spreads.run.size
+    everything = np.ones(len(current.design.blocks), dtype=bool)
+    unit = _Scale.of(current.design, current.grams).unit
+
+    def loglik(j: int, value: float) -> float:
+        trial = sd.copy()
+        trial[j] = value
+        return current.subset(everything, Spreads(trial[:k], trial[k:])).loglik
+
     out = np.full(sd.size, np.nan)
     step = 0.1
-    everything = np.ones(len(current.design.blocks), dtype=bool)
-    for j in np.flatnonzero(sd > 0):
-        ends = []
-        for sign in (-step, step):
-            trial = sd.copy()
-            trial[j] *= np.exp(sign)
-            ends.append(current.subset(everything, Spreads(trial[:k], trial[k:])).loglik)
-        curvature = (2 * current.loglik - ends[0] - ends[1]) / step**2
-        out[j] = sd[j] / np.sqrt(curvature) if curvature > 0 else np.nan
+    for j in np.flatnonzero(unit > 0):
+        lower, upper = (loglik(j, sd[j] * float(np.exp(sign))) for sign in (-step, step))
+        curvature = (2 * current.loglik - lower - upper) / step**2
+        if sd[j] > 0 and curvature > 0.05:
+            out[j] = sd[j] / np.sqrt(curvature)
+            continue
+        low, high = np.log(1e-3 * unit[j]), np.log(1e3 * unit[j])
+        for _ in range(12):
+            middle = (low + high) / 2
+            fallen = current.loglik - loglik(j, float(np.hypot(sd[j], np.exp(middle)))) > 0.5
+            low, high = (low, middle) if fallen else (middle, high)
+        out[j] = np.exp(high)
     return out[:k], out[k:]
 
 
