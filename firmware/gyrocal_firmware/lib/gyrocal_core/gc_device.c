@@ -491,7 +491,7 @@ static void judge_direction(gc_device_t *d, gc_run_t *run) {
     }
 }
 
-/* Answers at the checkpoints completed since `before`. */
+/* Answers at the checkpoints completed since `before`; the network's, which takes longest, a sample later. */
 static void answer(gc_device_t *d, unsigned before) {
     gc_run_t *run = &d->run[d->slot];
     for (unsigned k = before; k < run->baseline.checkpoints; k++) {
@@ -505,7 +505,7 @@ static void answer(gc_device_t *d, unsigned before) {
             }
         }
     }
-    if (d->slot != GC_SLOT_OTHER) {
+    if (d->slot != GC_SLOT_OTHER && before == run->baseline.checkpoints) {
         answer_by_cnn(d);
     }
 }
@@ -703,6 +703,7 @@ static void stop_run(gc_device_t *d) {
     const unsigned before = run->baseline.checkpoints;
     gc_baseline_end(&run->baseline);
     answer(d, before);
+    answer(d, run->baseline.checkpoints); /* what was put off */
     if (has_stuck_bit(run)) {
         tell_error(d, GC_E_STUCK_BIT);
     }
