@@ -1,0 +1,71 @@
+"""The benchmarks that run from a checkout: pinned keys, and figures that hold together. A few scenarios only."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gyrocal import benchmark
+from gyrocal.errors import InputError
+
+METHODS = ["baseline", "prior", "shrunk", "model", "paper", "gyrocal", "limit"]
+
+
+@pytest.fixture(scope="module")
+def paper() -> Iterator[dict[str, Any]]:
+    """One campaign, learned from the third day and judged on the first, and the paper's split."""
+    module = benchmark._module("paper")
+    with pytest.MonkeyPatch.context() as patch:
+        every = list(module.folds())
+        patch.setattr(module, "SAMPLE_SEEDS", 1)
+        patch.setattr(module, "folds", lambda: [(s, known[-12:], tested) for s, known, tested in (every[0], every[3])])
+        yield benchmark.benchmark("paper", sample=True, quiet=True)
+
+
+def test_paper_has_the_pinned_keys(paper: dict[str, Any]) -> None:
+    assert paper["scenarios"] == 13
+    assert [(r["seconds"], r["method"]) for r in paper["table2"]] == [(s, m) for s in (2.0, 4.0, 6.0) for m in METHODS]
+    assert {"scale_mae", "bias_mae_dps", "scale_over_limit", "bias_over_limit"} <= set(paper["table2"][0])
+    for key in ("improvement_percent", "time_saving_percent"):
+        assert list(paper[key]) == METHODS
+        assert all({"scale", "bias", "mean"} <= set(v) for v in paper[key].values())
+    assert len(paper["table2_against_labels"]) == len(paper["table2_paper_split"]) == 21
+
+
+def test_papers_figures_hold_together(paper: dict[str, Any]) -> None:
+    at = {(r["seconds"], r["method"]): r for r in paper["table2"]}
+    for seconds in (2.0, 4.0, 6.0):
+        assert at[seconds, "limit"]["scale_over_limit"] == 1.0
+        for method in ("baseline", "paper"):
+            assert at[seconds, method]["bias_mae_dps"] > at[seconds, "limit"]["bias_mae_dps"]
+    six = {m: at[6.0, m] for m in METHODS}
+    for method in METHODS:
+        gain = 100 * (1 - six[method]["scale_mae"] / six["baseline"]["scale_mae"])
+        assert paper["improvement_percent"][method]["scale"] == pytest.approx(gain)
+    assert all(paper["improvement_percent"][m]["mean"] > 60 for m in ("model", "gyrocal", "limit"))
+    error = np.array([row["bias_dps"] for row in paper["baseline_mae"]])
+    assert error.size == 70
+    first = int(np.flatnonzero(error <= six["model"]["bias_mae_dps"])[0]) + 1
+    assert paper["convergence_s"]["model"]["bias"] == first
+    assert np.all(error[: first - 1] > six["model"]["bias_mae_dps"])
+
+
+def test_inference_has_the_pinned_keys(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:
+    require_tool("arm-none-eabi-gcc")
+    require_tool("qemu-system-arm")
+    module = benchmark._module("inference")
+    monkeypatch.setattr(module, "GENERATOR", "a-generator-that-is-not-there")
+    found = benchmark.benchmark("inference", quiet=True)
+    assert found["peers"] == []
+    assert found["absent"] == ["a-generator-that-is-not-there"]
+    assert found["best_peer_ratio"] == {"instructions": None, "ram": None, "flash": None}
+    for part in ("ours", "gyrocal"):
+        assert 5_000 < found[part]["instructions"] < 100_000
+        assert 500 < found[part]["ram_bytes"] < 10_000
+        assert 1_000 < found[part]["flash_bytes"] < 20_000
+
+
+def test_a_benchmark_that_there_is_not() -> None:
+    with pytest.raises(InputError, match="there are blind, paper, inference"):
+        benchmark.benchmark("nothing")
