@@ -115,7 +115,8 @@ def calibration_of(
             if kind.scope == "run" and not kind.common_mean
             else _se(kind, term.values, term.se)
         )
-        typical = [kind.parameter(n).typical[1] for n in kind.used(term.values)]
+        ranges = {n: kind.parameter(n).typical[1] for n in kind.used(term.values)}
+        typical = [size if np.isfinite(size) else abs(term.values[n]) for n, size in ranges.items()]  # a formula's has none
         smallest = TIGHTEST * np.repeat(typical, mean.size // len(typical))
         sd = np.sqrt(spread**2 + se**2 + smallest**2)
         columns = [Column(kind, term.values, j, float(mean[j]), float(sd[j])) for j in range(mean.size)]
