@@ -51,6 +51,25 @@ def test_papers_figures_hold_together(paper: dict[str, Any]) -> None:
     assert np.all(error[: first - 1] > six["model"]["bias_mae_dps"])
 
 
+def test_the_misfit_speaks_of_what_can_be_seen(paper: dict[str, Any]) -> None:
+    """Typical effects: at least 95 % of those beyond five standard errors; noise alone hardly ever; an offset never."""
+    at = {(r["hidden"], r["seconds"]): r for r in paper["misfit"]}
+    assert all(at["none", s]["flagged"] <= 0.03 for s in (2.0, 4.0, 6.0))
+    for kind in ("ripple of order 2, 0.1 %", "ripple of order 3, 0.1 %"):
+        assert at[kind, 6.0]["flagged_of_those"] >= 0.95
+        assert at[kind, 6.0]["beyond_five_se"] > 0.9
+    assert at["offset of 50 mdps", 6.0]["beyond_five_se"] < 0.01
+    assert at["offset of 50 mdps", 6.0]["flagged"] < 0.05
+
+
+def test_a_hidden_effect_that_is_added_comes_near_the_limit(paper: dict[str, Any]) -> None:
+    at = {(r["seconds"], r["method"]): r for r in paper["hidden_effect"]["answers"]}
+    for seconds in (4.0, 6.0):
+        assert at[seconds, "model after"]["bias_over_limit"] < 1.2 < 2.0 < at[seconds, "model before"]["bias_over_limit"]
+        assert at[seconds, "model before"]["flagged"] >= 0.95
+        assert at[seconds, "model after"]["flagged"] < 0.06
+
+
 def test_inference_has_the_pinned_keys(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:
     require_tool("arm-none-eabi-gcc")
     require_tool("qemu-system-arm")
