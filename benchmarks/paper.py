@@ -162,7 +162,7 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
 
 
 def judge_hidden(tests: int) -> dict[str, Any]:
-    """A table that also ripples twice a turn: answers of what was learned without it, and of what a campaign with it teaches."""
+    """A table that also ripples twice a turn: answers of what was learned without it, and of what a campaign with it says."""
     second = tuple(Column(base.effect("table_ripple"), {"amplitude_2": 0.0}, i, 0.0, HIDDEN_SD) for i in range(2))
 
     def truth(grid: int) -> Calibration:
@@ -397,7 +397,8 @@ def show(report: dict[str, Any]) -> None:
     hidden = report["hidden_effect"]
     rows = [
         [f"{r['seconds']:g}", r["method"], f"{r['scale_mae']:.6f}", f"{1e3 * r['bias_mae_dps']:.2f}",
-         f"{r['scale_over_limit']:.3f}", f"{r['bias_over_limit']:.3f}", "" if r["flagged"] is None else f"{100 * r['flagged']:.1f}"]
+         f"{r['scale_over_limit']:.3f}", f"{r['bias_over_limit']:.3f}",
+         "" if r["flagged"] is None else f"{100 * r['flagged']:.1f}"]
         for r in hidden["answers"]
     ]  # fmt: skip
     columns = ["seconds", "method:", "scale", "bias mdps", "scale / limit", "bias / limit", "misfit says so, %"]
