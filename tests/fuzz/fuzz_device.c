@@ -84,6 +84,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
 static const char *const words[] = {
     "start up", "start down", "stop", "hello", "status", "auto on", "auto off", "stream raw", "stream teleplot",
     "stream off", "reset", "set rate_hz 145", "set rate_hz 104", "set rate_hz 1e9", "set rate_hz", "set axis x",
+    "set fifo 16", "set fifo 0", "set fifo 999",
     "set axis q", "set table_dps none", "set table_dps -78", "set table_dps 0", "set turn_deg 360", "set turn_deg 0",
     "set full_scale_dps 2000", "set full_scale_dps 3", "get axis", "get table_dps", "get", "x x x x x x", "", "\xff", "\xff\xff",
 };
