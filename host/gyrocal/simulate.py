@@ -111,8 +111,8 @@ def simulate(
     """
     if campaign not in CAMPAIGNS:
         raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}")
-    if seconds is not None and not seconds > 0:
-        raise InputError("--seconds: must be positive")
+    if seconds is not None and not 2.0 / RATE_HZ <= seconds < np.inf:
+        raise InputError(f"--seconds {seconds:g}: a run lasts two samples of 1/{RATE_HZ:g} s at least")
     wanted = [base.parse(e) if isinstance(e, str) else (base.effect(e[0]).id, dict(e[1])) for e in effects]
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: is there already; choose another name or remove it")

@@ -109,6 +109,10 @@ def test_diagnose_and_add_json(session: str, capsys: pytest.CaptureFixture[str],
         ["simulate", "new", "--effect", "table_ripple:amplitude_1=much"],
         ["simulate", "new", "--effect", "nothing"],
         ["simulate", "new", "--campaign", "nothing"],
+        ["simulate", "new", "--campaign", "swing", "--seconds", "0.01"],
+        ["keep", "SESSION", "--model", "default"],
+        ["keep", "SESSION", "--model", "m.toml", "--name", "no name"],
+        ["keep", "SESSION", "--model", "m.toml", "--file", "no/such/folder/x.py"],
     ],
 )
 def test_bad_usage_is_exit_2_and_one_line(
