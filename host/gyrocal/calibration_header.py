@@ -97,9 +97,12 @@ def write(model: Model, path: str | Path, axis: str = "z", rate_hz: float = 145.
 
 def _comment(calibration: Calibration) -> str:
     lines = ["Parameters, in this order, with the mean and standard deviation of their priors:"]
-    names = [
-        f"{c.effect.id} {'(each run its own)' if c in calibration.run_columns else ''}".strip() for c in calibration.columns
-    ]
+    k, plain = len(calibration.run_columns), len(calibration.run_columns) - calibration.alternatives
+    names = [f"{c.effect.id}{' (each run its own)' if i < k else ''}" for i, c in enumerate(calibration.columns)]
+    for i in range(plain, k):
+        column = calibration.run_columns[i]
+        values = ", ".join(f"{name} {column.values[name]:.3g}" for name in column.effect.nonlinear)
+        names[i] = f"{column.effect.id}, {values} (each run its own: one of {calibration.alternatives})"
     for name, mean, info in zip(
         [*names, "bias_dps", "scale"], calibration.prior_mean, calibration.prior_information, strict=True
     ):
