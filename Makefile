@@ -8,6 +8,7 @@ PIP := $(BIN)/pip --disable-pip-version-check
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
+	@echo "Look at it yourself: $(BIN)/gyrocal workbench demo-out/recorded"
 
 test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

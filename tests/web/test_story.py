@@ -89,7 +89,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     page.locator('[aria-label="calibration error against seconds"]').wait_for()
 
     page.get_by_role("button", name="Undo").click()
-    card.wait_for()
+    card.get_by_role("button", name="Add to the model").wait_for()
     assert shown_excess(page) == [mdps(compared["excess_dps"], 2)]
     page.get_by_role("button", name="Redo").click()
     page.get_by_text("The model fits: what is left over is noise.").wait_for()
@@ -129,7 +129,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     assert other.evaluate("document.body.classList.contains('body--dark')")
     page.goto(f"{served.url}diagnose")
     page.get_by_role("button", name="remove Ripple of the table's speed").click()
-    other.locator("article", has_text="Ripple of the table's speed").wait_for()  # found again as it was
+    other.get_by_text("Missing: ripple of the table's speed on z.").wait_for()  # as it was found before
     assert shown_excess(other) == [before, after, before]
 
 

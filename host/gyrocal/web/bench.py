@@ -226,7 +226,7 @@ class Bench:
 
 
 def _effects(model: Model) -> list[tuple[str, str, bool]]:
-    titles = {t.effect_id: t.effect.title for t in model.terms}
+    titles = {t.effect_id: t.effect_id if t.own else t.effect.title for t in model.terms}  # a formula's name is its id
     return [(i, titles[i], i not in BASE and i not in RANDOM) for i in model.ids]
 
 

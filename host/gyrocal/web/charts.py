@@ -139,17 +139,13 @@ def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
         animation=True, animationDuration=700, animationEasing="cubicOut",
         grid=grid(left=54, right=16, top=18, bottom=40),
         xAxis=axis(p, kind="category", data=[b.label for b in drawn], axisTick={"show": False}, label=wrapped),
-        yAxis=axis(p, "excess error, mdps", nameGap=38, scale=False, min=0, max=_above(max(b.high for b in drawn))),
+        yAxis=axis(p, "excess error, mdps", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
         series=[
             {"type": "bar", "stack": "s", "silent": True, "data": [b.low for b in drawn],
              "itemStyle": {"color": "transparent"}, "animation": False},
             {"type": "bar", "stack": "s", "barMaxWidth": 74, ":animationDelay": "(i) => i * 450", "data": shown},
         ],
     )  # fmt: skip
-
-
-def _above(top: float) -> float:
-    return float(f"{1.15 * top:.2g}") if top > 0 else 1.0
 
 
 def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, float]]]) -> Options:

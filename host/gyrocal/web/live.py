@@ -98,6 +98,10 @@ class Live:
         return bool(self.status.get("connected"))
 
     @property
+    def simulated(self) -> bool:
+        return self._simulated is not None
+
+    @property
     def ended(self) -> bool:
         """Whether a simulated device has played its recording to the end."""
         return self._simulated is not None and self._simulated.poll() is not None

@@ -129,5 +129,5 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
         ui.run(
             host=host, port=number, title="gyrocal workbench", favicon=ICON, dark=None, reload=False,
             show=path if browser else False, tailwind=False, show_welcome_message=False, message_history_length=200,
-            uvicorn_logging_level="error",
+            uvicorn_logging_level="critical",  # a request cut off by Ctrl-C is no error
         )  # fmt: skip

@@ -52,6 +52,7 @@ class DiagnosePanel:
                 return
             if found is None:
                 self._invite()
+                self._added()
                 return
             self._sentence(found)
             if found.verdict == "unknown":
@@ -87,18 +88,26 @@ class DiagnosePanel:
         with ui.element("div").classes(f"face verdict {tone}").style("flex: none"):
             ui.label(found.sentence).classes("big").style("font-size: 16px")
 
-    def _card(self, card: Card) -> None:
+    def _added(self) -> None:
+        """What was added last, as it was found."""
+        step, found = self.bench.step, self.bench.diagnosed
+        if step is None or found is None or step.removed:
+            return
+        for card in found.cards:
+            if card.judged["effect"] == step.effect and card.judged["decision"] in ("add", "suggest"):
+                self._card(card, added=True)
+
+    def _card(self, card: Card, *, added: bool = False) -> None:
         judged = card.judged
         passed = judged["decision"] == "add"
-        with ui.element("article").classes(f"card {'add' if passed else ''}"):
+        alone = passed and not card.looks_like
+        word = "fits the evidence" if alone else "one of several" if passed else "a hint, not enough to be sure"
+        with ui.element("article").classes(f"card {'add' if passed and not added else ''}"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
                 ui.label(f"on {judged['axis']}").classes(f"axis-{judged['axis']}")
                 ui.space()
-                alone = passed and not card.looks_like
-                ui.label(
-                    "fits the evidence" if alone else "one of several" if passed else "a hint, not enough to be sure"
-                ).classes(f"badge {'add' if passed else ''}")
+                ui.label("in the model now" if added else word).classes(f"badge {'good' if added else 'add' if passed else ''}")
             with ui.row().style("flex-wrap: nowrap; align-items: flex-start; gap: 14px"):
                 ui.label(card.cause).classes("small").style("flex: 1")
                 if card.signature is not None:
@@ -117,9 +126,10 @@ class DiagnosePanel:
                     ui.html(f"<dt>{html.escape(name)}</dt>", sanitize=False)
                     ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
             with ui.row().classes("tight"):
-                ui.button(
-                    "Add to the model", icon="add", on_click=lambda: self.bench.add(judged["effect"], card.title), color=None
-                ).props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "")
+                if not added:
+                    act = partial(self.bench.add, judged["effect"], card.title)
+                    button = ui.button("Add to the model", icon="add", on_click=act, color=None)
+                    button.props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "")
                 ui.label(card.equation).classes("equation")
 
     def _unknown(self, found: DiagnosisView) -> None:
@@ -138,9 +148,9 @@ class DiagnosePanel:
                     ui.html(f"<dt>{name}</dt>", sanitize=False)
                     ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
             with ui.row().classes("tight"):
-                name = ui.input("name", value="custom").props("outlined dense").style("width: 130px")
+                called = ui.input("name", value="custom").props("outlined dense").style("width: 130px")
                 keep = ui.button(
-                    "Find a formula and keep it", icon="functions", on_click=lambda: self.bench.keep(name.value), color=None
+                    "Find a formula and keep it", icon="functions", on_click=lambda: self.bench.keep(called.value), color=None
                 )
                 keep.props("unelevated no-caps").classes("primary")
             ui.label("or, if you can guess its form, write it down:").classes("small dim")
@@ -154,7 +164,8 @@ class DiagnosePanel:
 
     async def _try(self, text: str) -> None:
         if text and text.strip():
-            await self.bench.add(text.strip(), text.strip())
+            name = text.partition(":")[0].strip() if ":" in text else "formula"
+            await self.bench.add(text.strip(), name)
 
     def _rest(self, found: DiagnosisView) -> None:
         looked = [c for c in found.cards if c.judged["decision"] == "reject"]
@@ -223,6 +234,8 @@ class DiagnosePanel:
         self.calibration.clear()
         self.calibration.set_visibility(self.bench.step is not None)
         found = self.bench.calibration
+        tall = found is None or bool(found.errors)
+        self.calibration.classes(add="grow" if tall else "", remove="" if tall else "grow")
         with self.calibration:
             with ui.row():
                 ui.html("<h2>Calibration error</h2>", sanitize=False)

@@ -101,7 +101,7 @@ class LivePanel:
         if self.live.ended:
             return "The simulated device has played its recording to the end."
         if self.live.connected:
-            return f"Connected to {self.live.port}"
+            return f"Connected to {'the simulated device' if self.live.simulated else self.live.port}"
         if self.live.status.get("problem"):
             return str(self.live.status["problem"])
         return "Unplugged: waiting for it to come back" if self.live.status.get("hello") else f"Listening at {self.live.port}…"
