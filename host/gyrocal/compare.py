@@ -249,12 +249,27 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
             chance = min(1.0, 2 * float(norm.sf(z)) * 16) if abs(ones - 0.5) > 0.25 else 1.0
         else:  # runs at different rates should, as a coin falls
             places = np.unique(mean_codes >> bit).size
-            chance = min(1.0, 16 * 0.5 ** (places - 1)) if ones in (0.0, 1.0) else 1.0
+            stuck = ones in (0.0, 1.0)
+            chance = min(1.0, 16 * min(0.5 ** (places - 1), _never(readings, session.lsb_dps, bit, ones))) if stuck else 1.0
             z = float(norm.isf(max(chance, 1e-300)))
         if chance < alarm and (worst is None or z > worst.strength):
             note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
             worst = Finding(axis, "reading", float(z), chance, 2**bit * session.lsb_dps, note)
     return worst
+
+
+def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> float:
+    """The chance that a bit of the code keeps its state in all readings, by the noise about each run's mean."""
+    from scipy.stats import norm
+
+    log_chance = 0.0
+    for g in readings:
+        mean, sd = float(g.mean()) / lsb_dps, float(np.sqrt(np.mean(np.diff(g) ** 2) / 2)) / lsb_dps
+        cells = np.arange(np.floor((mean - 6 * sd) / 2**bit), np.ceil((mean + 6 * sd) / 2**bit) + 1)
+        edges = norm.cdf((np.append(cells, cells[-1] + 1) * 2**bit - 0.5 - mean) / max(sd, 1e-9))
+        kept = float(np.diff(edges)[cells.astype(np.int64) % 2 == int(state)].sum())
+        log_chance += g.size * float(np.log(min(1.0, max(kept, 1e-300))))
+    return float(np.exp(max(log_chance, -700.0)))
 
 
 def single_readings(session: Session, axis: str) -> Finding | None:

@@ -22,6 +22,7 @@ from gyrocal.effects.base import Effect, Values
 from gyrocal.fit import (
     AxisFit,
     Design,
+    Spreads,
     by_sample,
     carry_spreads,
     choose_variant,
@@ -47,6 +48,8 @@ SIMILAR_SHAPE = 0.7
 SAME_SHAPE = 0.97
 PARAMETER_GAIN = 2.0
 """Held-out log-likelihood that one more parameter must gain where the shapes are the same."""
+UNEVEN = 0.5
+"""Median over rms of a wave's size in each run: noise alone has 0.83, a wave in half of the runs and fewer next to nothing."""
 NOISY_COLUMNS = 0.01
 """Of a large gain, what measured columns (an accelerometer's) lose by their own noise against computed ones."""
 LEAST_EXPLAINED = 0.10
@@ -205,8 +208,20 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     return Candidate(
         kind, axis, "reject", term.values, term.se, gain=total, gain_se=se, chance=chance,
         parameters=count + spreads + nonlinear, next_measurement=kind.measure_next,
-        signal=signal, unit_gains=gains, explained=explained, enough=enough,
+        signal=signal, unit_gains=gains, explained=explained, enough=enough and not (kind.same_size and _uneven(fitted)),
     )  # fmt: skip
+
+
+def _uneven(fitted: AxisFit) -> bool:
+    """Is a wave that should have one size in all runs only in some of them?"""
+    layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
+    own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
+    if not own:
+        return False
+    free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # of a run's own size, not drawn to that of all
+    runs = range(len(fitted.design.blocks))
+    square = [float(np.sum(fitted.run_coefficients(i, fitted.solution.beta, free)[own] ** 2)) for i in runs]
+    return float(np.median(square)) < UNEVEN**2 * float(np.mean(square))
 
 
 def _judge_reading(

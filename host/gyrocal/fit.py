@@ -857,7 +857,7 @@ def _spread_errors(current: AxisFit) -> tuple[Array, Array]:
 
     out = np.full(sd.size, np.nan)
     step = 0.1
-    for j in np.flatnonzero(unit > 0):
+    for j in np.flatnonzero(unit > 0).tolist():
         lower, upper = (loglik(j, sd[j] * float(np.exp(sign))) for sign in (-step, step))
         curvature = (2 * current.loglik - lower - upper) / step**2
         if sd[j] > 0 and curvature > 0.05:

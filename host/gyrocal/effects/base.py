@@ -62,6 +62,8 @@ class Effect(ABC):
     on_device: ClassVar[bool] = False
     fast: ClassVar[bool] = False
     """Varies from sample to sample: fitted on samples, not on block means."""
+    same_size: ClassVar[bool] = False
+    """A wave whose phase is each run's own, but whose amplitude is that of all runs."""
     reading_fault: ClassVar[bool] = False
     """A fault of the reading itself: no columns; found by :meth:`detect`, planted by :meth:`distort`."""
 

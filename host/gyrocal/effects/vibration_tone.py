@@ -49,6 +49,7 @@ class VibrationTone(Effect):
     scope = "run"
 
     fast = True
+    same_size = True
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """The strongest lines of the spectrum, averaged over the runs."""
