@@ -196,7 +196,7 @@ def find_misfit(
         for against, kinds in slow_probes(session, AXES.index(axis))
         for kind in kinds
     ]
-    share = ALARM / (len(tests) + 3 * len(fitted.axes))
+    share = ALARM / (len(tests) + 4 * len(fitted.axes))
     found: list[Finding] = []
     for axis, against, kind in tests:
         if progress is not None:
@@ -215,6 +215,10 @@ def find_misfit(
             )
             note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
             found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
+        bump = lines.bump()
+        if bump is not None and bump[4] < share:
+            note = f"{bump[2] * 1e3:.3g} mdps that wander between {bump[0]:.3g} and {bump[1]:.3g} Hz"
+            found.append(Finding(axis, "frequency", bump[3], bump[4], bump[2], note))
         known_step_dps = fitted.model.value("quantization", axis, "lsb_dps")
         known_outliers = fitted.model.value("bias_jumps", axis, "outliers")
         more = [

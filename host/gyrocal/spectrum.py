@@ -14,6 +14,9 @@ LONGEST_SAMPLES = 1 << 14
 LEAST_SAMPLES = 32
 PAD = 2
 """Frequencies are looked at so many times as densely as the stretch's length gives: a line may lie between two."""
+BUMP_WIDTHS_HZ = (2.0, 4.0, 8.0)
+BUMP = 0.15
+"""Of the power beside it: a low-pass filter bends the spectrum of white noise by less within so few hertz."""
 TAPER = 0.25
 """Of a stretch, cosine at its ends: a line keeps nearly all of its power, and what is slow does not leak into it."""
 
@@ -47,6 +50,38 @@ class Spectrum:
         line_power = float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
         chance = min(1.0, float(self.tail[k]) * self.frequency_hz.size)
         return float(self.frequency_hz[k]), float(np.sqrt(2 * line_power)), chance
+
+    def bump(self) -> tuple[float, float, float, float, float] | None:
+        """(from Hz, to Hz, amplitude in dps, sigma, chance) of the clearest band with more power than both its neighbours.
+
+        What sweeps or wanders in frequency makes no line but a bump: the median of a band against those of the bands beside
+        it, which a line does not move. A sensor's low-pass bends the spectrum too, but gently: a bump stands out by BUMP.
+        """
+        from scipy.ndimage import median_filter
+        from scipy.stats import norm
+
+        if self.frequency_hz.size == 0:
+            return None
+        bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0])
+        looks, best = 0, None
+        for width_hz in BUMP_WIDTHS_HZ:
+            half = round(width_hz / bin_hz / 2)
+            width = 2 * half + 1
+            if half < 8 or 3 * width > self.power.size:
+                continue
+            level = median_filter(self.power, width)
+            middle = level[half + width : -half - width]
+            sides = (level[half : -half - 2 * width] + level[half + 2 * width : -half]) / 2
+            ratio = middle / np.maximum(sides, np.finfo(np.float64).tiny)
+            independent = width / PAD * self.segments * (1 - TAPER / 2) * 2 / np.pi
+            sigma = np.log(np.maximum(ratio, np.finfo(np.float64).tiny)) / np.sqrt(1.5 / independent)
+            looks += ratio.size
+            k = int(np.argmax(sigma))
+            if ratio[k] > 1 + BUMP and (best is None or sigma[k] > best[3]):
+                low_hz = float(self.frequency_hz[k + width])
+                amplitude_dps = float(np.sqrt(2 * (middle[k] - sides[k]) * width * bin_hz))
+                best = (low_hz, low_hz + width * bin_hz, amplitude_dps, float(sigma[k]))
+        return None if best is None else (*best, min(1.0, looks * float(norm.sf(best[3]))))
 
     def line_power(self, chance: float) -> float:
         """Mean square in lines that noise makes with less than ``chance``, dps^2."""

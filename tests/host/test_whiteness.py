@@ -8,6 +8,7 @@ from gyrocal.model import Model
 from gyrocal.probes import too_much_power
 from gyrocal.session import Run, Session
 from gyrocal.simulate import simulate
+from gyrocal.spectrum import spectrum
 
 
 def with_signal(session: Session, signal_dps: np.ndarray) -> Session:
@@ -47,3 +48,22 @@ def test_band_limited_rumble_is_found_with_its_band_and_size(band_hz: tuple[floa
     assert found is not None
     assert found.against == "frequency"
     assert 0.2 * 0.012 < found.amplitude_dps < 2 * 0.012
+
+
+def test_a_sweep_is_a_bump_and_low_pass_noise_and_a_tone_are_none() -> None:
+    from scipy.signal import butter, lfilter
+
+    rng = np.random.default_rng(8)
+    rate_hz, t_s = 145.0, np.arange(2900) / 145.0
+    white = [rng.normal(0, 0.044, t_s.size) for _ in range(12)]
+    quiet = [lfilter(*butter(2, 33, fs=rate_hz), y) for y in white]
+    tone = [y + 0.05 * np.sin(2 * np.pi * 23.4 * t_s + i) for i, y in enumerate(white)]
+    for residuals in (white, quiet, tone):
+        found = spectrum(residuals, rate_hz).bump()
+        assert found is None or found[4] > 1e-3
+    sweep = 0.02 * np.sin(2 * np.pi * (18 + 4 * t_s / t_s[-1]) * t_s)  # 18 to 26 Hz
+    low_hz, high_hz, amplitude_dps, sigma, chance = spectrum([y + sweep for y in white], rate_hz).bump()
+    assert (low_hz, high_hz) == pytest.approx((18, 26), abs=2.5)
+    assert amplitude_dps == pytest.approx(0.02, rel=0.25)
+    assert sigma > 7
+    assert chance < 1e-8
