@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gyrocal.web.listener import News
 
 SHOWN_S = 10.0
-STRETCHES = 250
+STRETCHES = 180
 KEPT = 1 << 15
 PORTS = re.compile(r"/dev/(tty|cu)[\w.-]+|/dev/pts/\d+|COM\d+|socket://(127\.0\.0\.1|localhost|\[::1\]):\d+")
 """Ports that the page may open: serial devices, and this machine's own sockets."""

@@ -76,17 +76,22 @@ async def _answer(send: Send, status: int, text: str, headers: list[tuple[bytes,
     await send({"type": "http.response.body", "body": text.encode()})
 
 
-def free_port(host: str, wanted: int | None) -> int:
-    """The wanted port, or the first free one from the usual on; InputError where it cannot be had."""
+def listening(host: str, wanted: int | None) -> socket.socket:
+    """A socket at the wanted port, or at the first free one from the usual on; InputError where it cannot be had.
+
+    It listens at once, so that a browser that is quicker than the server waits.
+    """
     problem = ""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     for number in [wanted] if wanted is not None else range(DEFAULT_PORT, DEFAULT_PORT + TRIES):
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        taken = socket.socket(family, socket.SOCK_STREAM)
         try:
-            with socket.socket(family, socket.SOCK_STREAM) as trial:
-                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                trial.bind((host, number))
-                return int(trial.getsockname()[1])
+            taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            taken.bind((host, number))
+            taken.listen(128)
+            return taken
         except (OSError, OverflowError) as error:
+            taken.close()
             problem = getattr(error, "strerror", None) or str(error)
     where = f"--http-port {wanted}" if wanted is not None else f"--host {host}"
     raise InputError(f"{where}: cannot be used ({problem}); choose another")
@@ -94,7 +99,8 @@ def free_port(host: str, wanted: int | None) -> int:
 
 def serve(session: Path | None, device: str | None, host: str, http_port: int | None, *, browser: bool) -> None:
     """Serve the page until Ctrl-C."""
-    number = free_port(host, http_port)
+    taken = listening(host, http_port)
+    number = int(taken.getsockname()[1])
     token = None if host in LOCAL else secrets.token_urlsafe(18)
     shown = socket.gethostname() if host in ("0.0.0.0", "::") else host
     url = f"http://{f'[{shown}]' if ':' in shown else shown}:{number}/"
@@ -127,7 +133,8 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     page.register()
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
-            host=host, port=number, title="gyrocal workbench", favicon=ICON, dark=None, reload=False,
+            host=host, port=number, fd=taken.fileno(), title="gyrocal workbench", favicon=ICON, dark=None, reload=False,
             show=path if browser else False, tailwind=False, show_welcome_message=False, message_history_length=200,
+            ws_per_message_deflate=False,  # frames go to this machine, or by the local network
             uvicorn_logging_level="critical",  # a request cut off by Ctrl-C is no error
         )  # fmt: skip

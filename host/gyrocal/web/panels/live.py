@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from nicegui import ui
+from nicegui import background_tasks, ui
 
 from gyrocal.errors import InputError
 from gyrocal.monitor import MISFIT_LIMIT
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
 FRAME_S = 0.04
+MOST_IN_FLIGHT = 3
 READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
 STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
 STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
@@ -33,6 +33,8 @@ class LivePanel:
         self.tab, self.bench, self.live = tab, tab.bench, tab.bench.live
         self.shown: dict[Callable[[], None], Any] = {}
         """What each part was drawn from."""
+        self._sent = (0, 0.0)
+        self._in_flight = 0
         with ui.element("div").classes("live fill"):
             with ui.element("div").classes("scroll"):
                 self.connection = ui.element("section").classes("face column tight").props('aria-label="connection"')
@@ -283,11 +285,12 @@ class LivePanel:
             series=[charts.line(READINGS[i][0], [], colours[i], on=strip) for i, strip in enumerate(STRIP_OF)],
         )
 
-    async def _frame(self) -> None:
+    def _frame(self) -> None:
+        """Send what is new to the chart; a browser that is slower than that is given time."""
         samples = next(iter(self.live.sensors.values()), None)
-        if samples is None or self.live.newest == getattr(self, "_last", None):
+        if samples is None or self.live.newest == self._sent or self._in_flight >= MOST_IN_FLIGHT:
             return
-        self._last = self.live.newest
+        self._sent = self.live.newest
         t_s, curves = samples.frame()
         latest = samples.latest(0.0)[-1]
         for element, value, (_, unit) in zip(self.readings, latest[1:], READINGS, strict=True):
@@ -296,8 +299,16 @@ class LivePanel:
             "xAxis": [{"min": round(t_s - SHOWN_S, 3), "max": round(t_s, 3)}] * len(STRIPS),
             "series": [{"data": curve} for curve in curves],
         }
-        with contextlib.suppress(TimeoutError, asyncio.CancelledError):
-            await self.chart.run_chart_method("setOption", options, timeout=2.0)  # the next frame waits for this one
+        background_tasks.create(self._show(options))
+
+    async def _show(self, options: charts.Options) -> None:
+        self._in_flight += 1
+        try:
+            with contextlib.suppress(TimeoutError):
+                how = {"silent": True, "lazyUpdate": True}
+                await self.chart.run_chart_method("setOption", options, how, timeout=2.0)
+        finally:
+            self._in_flight -= 1
 
     def _results(self) -> None:
         self.results.clear()
