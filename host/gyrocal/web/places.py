@@ -86,7 +86,7 @@ class Places:
                 return str(path.relative_to(root))
         return str(path)
 
-    def unpack(self, archive: BinaryIO, name: str) -> Path:
+    def unpack(self, archive: Path | BinaryIO, name: str) -> Path:
         """A zip of a session folder into a new folder: session.toml and its tables, by name, and nothing else of it."""
         target = self.free(Path(name).stem)
         partial = target.with_name(f".{target.name}.partial")

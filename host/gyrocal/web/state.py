@@ -220,6 +220,8 @@ class Workbench:
         self.session = self.traces = self.diagnosed = self.before = self.exported = None
         self._diagnoses, self._calibrations = {}, {}
         self.steps, self.undone = [], []
+        for room in self.scratch.glob("[0-9]*"):  # traces of the last session
+            shutil.rmtree(room, ignore_errors=True)
         self.changed("session")
 
     async def _compare(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -33,14 +34,15 @@ def show(tab: Tab) -> Callable[[Topic], None]:
         await bench.simulate([hidden.value] if hidden.value else [])
 
     async def uploaded(event: events.UploadEventArguments) -> None:
+        archive = bench.scratch / "upload.zip"
         try:
-            content = await event.file.read()
-            import io
-
-            folder = bench.places.unpack(io.BytesIO(content), event.file.name)
+            await event.file.save(archive)
+            folder = await asyncio.to_thread(bench.places.unpack, archive, event.file.name)
         except InputError as error:
             bench.say(str(error))
             return
+        finally:
+            archive.unlink(missing_ok=True)
         await opened(folder)
 
     with ui.element("section").classes("hero"):
