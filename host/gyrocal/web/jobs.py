@@ -37,7 +37,10 @@ class Job:
 
 
 class Jobs:
-    """One worker process, kept warm. ``changed`` is called in the event loop whenever ``current`` says something new."""
+    """One worker process, started with the first job and kept.
+
+    ``changed`` is called in the event loop whenever ``current`` says something new.
+    """
 
     def __init__(self, scratch: Path, changed: Callable[[], None]) -> None:
         self.current: Job | None = None
@@ -45,7 +48,7 @@ class Jobs:
         self._lock = asyncio.Lock()
         self._cancelled = False
         self._generation = 0
-        self._start()
+        self._process: Any = None
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -68,13 +71,12 @@ class Jobs:
             self.current, self._cancelled = Job(title), False
             self._changed()
             try:
+                if self._process is None:
+                    self._start()
                 return await self._converse(method, args)
             except (EOFError, OSError):
-                cancelled = self._cancelled
-                self._process.kill()
-                self._process.join()
-                self._start()
-                if cancelled:
+                self._end()
+                if self._cancelled:
                     raise Cancelled(f"{title}: stopped") from None
                 raise GyrocalError(f"{title}: the worker died; is there enough memory?") from None
             finally:
@@ -97,14 +99,19 @@ class Jobs:
     def cancel(self) -> None:
         """Stop what is being done, and what waits behind it."""
         self._generation += 1
-        if self.current is not None:
+        if self.current is not None and self._process is not None:
             self._cancelled = True
             self._process.kill()
 
     def close(self) -> None:
         self.cancel()
-        self._process.kill()
-        self._process.join()
+        self._end()
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process = None
 
 
 async def _in_thread(function: Callable[[], Any]) -> Any:
