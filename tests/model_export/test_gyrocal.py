@@ -107,6 +107,19 @@ def test_a_run_folder_says_how_it_was_made(run: Path) -> None:
     assert all(error["net", s] < 1.05 * error["mean", s] for s in STAGES_S)
 
 
+def test_the_same_seed_gives_the_same_network(run: Path, tmp_path: Path) -> None:
+    from gyrocal_export.nets.gyrocal import GyrocalShape
+    from gyrocal_export.train_gyrocal import GyrocalConfig, load, train_gyrocal
+
+    weights = [load(run)[0].second.weight]
+    for seed in (0, 1):
+        config = GyrocalConfig(seed=seed, epochs=1, scenarios=64, validation_scenarios=200, shape=GyrocalShape(hidden=9))
+        train_gyrocal(config, tmp_path / str(seed), lambda *_: None)
+        weights.append(load(tmp_path / str(seed))[0].second.weight)
+    assert bool((weights[0] == weights[1]).all())
+    assert not bool((weights[0] == weights[2]).all())
+
+
 @pytest.mark.parametrize("net", ["gyrocal", "paper"])
 def test_training_simulates_from_a_model(net: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The network's knowledge is the model's: with nothing but its prior it would answer 0.002 and 0.1 dps."""
