@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
 EVENTS = {"HEL": "hello", "RUN": "run", "CAL": "result", "STA": "state", "ACK": "ack", "ERR": "error"}
 SAMPLE_UNITS = ("gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
+RATE_OVER_S = 2.0
 BLOCKS_A_SECOND = 8.0
 """Of two faces."""
+
+Event = dict[str, Any]
 
 
 def misfit_limit(seconds: float) -> float:
@@ -28,10 +31,10 @@ def misfit_limit(seconds: float) -> float:
     return 1 + 2.5 / math.sqrt(2 * BLOCKS_A_SECOND * seconds)
 
 
-MISFIT_LIMIT = misfit_limit(6.0)
-RATE_OVER_S = 2.0
-
-Event = dict[str, Any]
+def misfits(result: Event) -> bool:
+    """Is a result's misfit above the limit of its seconds?"""
+    misfit, seconds = result.get("misfit"), result.get("seconds")
+    return isinstance(misfit, int | float) and misfit > misfit_limit(seconds if isinstance(seconds, int | float) else 6.0)
 
 
 class Monitor:
@@ -141,7 +144,8 @@ class Monitor:
                 self._tell("hello")
         elif kind == "state":
             self.state, self.face = fields.get("state", "?"), fields.get("face", "")
-            self.missed = int(parse_real(fields.get("missed", "")) or 0)
+            missed = parse_real(fields.get("missed", ""))
+            self.missed = self.missed if missed is None else int(missed)
         elif kind == "run":
             self.face = fields.get("face", "")
             self.state = "recording" if fields.get("state") == "start" else "idle"
@@ -198,8 +202,6 @@ class Monitor:
         for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
             table.add_column(name, justify="left" if name in ("axis", "method") else "right")
         for values in self.results.values():
-            misfit, seconds = values.get("misfit"), values.get("seconds")
-            doubtful = misfit is not None and misfit > misfit_limit(seconds or 6.0)
             table.add_row(
                 str(values.get("axis", "")),
                 str(values.get("method", "")),
@@ -207,7 +209,7 @@ class Monitor:
                 _with_error(values.get("scale"), values.get("scale_se"), 100.0),
                 _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
                 _number(values.get("temp_c"), ".1f"),
-                Text(_number(misfit, ".2f"), style="bold red" if doubtful else ""),
+                Text(_number(values.get("misfit"), ".2f"), style="bold red" if misfits(values) else ""),
             )
         return table
 

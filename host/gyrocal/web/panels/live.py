@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import background_tasks, ui
 
 from gyrocal.errors import InputError
-from gyrocal.monitor import MISFIT_LIMIT
+from gyrocal.monitor import misfits as doubtful
 from gyrocal.web import charts
 from gyrocal.web.live import SHOWN_S
 from gyrocal.web.panels.start import HIDDEN
@@ -316,12 +316,10 @@ class LivePanel:
         self.results.set_visibility(bool(found))
         if not found:
             return
-        misfits = [
-            r["misfit"] for r in found if isinstance(r.get("misfit"), int | float) and r["method"] == found[-1]["method"]
-        ]
+        judged = [r for r in found if isinstance(r.get("misfit"), int | float) and r["method"] == found[-1]["method"]]
         with self.results:
-            if misfits:
-                fits = max(misfits) <= MISFIT_LIMIT
+            if judged:
+                fits = not any(map(doubtful, judged))
                 with ui.row().classes("tight"):
                     ui.element("span").classes(f"light {'good' if fits else 'bad'}")
                     ui.label(
@@ -345,7 +343,7 @@ def _table(found: list[dict[str, Any]]) -> str:
         ]
         for r in found
     ]  # fmt: skip
-    return plain(COLUMNS, rows, [isinstance(r.get("misfit"), int | float) and r["misfit"] > MISFIT_LIMIT for r in found])
+    return plain(COLUMNS, rows, [doubtful(r) for r in found])
 
 
 def _number(text: Any, otherwise: float) -> float:
