@@ -27,6 +27,8 @@ LEARN_S = 30.0
 LEAST_SCENARIOS = 3
 GRID, GRID_RATIO = 24, 6.0
 """Values of the nonlinear parameter, from a sixth of the fitted one to six times it."""
+FINEST = 2 * np.log(GRID_RATIO) / (GRID - 1) / np.sqrt(12)
+"""Spread of the logarithm that the grid hardly tells from none; less than twice it is taken for none."""
 ROUNDS, SETTLED = 12, 3e-3
 """Rounds of expectation maximisation at most; all spreads and means settled to this part of a spread."""
 FIRST_SPREAD = 0.7
@@ -66,10 +68,11 @@ def learn(session: Session, model: Model) -> Model:
         scenarios = [r for r in runs if len({float(np.sign(run.rate_dps.mean())) for run in r}) == 2]
         if term is None or len(scenarios) < LEAST_SCENARIOS:
             continue
-        start = calibration_of(_without_spread(model, term), axis)
+        without = _without_spread(model, term)
+        start = calibration_of(without, axis)
         if not np.isfinite([start.bias_dps[1], start.scale[1]]).all():
             continue
-        model = _written(model, term, start, _learn(start, term, scenarios), scenarios)
+        model = _written(without, term, start, _learn(start, term, scenarios), scenarios)
     return model
 
 
@@ -203,7 +206,7 @@ def _step(
     # The logarithm is known where the transient is large; elsewhere its weights are the prior's and teach nothing.
     log = np.log(values)
     log_mean = float((weight @ log).mean())
-    log_sd = float(np.sqrt((weight @ (log - log_mean) ** 2).mean()))
+    log_sd = max(float(np.sqrt((weight @ (log - log_mean) ** 2).mean())), float(FINEST))
     bias, scale = _scenarios(grid, learned, values, grams, scenario_of)
     return replace(
         learned, plain_sd=plain_sd, own_mean=own_mean, own_sd=own_sd, log_mean=log_mean, log_sd=log_sd, bias_dps=bias,
@@ -252,7 +255,8 @@ def _written(model: Model, term: Term, start: Calibration, learned: _Learned, sc
             }
             model = model.with_term(replace(old, values={**old.values, **means, **spreads}, se={**old.se, **se}))
 
-    update(term.effect_id, {name: mean}, {f"{name}_sd": mean * sd}, mean * sd, n_runs)
+    spread = {f"{name}_sd": mean * sd} if sd > 2 * FINEST else {}
+    update(term.effect_id, {name: mean}, spread, mean * sd, n_runs)
     own_mean = {coefficient: learned.own_mean} if term.effect.common_mean else {}
     update(term.effect_id, own_mean, {f"{coefficient}_sd": learned.own_sd}, learned.own_sd, n_runs)
     for kind in dict.fromkeys(c.effect for c in plain):

@@ -103,6 +103,19 @@ def test_learning_again_changes_little(campaign: Session, learned: Model) -> Non
         assert abs(new.values[name] - old.values[name]) < 0.2 * old.se[name]
 
 
+def test_one_time_constant_for_all_runs_is_learned_as_one() -> None:
+    planted = ["table_ripple", "spin_up:A=0.003,tau_s=1.5"]
+    session, _ = simulate(None, "paper", planted, 3, scenarios=6, seconds=15.0, vary=True)
+    start = Model.builtin("default").with_term(Term("table_ripple", "z", {"amplitude_1": 0.0}))
+    found = fit(session, start.with_term(Term("spin_up", "z", {"A": 0.0, "tau_s": 2.0})), axes=["z"]).model
+    term = learn(session, found).term("spin_up", "z")
+    assert term is not None
+    assert "tau_s_sd" not in term.values
+    assert term.values["tau_s"] == pytest.approx(1.5, rel=0.1)
+    assert term.values["A"] == pytest.approx(0.003, rel=0.1)
+    assert calibration_of(learn(session, found), "z").alternatives == 0
+
+
 def test_nothing_to_learn_leaves_the_model_as_it_is(campaign: Session, fitted: Model) -> None:
     plain = fitted.without("spin_up")
     assert learn(campaign, plain) is plain
