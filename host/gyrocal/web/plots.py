@@ -59,7 +59,7 @@ class Timeline:
             ],
             xAxis=[
                 charts.axis(p, gridIndex=0, label={"show": False}, **across),
-                charts.axis(p, x_name, gridIndex=1, nameGap=20, label={"showMaxLabel": False}, **across),
+                charts.axis(p, x_name, gridIndex=1, nameGap=20, label={"showMinLabel": False, "showMaxLabel": False}, **across),
             ],
             yAxis=[charts.axis(p, gridIndex=0), charts.axis(p, gridIndex=1)],
             dataZoom=[{"type": "inside", **zoom}, {**zoom, **slider}],
@@ -73,12 +73,14 @@ class Timeline:
         assert self.traces.residual is not None
         out = []
         for axis in self.axes:
-            i, colour = AXES.index(axis), p.axes[axis]
+            i, colour, alone = AXES.index(axis), p.axes[axis], len(self.axes) == 1
             measured, modelled, left = (
                 self._seen(pyramid, i, window) for pyramid in (self.traces.measured, self.traces.modelled, self.traces.residual)
             )
             out += [
-                charts.line(f"{axis} measured", measured, p.dim, style={"opacity": 0.55}),
+                charts.line(
+                    f"{axis} measured", measured, p.dim if alone else colour, style={"opacity": 0.55 if alone else 0.35}
+                ),
                 charts.line(f"{axis} model", modelled, colour, style={"width": 2.2}),
                 charts.line(f"{axis} left over", left, colour, on=1),
             ]
@@ -136,7 +138,8 @@ def folded(p: Palette, points: dict[str, Any], against: str, x_name: str, runs: 
         grids.append(charts.grid(top=f"{top}%", height=f"{height - 3}%"))
         titles.append(charts.title(p, f"{axis}: left over, means, mdps", f"{top - 4.5}%"))
         last: Options = {"max": 360, "min": 0, "interval": 45} if against == "table_angle" else {}
-        xs.append(charts.axis(p, x_name if k == len(axes) - 1 else "", gridIndex=k, nameGap=22, **last))
+        bottom = k == len(axes) - 1
+        xs.append(charts.axis(p, x_name if bottom else "", gridIndex=k, nameGap=22, label={"show": bottom}, **last))
         ys.append(charts.axis(p, gridIndex=k))
         for i in shown:
             one = points["run"] == i
