@@ -484,7 +484,8 @@ def add(
         if start.term(kind.id, a) is None and kind.missing(session.runs, AXES.index(a)) is None
     ]
     judged = {a: _judge(before, before.fit.axes[a], a, kind) for a in axes}
-    chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and _proven(c, len(judged))]
+    looks = len(base.effects()) * len(judged)  # it was asked for by name, but on which axis it is has to be as sure
+    chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and _proven(c, looks)]
     if not chosen:  # nothing proven: on the axis that gains most, so that the person sees whether it helps
         measurable = [a for a, c in judged.items() if c.decision != "not_measurable" and c.values]
         chosen = sorted(measurable, key=lambda a: judged[a].chance)[:1]
