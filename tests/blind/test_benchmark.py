@@ -168,6 +168,6 @@ def test_an_unknown_benchmark_is_bad_usage(capsys):
 
 
 def test_without_a_checkout_it_says_so(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(verb, "TESTS", tmp_path)
+    monkeypatch.setitem(verb.BENCHMARKS, "blind", tmp_path / "blind")
     assert main(["benchmark", "blind"]) == 1
     assert "runs from a checkout" in capsys.readouterr().err

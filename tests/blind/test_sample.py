@@ -12,7 +12,7 @@ from .cases import SAMPLE
 
 @pytest.fixture(scope="module")
 def outcomes() -> list[benchmark.Outcome]:
-    return benchmark.run(SAMPLE)
+    return benchmark.run(SAMPLE, processes=1)  # other tests run beside it
 
 
 @pytest.fixture(scope="module")

@@ -71,11 +71,13 @@ def rippled() -> Session:
 @pytest.fixture
 def without_ripple(rippled: Session) -> Iterator[None]:
     """The library without one of its files."""
-    hidden = base.effects().pop("table_ripple")
+    everything = dict(base.effects())
+    del base.effects()["table_ripple"]
     try:
         yield
     finally:
-        base.effects()["table_ripple"] = hidden
+        base.effects().clear()  # in their order again: pages are made from it
+        base.effects().update(everything)
 
 
 @pytest.mark.usefixtures("without_ripple")

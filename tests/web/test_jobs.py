@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -49,4 +50,5 @@ def test_results_errors_and_a_stop(tmp_path: Path) -> None:
         finally:
             jobs.close()
 
-    asyncio.run(story())
+    with ThreadPoolExecutor(1) as pool:  # a browser test before this one may have left a loop running in the main thread
+        pool.submit(lambda: asyncio.run(story())).result()

@@ -67,7 +67,7 @@ class Jobs:
         generation = self._generation
         async with self._lock:
             if generation != self._generation:
-                raise Cancelled("stopped")
+                raise Cancelled  # what runs says that it was stopped; what waits says nothing
             self.current, self._cancelled = Job(title), False
             self._changed()
             try:

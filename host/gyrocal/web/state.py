@@ -255,7 +255,8 @@ class Workbench:
         try:
             yield
         except Cancelled as stopped:
-            self.say(str(stopped))
+            if str(stopped):
+                self.say(str(stopped))
         except GyrocalError as error:
             self.say(str(error))
         self.changed("job")
