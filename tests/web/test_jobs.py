@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,8 @@ import pytest
 from gyrocal.errors import GyrocalError
 from gyrocal.simulate import simulate
 from gyrocal.web.jobs import Cancelled, Jobs
+
+from .loop import finish
 
 
 def test_results_errors_and_a_stop(tmp_path: Path) -> None:
@@ -50,5 +51,4 @@ def test_results_errors_and_a_stop(tmp_path: Path) -> None:
         finally:
             jobs.close()
 
-    with ThreadPoolExecutor(1) as pool:  # a browser test before this one may have left a loop running in the main thread
-        pool.submit(lambda: asyncio.run(story())).result()
+    finish(story())

@@ -14,6 +14,8 @@ from gyrocal.record import Wanted
 from gyrocal.session import Session
 from gyrocal.web.live import Live
 
+from .loop import finish
+
 PATIENCE_S = 30.0
 
 
@@ -55,7 +57,7 @@ def test_both_faces_are_recorded_while_one_watches(tmp_path: Path) -> None:
             live.close()
 
     with FakeDevice(stream(60)) as fake:
-        asyncio.run(story(fake))
+        finish(story(fake))
     session = Session.open(tmp_path / "out")
     assert [(r.face, r.scenario, r.table_rate_dps, len(r)) for r in session.runs] == [
         ("up", "s000", 78.0, 50),
@@ -85,7 +87,7 @@ def test_a_cable_pulled_keeps_what_came_and_heals(tmp_path: Path) -> None:
             live.close()
 
     with FakeDevice(pulled) as fake:
-        asyncio.run(story(fake))
+        finish(story(fake))
     assert len(Session.open(tmp_path / "first").runs[0]) == 30
     assert len(Session.open(tmp_path / "second").runs[0]) == 50
 
@@ -105,5 +107,5 @@ def test_stop_ends_a_recording_early(tmp_path: Path) -> None:
             live.close()
 
     with FakeDevice(stream(25)) as fake:
-        asyncio.run(story(fake))
+        finish(story(fake))
     assert len(Session.open(tmp_path / "out").runs[0]) == 25
