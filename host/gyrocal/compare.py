@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal import heldout
+from gyrocal.blocks import residual_dps
 from gyrocal.errors import InputError
 from gyrocal.fit import LEAST_WHITE_DPS, Fit, fit
 from gyrocal.heldout import Prediction
@@ -282,17 +283,15 @@ def single_readings(session: Session, axis: str) -> Finding | None:
     steady = [r for r in session.runs if not r.rate_is_mean]
     if not steady:
         return None
-    readings = [r.gyro_dps[:, i] - (r.rate_dps if r.axis == axis else 0.0) for r in steady]
+    readings = [residual_dps(r)[:, i] for r in steady]
     apart = np.concatenate([outliers(y)[1] for y in readings])
     white = np.median(np.concatenate([np.abs(np.diff(y)) for y in readings])) / (0.6745 * np.sqrt(2))
     samples = sum(y.size for y in readings)
     if apart.size < 2 or float(apart @ apart) < 0.01 * white**2 * samples:
         return None
     size_dps = float(np.sqrt(np.mean(apart**2)))
-    counts = np.abs(apart) / session.lsb_dps if session.lsb_dps else np.zeros(1)
-    torn = float(np.mean(np.abs(counts - 256) < 6 * white / session.lsb_dps)) if session.lsb_dps else 0.0
     note = f"{apart.size} single readings stand out by {size_dps:.3g} dps"
-    if torn > 0.9:
+    if session.lsb_dps is not None and np.mean(np.abs(np.abs(apart) - 256 * session.lsb_dps) < 6 * white) > 0.9:
         note += ", 256 counts: the two bytes of a reading are not of one sample"
     strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
     return Finding(axis, "reading", strength, 0.0, size_dps, note)

@@ -222,6 +222,7 @@ class Design:
     def n_blocks(self) -> np.ndarray[Any, np.dtype[np.intp]]:
         return np.array([b.t_s.size for b in self.blocks], dtype=np.intp)
 
+    @cached_property
     def column_rms(self) -> Array:
         """Root mean square of each column [q] over all blocks: the natural scale of its coefficient."""
         total = np.zeros(1 + len(self.layout.fixed) + len(self.layout.run))
@@ -567,7 +568,7 @@ def _reordered(current: AxisFit, order: dict[str, int]) -> AxisFit:
 
 
 def _random_rms(design: Design) -> tuple[Array, Array]:
-    rms = design.column_rms()
+    rms = design.column_rms
     p = len(design.layout.fixed)
     run = np.array([
         np.mean([rms[1 + p + j] for j, g in enumerate(design.layout.run_group) if g == group])
@@ -677,7 +678,7 @@ def _off_grid_s(t_s: Array) -> float:
 
 def _largest_dps(design: Design) -> float:
     """Ten times what the readings themselves stray: no random term is larger."""
-    return 10 * float(design.column_rms()[0]) + 1e-3
+    return 10 * float(design.column_rms[0]) + 1e-3
 
 
 def white_start(design: Design) -> float:

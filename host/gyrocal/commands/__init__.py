@@ -17,6 +17,15 @@ def _load(folder: Path | None) -> Path | None:
     return folder
 
 
+def model_file(model: Path) -> Path:
+    """A model's file that is to be written: any name but those of the built-in models."""
+    if str(model) in ("paper", "default"):
+        from gyrocal.errors import InputError
+
+        raise InputError(f"--model {model}: built in; give the name of a file to write, e.g. model.toml")
+    return model
+
+
 OwnEffects = Annotated[
     Path | None,
     typer.Option("--effects", callback=_load, help="A folder with effects of your own (Python files, which are run)."),

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects
+from gyrocal.commands import OwnEffects, model_file
 
 
 def run(
@@ -20,13 +20,11 @@ def run(
 ) -> None:
     """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""
     from gyrocal.diagnose import add
-    from gyrocal.errors import InputError
     from gyrocal.output import emit, working
     from gyrocal.report import print_before_after
     from gyrocal.session import Session
 
-    if str(model) in ("paper", "default"):
-        raise InputError(f"--model {model}: built in; give the name of a file to write, e.g. model.toml")
+    model_file(model)
     opened = Session.open(session)
     with working(as_json) as say:
         before, after, fitted = add(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects
+from gyrocal.commands import OwnEffects, model_file
 
 
 def run(
@@ -20,13 +20,11 @@ def run(
 ) -> None:
     """Keep what `diagnose` calls unknown as an effect of your own: find a formula, add it, show the error before and after."""
     from gyrocal.custom import keep
-    from gyrocal.errors import InputError
     from gyrocal.output import emit, plus_minus, stdout, working
     from gyrocal.report import print_before_after
     from gyrocal.session import Session
 
-    if str(model) in ("paper", "default"):
-        raise InputError(f"--model {model}: built in; give the name of a file to write, e.g. model.toml")
+    model_file(model)
     opened = Session.open(session)
     with working(as_json) as say:
         found, before, after, fitted = keep(opened, model if model.exists() else None, name, file, progress=say)
