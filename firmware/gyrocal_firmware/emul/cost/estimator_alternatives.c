@@ -1,7 +1,6 @@
 /* Scale and bias from 6 s of two runs with a ripple, six alternative transients and drift: 36 pairs. */
 #include "cost.h"
-
-#include "gc_estimator.h"
+#include "two_runs.h"
 
 GC_EFFECT(table_ripple);
 GC_EFFECT(spin_up);
@@ -30,30 +29,11 @@ static const gc_calibration_t calibration = {
 
 const unsigned cost_times = 5;
 
-static gc_estimator_t estimator;
-static gc_marginal_t first, second;
-
-static void record(double w_dps) {
-    gc_estimator_begin_run(&estimator, &calibration, 145.0);
-    for (unsigned i = 0; i < 870u; i++) {
-        const float t_s = (float)i / 145.0f;
-        const float rate_dps = (float)w_dps;
-        const gc_effect_input_t in = {.t_s = t_s, .rate_dps = rate_dps, .theta_turn = rate_dps * t_s / 360.0f};
-        gc_estimator_add_sample(&estimator, i / 36u, 1.004 * w_dps + 0.01 * (double)(i * 7u % 23u), w_dps, &in);
-    }
-}
-
 void cost_prepare(void) {
     for (unsigned i = 0; i < PARAMETERS; i++) {
         prior_root[i * (PARAMETERS + 1u)] = i + 2u < PARAMETERS ? 600.0 : i + 1u < PARAMETERS ? 25.0 : 2000.0;
     }
-    record(78.0);
-    gc_estimator_marginal(&estimator, &first);
-    record(-78.0);
+    two_runs(&calibration);
 }
 
-void cost_act(void) {
-    gc_answer_t answer;
-    gc_estimator_marginal(&estimator, &second);
-    gc_estimator_solve(&calibration, &first, &second, &answer);
-}
+void cost_act(void) { answer_them(&calibration); }
