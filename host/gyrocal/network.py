@@ -3,10 +3,11 @@ with standard deviations from the block means of 2, 4 or 6 s."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,40 +32,34 @@ def _session(path: str | Path) -> Any:
         raise InputError(f"{path}: not an ONNX network ({reason}); write one with `gyrocal export`") from error
 
 
-def _check_rates(net: Network | BlockNetwork, w_up_dps: float, w_down_dps: float) -> None:
-    off = (w_up_dps - net.table_dps, w_down_dps + net.table_dps)
-    if not all(abs(x) <= RATE_TOLERANCE * net.table_dps for x in off):
-        raise InputError(
-            f"network {net.name} was trained at true rates {net.table_dps:g} and {-net.table_dps:g} dps, "
-            f"not {w_up_dps:g} and {w_down_dps:g}; train one for this table"
-        )
-
-
-class Network:
-    """An ONNX graph as ``gyrocal export`` writes it.
+class OnnxNetwork:
+    """What both networks are: an ONNX graph as ``gyrocal export`` writes it, that takes both faces and answers with ``y``.
 
     Attributes:
         name: of the network.
         rate_hz, table_dps: sample rate and speed of the table that it was trained at.
-        window: samples of each run.
     """
+
+    FILE: ClassVar[str]
+    """The graph that ships."""
+    LACKS: ClassVar[str]
+    """What is said of a graph whose metadata are not this network's."""
 
     def __init__(self, session: Any, source: str) -> None:
         self.source = source
         self._session = session
-        shapes = {value.name: value.shape for value in session.get_inputs()}
-        if list(shapes) != ["up", "down"] or any(len(s) != 4 or s[1:3] != [1, 2] for s in shapes.values()):
-            raise InputError(f"{source}: not a gyrocal network: its inputs are not up and down, [N, 1, 2, window]")
-        metadata = session.get_modelmeta().custom_metadata_map
         try:
-            self.name: str = metadata["name"]
-            self.rate_hz, self.table_dps = float(metadata["rate_hz"]), float(metadata["table_dps"])
-            self.window = int(shapes["up"][3])
+            self._read({value.name: value.shape for value in session.get_inputs()}, session.get_modelmeta().custom_metadata_map)
         except (KeyError, ValueError, TypeError) as error:
-            raise InputError(f"{source}: not a gyrocal network: name, rate_hz, table_dps or its window is missing") from error
+            raise InputError(f"{source}: {self.LACKS}") from error
+
+    def _read(self, shapes: Mapping[str, list[Any]], metadata: Mapping[str, str]) -> None:
+        """Takes what is known of the graph. InputError where the ``shapes`` of its inputs are not this network's."""
+        self.name: str = metadata["name"]
+        self.rate_hz, self.table_dps = float(metadata["rate_hz"]), float(metadata["table_dps"])
 
     @classmethod
-    def open(cls, path: str | Path) -> Network:
+    def open(cls, path: str | Path) -> Self:
         """Read an ONNX file.
 
         Raises:
@@ -74,10 +69,49 @@ class Network:
 
     @classmethod
     @cache
-    def shipped(cls) -> Network:
+    def shipped(cls) -> Self:
         """The quantised network that ships: the one whose numbers the device gives."""
-        with as_file(files("gyrocal") / "data" / "paper.int8.onnx") as path:
+        with as_file(files("gyrocal") / "data" / cls.FILE) as path:
             return cls.open(path)
+
+    def _faces(
+        self, up: ArrayLike, down: ArrayLike, shape: tuple[int, str], w_up_dps: float, w_down_dps: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Both faces [n, columns] as float32, ``shape`` columns of what. InputError: another shape or rate, a NaN."""
+        first, second = (np.atleast_2d(np.asarray(x, np.float32)) for x in (up, down))
+        columns, what = shape
+        if first.shape != second.shape or first.shape[1:] != (columns,):
+            raise InputError(f"network {self.name} takes two [n, {columns}] {what}, not {first.shape} and {second.shape}")
+        off = (w_up_dps - self.table_dps, w_down_dps + self.table_dps)
+        if not all(abs(x) <= RATE_TOLERANCE * self.table_dps for x in off):
+            raise InputError(
+                f"network {self.name} was trained at true rates {self.table_dps:g} and {-self.table_dps:g} dps, "
+                f"not {w_up_dps:g} and {w_down_dps:g}; train one for this table"
+            )
+        if np.isnan(first).any() or np.isnan(second).any():
+            raise InputError(f"network {self.name}: a reading is NaN")
+        return first, second
+
+    def _run(self, **inputs: NDArray[np.float32]) -> NDArray[np.float32]:
+        y: NDArray[np.float32] = self._session.run(["y"], inputs)[0]
+        return y
+
+
+class Network(OnnxNetwork):
+    """Network `paper`: windows of both faces -> scale and bias.
+
+    Attributes:
+        window: samples of each run.
+    """
+
+    FILE = "paper.int8.onnx"
+    LACKS = "not a gyrocal network: name, rate_hz, table_dps or its window is missing"
+
+    def _read(self, shapes: Mapping[str, list[Any]], metadata: Mapping[str, str]) -> None:
+        if list(shapes) != ["up", "down"] or any(len(s) != 4 or s[1:3] != [1, 2] for s in shapes.values()):
+            raise InputError(f"{self.source}: not a gyrocal network: its inputs are not up and down, [N, 1, 2, window]")
+        super()._read(shapes, metadata)
+        self.window = int(shapes["up"][3])
 
     def estimate(
         self, up_residual_dps: ArrayLike, down_residual_dps: ArrayLike, w_up_dps: float, w_down_dps: float
@@ -94,14 +128,8 @@ class Network:
         Raises:
             InputError: a wrong shape or true rate, or a NaN.
         """
-        up, down = (np.atleast_2d(np.asarray(x, np.float32)) for x in (up_residual_dps, down_residual_dps))
-        if up.ndim != 2 or up.shape != down.shape or up.shape[1] != self.window:
-            raise InputError(f"network {self.name} takes two [n, {self.window}] windows, not {up.shape} and {down.shape}")
-        _check_rates(self, w_up_dps, w_down_dps)
-        if np.isnan(up).any() or np.isnan(down).any():
-            raise InputError(f"network {self.name}: a reading is NaN")
-        y: NDArray[np.float32] = self._session.run(["y"], {"up": image(up, w_up_dps), "down": image(down, w_down_dps)})[0]
-        return y
+        up, down = self._faces(up_residual_dps, down_residual_dps, (self.window, "windows"), w_up_dps, w_down_dps)
+        return self._run(up=image(up, w_up_dps), down=image(down, w_down_dps))
 
 
 def image(residual_dps: NDArray[np.float32], w_dps: float) -> NDArray[np.float32]:
@@ -114,44 +142,22 @@ BLOCK_S = 0.25
 BLOCKS = 24
 
 
-class BlockNetwork:
+class BlockNetwork(OnnxNetwork):
     """Network `gyrocal`: block means of both faces and the stage -> scale, bias and their standard deviations.
 
     Attributes:
-        name: of the network.
-        rate_hz, table_dps: sample rate and speed of the table that it was trained at.
         clip_dps: the largest |measured - true rate| that it was trained on; what is beyond counts as this.
     """
 
-    def __init__(self, session: Any, source: str) -> None:
-        self.source = source
-        self._session = session
-        metadata = session.get_modelmeta().custom_metadata_map
-        shapes = {value.name: value.shape[1:] for value in session.get_inputs()}
-        if shapes != {"up": [BLOCKS], "down": [BLOCKS], "stage": [len(STAGES_S)]} or metadata.get("name") != "gyrocal":
-            raise InputError(f"{source}: not network gyrocal: its inputs are not up and down [N, 24] and stage [N, 3]")
-        try:
-            self.name: str = metadata["name"]
-            self.rate_hz, self.table_dps = float(metadata["rate_hz"]), float(metadata["table_dps"])
-            self.clip_dps = float(metadata["clip_dps"])
-        except (KeyError, ValueError) as error:
-            raise InputError(f"{source}: not network gyrocal: rate_hz, table_dps or clip_dps is missing") from error
+    FILE = "gyrocal.int8.onnx"
+    LACKS = "not network gyrocal: rate_hz, table_dps or clip_dps is missing"
 
-    @classmethod
-    def open(cls, path: str | Path) -> BlockNetwork:
-        """Read an ONNX file.
-
-        Raises:
-            InputError: no such file, or not a network of this kind.
-        """
-        return cls(_session(path), str(path))
-
-    @classmethod
-    @cache
-    def shipped(cls) -> BlockNetwork:
-        """The quantised network that ships: the one whose numbers the device gives."""
-        with as_file(files("gyrocal") / "data" / "gyrocal.int8.onnx") as path:
-            return cls.open(path)
+    def _read(self, shapes: Mapping[str, list[Any]], metadata: Mapping[str, str]) -> None:
+        of_one = {name: shape[1:] for name, shape in shapes.items()}
+        if of_one != {"up": [BLOCKS], "down": [BLOCKS], "stage": [len(STAGES_S)]} or metadata.get("name") != "gyrocal":
+            raise InputError(f"{self.source}: not network gyrocal: its inputs are not up and down [N, 24] and stage [N, 3]")
+        super()._read(shapes, metadata)
+        self.clip_dps = float(metadata["clip_dps"])
 
     def samples(self, stage: int) -> int:
         """Samples of each run that stage 0, 1 or 2 takes: those of the first 2, 4 or 6 s."""
@@ -179,16 +185,10 @@ class BlockNetwork:
         Raises:
             InputError: a wrong shape or true rate, or a NaN.
         """
-        up, down = (np.atleast_2d(np.asarray(x, np.float32)) for x in (up_dps, down_dps))
-        if up.shape != down.shape or up.shape[1:] != (BLOCKS,):
-            raise InputError(f"network {self.name} takes two [n, {BLOCKS}] block means, not {up.shape} and {down.shape}")
-        _check_rates(self, w_up_dps, w_down_dps)
-        if np.isnan(up).any() or np.isnan(down).any():
-            raise InputError(f"network {self.name}: a reading is NaN")
+        up, down = self._faces(up_dps, down_dps, (BLOCKS, "block means"), w_up_dps, w_down_dps)
         one_hot = np.zeros((len(up), len(STAGES_S)), np.float32)
         one_hot[:, stage] = 1.0
-        y: NDArray[np.float32] = self._session.run(["y"], {"up": up, "down": down, "stage": one_hot})[0]
-        return y
+        return self._run(up=up, down=down, stage=one_hot)
 
 
 def open_network(path: str | Path) -> Network | BlockNetwork:

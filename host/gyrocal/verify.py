@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,60 +11,54 @@ from numpy.typing import NDArray
 
 from gyrocal.core import CoreBlockNetwork, CoreNetwork
 from gyrocal.errors import InputError
-from gyrocal.network import BLOCKS, STAGES_S, BlockNetwork, Network, open_network
+from gyrocal.network import STAGES_S, BlockNetwork, Network, open_network
 from gyrocal.simulate import paper_windows
 from gyrocal_firmware import INCLUDE
 
 TOLERANCE = 2e-6  # of an output's range over the windows
 
+Pair = tuple[NDArray[np.float32], NDArray[np.float32]]
 
-def windows(net: Network, seed: int, n: int = 1200) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+
+def windows(net: Network, seed: int, n: int = 1200) -> Pair:
     """``n`` pairs of windows, [n, window] each: of the paper's campaign, and a sixth of them extreme.
 
     Extreme are saturated at +-250 dps, constant, huge, infinite, denormal and zero readings, and single spikes.
     """
-    rng = np.random.default_rng(seed)
-    extreme = n // 6
     per_run = max(1, (6 * 145) // net.window)
-    data = paper_windows(-(-(n - extreme) // per_run), seed, seconds=per_run * net.window / 145)
-    size, shape = np.float32, (extreme, net.window)
-    kinds = [
-        lambda: np.sign(rng.normal(size=shape)) * 250.0,
-        lambda: np.broadcast_to(rng.normal(0.0, 1.0, (extreme, 1)), shape),
-        lambda: rng.normal(size=shape) * 10.0 ** rng.uniform(0, 37, (extreme, 1)),
-        lambda: np.where(rng.random(shape) < 0.5, np.inf, -np.inf),
-        lambda: rng.integers(-5, 6, shape) * 1.4e-45,
-        lambda: np.zeros(shape),
-        lambda: np.where(rng.random(shape) < 0.01, rng.normal(0, 100.0, shape), rng.normal(0, 0.1, shape)),
-    ]
-    which = rng.integers(0, len(kinds), (2, extreme))
-    pairs = []
-    for face, choice in zip(("up", "down"), which, strict=True):
-        plain = data[face].reshape(-1, net.window)[: n - extreme]
-        drawn = np.stack([kind() for kind in kinds])[choice, np.arange(extreme)]
-        pairs.append(np.concatenate([plain, drawn]).astype(size))
-    return pairs[0], pairs[1]
+    data = paper_windows(-(-(n - n // 6) // per_run), seed, seconds=per_run * net.window / 145)
+    plain = [data[face].reshape(-1, net.window) for face in ("up", "down")]
+    return _with_extremes(plain, seed, n, spiked=0.01, zero=True)
 
 
-def block_means(net: BlockNetwork, seed: int, n: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """``n`` pairs of block means, [n, 24] each: of the paper's campaign, and a sixth of them extreme, as :func:`windows`."""
+def block_means(net: BlockNetwork, seed: int, n: int) -> Pair:
+    """``n`` pairs of block means, [n, 24] each, as :func:`windows`, but none of them all zero."""
+    data = paper_windows(n - n // 6, seed)
+    return _with_extremes([net.block_means(data[face]) for face in ("up", "down")], seed, n, spiked=0.1)
+
+
+def _with_extremes(plain: list[NDArray[np.float32]], seed: int, n: int, *, spiked: float, zero: bool = False) -> Pair:
+    """``n`` rows of each face: the first of ``plain``, below them extreme ones, their kind chosen by lot.
+
+    ``spiked``: the share of spikes in a row that has them; ``zero``: rows of zeros too.
+    """
     rng = np.random.default_rng(seed)
     extreme = n // 6
-    data = paper_windows(n - extreme, seed)
-    shape = (extreme, BLOCKS)
-    kinds = [
+    shape = extreme, plain[0].shape[1]
+    kinds: list[Callable[[], NDArray[Any]]] = [
         lambda: np.sign(rng.normal(size=shape)) * 250.0,
         lambda: np.broadcast_to(rng.normal(0.0, 1.0, (extreme, 1)), shape),
         lambda: rng.normal(size=shape) * 10.0 ** rng.uniform(0, 37, (extreme, 1)),
         lambda: np.where(rng.random(shape) < 0.5, np.inf, -np.inf),
         lambda: rng.integers(-5, 6, shape) * 1.4e-45,
-        lambda: np.where(rng.random(shape) < 0.1, rng.normal(0, 100.0, shape), rng.normal(0, 0.1, shape)),
+        *([lambda: np.zeros(shape)] if zero else []),
+        lambda: np.where(rng.random(shape) < spiked, rng.normal(0, 100.0, shape), rng.normal(0, 0.1, shape)),
     ]
-    pairs = []
-    for face, choice in zip(("up", "down"), rng.integers(0, len(kinds), (2, extreme)), strict=True):
+    pair = []
+    for face, choice in zip(plain, rng.integers(0, len(kinds), (2, extreme)), strict=True):
         drawn = np.stack([kind() for kind in kinds])[choice, np.arange(extreme)]
-        pairs.append(np.concatenate([net.block_means(data[face]), drawn]).astype(np.float32))
-    return pairs[0], pairs[1]
+        pair.append(np.concatenate([face[: n - extreme], drawn]).astype(np.float32))
+    return pair[0], pair[1]
 
 
 def verify(onnx: Path | None = None, header: Path | None = None, seed: int = 0, n: int = 1200) -> dict[str, Any]:
