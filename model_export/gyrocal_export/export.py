@@ -16,7 +16,7 @@ def export_run(run: Path) -> dict[str, bytes]:
     Raises:
         InputError: not a run folder.
     """
-    from gyrocal_export.train import load_config
+    from gyrocal_export.run_folder import load_config
 
     contents = _gyrocal(run) if load_config(run).get("net") == "gyrocal" else _paper(run)
     return dict(zip(FILES, contents, strict=True))

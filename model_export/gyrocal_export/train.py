@@ -1,12 +1,8 @@
-"""Training: a run folder with config.json, history.csv, metrics.json and the best epoch's net.pt."""
+"""Training of network `paper`."""
 
 from __future__ import annotations
 
-import csv
-import json
 import math
-import platform
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,15 +11,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gyrocal import __version__
 from gyrocal.errors import InputError
+from gyrocal_export import run_folder
 from gyrocal_export.data import Windows, recorded, simulated, split
-from gyrocal_export.files import two_digits_up, write_json
+from gyrocal_export.files import two_digits_up
 from gyrocal_export.nets.paper import PaperNet, Shape, loss
+from gyrocal_export.run_folder import Report, Training
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(Training):
     """All that a training depends on.
 
     ``scenarios`` are simulated afresh for every epoch, unless there are sessions. ``weight_decay`` is for float32's
@@ -32,10 +29,6 @@ class Config:
 
     net: str = "paper"
     sessions: tuple[str, ...] = ()
-    model: str | None = None
-    axis: str = "z"
-    seed: int = 0
-    epochs: int = 40
     patience: int = 15
     scenarios: int = 8000
     validation_scenarios: int = 4000
@@ -45,7 +38,7 @@ class Config:
     shape: Shape = field(default_factory=Shape)
 
 
-def train(config: Config, out: Path, report: Callable[[int, float, float], None]) -> dict[str, Any]:
+def train(config: Config, out: Path, report: Report) -> dict[str, Any]:
     """Train a network and write its run folder.
 
     Args:
@@ -59,11 +52,7 @@ def train(config: Config, out: Path, report: Callable[[int, float, float], None]
     Raises:
         InputError: ``out`` is there already, or the sessions cannot be used.
     """
-    if out.exists():
-        raise InputError(f"{out}: is there already; choose another --out or remove it")
-    torch.set_num_threads(1)  # more only wait for each other on so small a net, and change the order of sums
-    torch.manual_seed(config.seed)
-    torch.use_deterministic_algorithms(True)
+    run_folder.begin(out, config.seed)
     seeds = np.random.SeedSequence(config.seed).generate_state(config.epochs + 2).tolist()
     window = config.shape.window
     if config.sessions:
@@ -78,31 +67,27 @@ def train(config: Config, out: Path, report: Callable[[int, float, float], None]
     sd = fixed.label.std(0, correction=0).clamp(min=1e-6)
     net = PaperNet(config.shape, two_digits_up(fixed.largest_dps()), fixed.label.mean(0), sd)
 
-    out.mkdir(parents=True)
-    write_json(out / "config.json", asdict(config))
     optimiser = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     steps = config.epochs * math.ceil(fixed.up.shape[0] * fixed.up.shape[1] / config.batch)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.learning_rate, total_steps=steps)
     checks = validation.pairs()
-    best, best_epoch = math.inf, 0
-    with (out / "history.csv").open("w", newline="") as handle:
-        history = csv.writer(handle)
-        history.writerow(["epoch", "train_loss", "validation_loss"])
-        for epoch in range(config.epochs):
-            trained = _epoch(net, epoch_data(epoch).pairs(), config.batch, optimiser, schedule)
-            checked = float(loss(predict(net, *checks[:2]), checks[2]))
-            history.writerow([epoch, f"{trained:.6f}", f"{checked:.6f}"])
-            handle.flush()
-            report(epoch, trained, checked)
-            if checked < best:
-                best, best_epoch = checked, epoch
-                save(net, out / "net.pt", validation)
-            elif epoch - best_epoch >= config.patience:
-                break
-    net, _ = load(out)
-    metrics = {"best_epoch": best_epoch, "validation_loss": best, **evaluate(net, fixed, validation)}
-    write_json(out / "metrics.json", metrics)
-    write_json(out / "made_by.json", made_by(config, out, fixed, validation, metrics))
+    best = run_folder.keep_best(
+        out, config,
+        train=lambda epoch: _epoch(net, epoch_data(epoch).pairs(), config.batch, optimiser, schedule),
+        check=lambda: float(loss(predict(net, *checks[:2]), checks[2])),
+        save=lambda: save(net, out / "net.pt", validation),
+        report=report, patience=config.patience,
+    )  # fmt: skip
+    metrics = best | evaluate(load(out)[0], fixed, validation)
+    named = replace(config.named(), sessions=tuple(Path(s).name for s in config.sessions))
+    data = {
+        "source": list(named.sessions) or f"{named.model or 'gyrocal.simulate.paper_windows'}, afresh for every epoch",
+        "labels": "baseline over the whole runs" if config.sessions else "the simulated truth",
+        "training_scenarios": len(fixed.label),
+        "validation_scenarios": len(validation.label),
+        "windows_a_run": fixed.up.shape[1],
+    }
+    run_folder.finish(out, named, named.sessions, data, metrics)
     return metrics
 
 
@@ -147,30 +132,6 @@ def evaluate(net: PaperNet, training: Windows, validation: Windows) -> dict[str,
     return {"errors": rows}
 
 
-def made_by(config: Config, out: Path, training: Windows, validation: Windows, metrics: dict[str, Any]) -> dict[str, Any]:
-    """What a reader needs to make the network again."""
-    model = [] if config.model is None else [f"--model {Path(config.model).name}", f"--axis {config.axis}"]
-    options = [*model, f"--seed {config.seed}", f"--epochs {config.epochs}", f"--out {out.name}"]
-    data = {
-        "source": [Path(s).name for s in config.sessions]
-        or f"{'gyrocal.simulate.paper_windows' if config.model is None else Path(config.model).name}, afresh for every epoch",
-        "labels": "baseline over the whole runs" if config.sessions else "the simulated truth",
-        "training_scenarios": len(training.label),
-        "validation_scenarios": len(validation.label),
-        "windows_a_run": training.up.shape[1],
-    }
-    versions = {
-        "gyrocal": __version__,
-        "python": platform.python_version(),
-        "torch": torch.__version__,
-        "numpy": np.__version__,
-    }
-    command = " ".join(["gyrocal train", *(Path(s).name for s in config.sessions), *options])
-    named = None if config.model is None else Path(config.model).name
-    config = replace(config, sessions=tuple(Path(s).name for s in config.sessions), model=named)
-    return {"command": command, "config": asdict(config), "data": data, "metrics": metrics, "versions": versions}
-
-
 def save(net: PaperNet, path: Path, data: Windows) -> None:
     """Write a checkpoint: weights, shape, training range and the rates that it holds for."""
     metadata = {"name": "paper", "rate_hz": f"{data.rate_hz:.9g}", "table_dps": f"{data.table_dps:.9g}"}
@@ -194,19 +155,3 @@ def load(run: Path) -> tuple[PaperNet, dict[str, str]]:
         reason = str(error).splitlines()[0][:120]
         raise InputError(f"{path}: not a checkpoint of network paper ({reason}); train it again") from error
     return net.eval(), checkpoint["metadata"]
-
-
-def load_config(run: Path) -> dict[str, Any]:
-    """What a run folder was trained with.
-
-    Raises:
-        InputError: not a run folder.
-    """
-    path = run / "config.json"
-    try:
-        config: dict[str, Any] = json.loads(path.read_text())
-    except (OSError, ValueError):
-        raise InputError(
-            f"{path}: not the configuration of a run; make a run folder with `gyrocal train --out {run}`"
-        ) from None
-    return config

@@ -1,11 +1,7 @@
-"""Training of network `gyrocal` on scenarios drawn from what a calibration knows; the run folder is as for `paper`."""
+"""Training of network `gyrocal` on scenarios drawn from what a calibration knows."""
 
 from __future__ import annotations
 
-import csv
-import math
-import platform
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,12 +10,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gyrocal import __version__, limit
-from gyrocal.errors import InputError
+from gyrocal import limit
 from gyrocal.estimator import Calibration, calibration_of
 from gyrocal.model import Model
 from gyrocal.scenarios import Protocol, Simulation, answers
-from gyrocal_export.files import two_digits_up, write_json
+from gyrocal_export import run_folder
+from gyrocal_export.files import two_digits_up
 from gyrocal_export.nets.gyrocal import (
     BLOCKS,
     BLOCKS_A_STAGE,
@@ -29,6 +25,7 @@ from gyrocal_export.nets.gyrocal import (
     Knowledge,
     negative_log_likelihood,
 )
+from gyrocal_export.run_folder import Report, Training
 
 GRID, COARSE = 64, 12
 """Values that stand for a nonlinear parameter in the scenarios that are drawn, and in the answer that is exact."""
@@ -37,17 +34,13 @@ STEPS_AN_EPOCH = 400
 
 
 @dataclass(frozen=True)
-class GyrocalConfig:
+class GyrocalConfig(Training):
     """All that a training depends on. New scenarios are drawn for every step; each is seen after 2, 4 and 6 s.
 
     ``weight_decay`` is for float32's sake: smaller weights cancel less, which brings C and onnxruntime nearer.
     """
 
     net: str = "gyrocal"
-    model: str | None = None
-    axis: str = "z"
-    seed: int = 0
-    epochs: int = 40
     scenarios: int = 512
     """A step."""
     validation_scenarios: int = 4000
@@ -63,7 +56,7 @@ def known(config: GyrocalConfig, grid: int = GRID) -> tuple[Calibration, Protoco
     return calibration_of(Model.open(config.model), config.axis, alternatives=grid), Protocol()
 
 
-def train_gyrocal(config: GyrocalConfig, out: Path, report: Callable[[int, float, float], None]) -> dict[str, Any]:
+def train_gyrocal(config: GyrocalConfig, out: Path, report: Report) -> dict[str, Any]:
     """Train the network and write its run folder.
 
     Args:
@@ -77,13 +70,9 @@ def train_gyrocal(config: GyrocalConfig, out: Path, report: Callable[[int, float
     Raises:
         InputError: ``out`` is there already, or the model does not say how its effects are spread.
     """
-    if out.exists():
-        raise InputError(f"{out}: is there already; choose another --out or remove it")
+    run_folder.begin(out, config.seed)
     calibration, protocol = known(config)
     simulation = Simulation(calibration, protocol, STAGES * BLOCKS_A_STAGE * BLOCK_S)
-    torch.set_num_threads(1)
-    torch.manual_seed(config.seed)
-    torch.use_deterministic_algorithms(True)
     training_seed, validation_seed = np.random.SeedSequence(config.seed).spawn(2)
     rng = np.random.default_rng(training_seed)
 
@@ -92,43 +81,35 @@ def train_gyrocal(config: GyrocalConfig, out: Path, report: Callable[[int, float
     _least_squares(net, first)
     checked_on = simulation.draw(config.validation_scenarios, np.random.default_rng(validation_seed))
     checks = _tensors(net, checked_on)
-
-    out.mkdir(parents=True)
-    write_json(out / "config.json", asdict(config))
     steps = config.epochs * STEPS_AN_EPOCH
     optimiser = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.learning_rate, total_steps=steps, pct_start=0.1)
-    best, best_epoch = math.inf, 0
-    with (out / "history.csv").open("w", newline="") as handle:
-        history = csv.writer(handle)
-        history.writerow(["epoch", "train_loss", "validation_loss"])
-        for epoch in range(config.epochs):
-            trained = 0.0
-            for _ in range(STEPS_AN_EPOCH):
-                up, down, truth = _tensors(net, simulation.draw(config.scenarios, rng))
-                value = _loss(net, up, down, truth)
-                optimiser.zero_grad()
-                value.backward()
-                torch.nn.utils.clip_grad_norm_(net.parameters(), 5.0)
-                optimiser.step()
-                schedule.step()
-                trained += float(value.detach()) / STEPS_AN_EPOCH
-            with torch.no_grad():
-                checked = float(_loss(net, *checks))
-            history.writerow([epoch, f"{trained:.6f}", f"{checked:.6f}"])
-            handle.flush()
-            report(epoch, trained, checked)
-            if checked < best:
-                best, best_epoch = checked, epoch
-                save(net, out / "net.pt", protocol)
-    net, _ = load(out)
-    metrics = {
-        "best_epoch": best_epoch,
-        "validation_loss": best,
-        **evaluate(net, checked_on, known(config, grid=COARSE)[0], protocol),
+
+    def epoch(_: int) -> float:
+        trained = 0.0
+        for _ in range(STEPS_AN_EPOCH):
+            value = _loss(net, *_tensors(net, simulation.draw(config.scenarios, rng)))
+            optimiser.zero_grad()
+            value.backward()
+            torch.nn.utils.clip_grad_norm_(net.parameters(), 5.0)
+            optimiser.step()
+            schedule.step()
+            trained += float(value.detach()) / STEPS_AN_EPOCH
+        return trained
+
+    def check() -> float:
+        with torch.no_grad():
+            return float(_loss(net, *checks))
+
+    best = run_folder.keep_best(out, config, epoch, check, lambda: save(net, out / "net.pt", protocol), report)
+    metrics = best | evaluate(load(out)[0], checked_on, known(config, grid=COARSE)[0], protocol)
+    data = {
+        "source": f"drawn from {calibration.name}, afresh for every step",
+        "labels": "the truth that was drawn",
+        "training_scenarios": config.epochs * STEPS_AN_EPOCH * config.scenarios,
+        "validation_scenarios": config.validation_scenarios,
     }
-    write_json(out / "metrics.json", metrics)
-    write_json(out / "made_by.json", _made_by(config, out, calibration, metrics))
+    run_folder.finish(out, config.named(), ["--net gyrocal"], data, metrics)
     return metrics
 
 
@@ -196,23 +177,6 @@ def evaluate(net: GyrocalNet, drawn: Scenarios, calibration: Calibration, protoc
                 row |= {"scale_covered": covered[0], "bias_covered": covered[1]}
             rows.append({name: value if isinstance(value, str) else float(value) for name, value in row.items()})
     return {"errors": rows}
-
-
-def _made_by(config: GyrocalConfig, out: Path, calibration: Calibration, metrics: dict[str, Any]) -> dict[str, Any]:
-    model = [] if config.model is None else [f"--model {Path(config.model).name}", f"--axis {config.axis}"]
-    options = ["--net gyrocal", *model, f"--seed {config.seed}", f"--epochs {config.epochs}", f"--out {out.name}"]
-    versions = {
-        "gyrocal": __version__, "python": platform.python_version(), "torch": torch.__version__, "numpy": np.__version__,
-    }  # fmt: skip
-    described = asdict(config) | {"model": None if config.model is None else Path(config.model).name}
-    data = {
-        "source": f"drawn from {calibration.name}, afresh for every step",
-        "labels": "the truth that was drawn",
-        "training_scenarios": config.epochs * STEPS_AN_EPOCH * config.scenarios,
-        "validation_scenarios": config.validation_scenarios,
-    }
-    command = " ".join(["gyrocal train", *options])
-    return {"command": command, "config": described, "data": data, "metrics": metrics, "versions": versions}
 
 
 def save(net: GyrocalNet, path: Path, protocol: Protocol) -> None:

@@ -14,9 +14,8 @@ from gyrocal.errors import InputError
 from gyrocal.network import STAGES_S, BlockNetwork
 from gyrocal.simulate import BIAS_MEAN_DPS, SCALE_MEAN, paper_windows
 from gyrocal.verify import TOLERANCE, block_means, verify
-from gyrocal_firmware import INCLUDE
+from parity.surgery import WEIGHTS, with_largest_negated
 
-WEIGHTS = INCLUDE / "weights.h"
 DATA = Path(str(files("gyrocal"))) / "data"
 INT8 = DATA / "gyrocal.int8.onnx"
 ARRAYS = [f"gc_blocks_{layer}_{part}" for layer in ("first", "second", "last") for part in ("code", "step", "bias")]
@@ -36,15 +35,7 @@ def test_c_gives_the_numbers_of_the_quantised_graph() -> None:
 @pytest.mark.parametrize("name", [*ARRAYS, "gc_blocks_straight"])
 def test_one_wrong_number_in_any_array_is_noticed(name: str, tmp_path: Path) -> None:
     """The largest number of the array changes its sign."""
-    text = WEIGHTS.read_text()
-    found = re.search(rf"{name}\[\d+\] = {{(.*?)}};", text, re.S)
-    assert found is not None
-    values = re.findall(r"[^\s,]+", found[1])
-    at = max(range(len(values)), key=lambda i: abs(float(values[i].rstrip("f"))))
-    values[at] = values[at][1:] if values[at].startswith("-") else "-" + values[at]
-    broken = tmp_path / "weights.h"
-    broken.write_text(text[: found.start(1)] + ", ".join(values) + text[found.end(1) :])
-    assert verify(INT8, broken)["ok"] is False
+    assert verify(INT8, with_largest_negated(name, tmp_path))["ok"] is False
 
 
 @pytest.mark.parametrize("name", ["gain", "offset", "units", "mean", "sd"])

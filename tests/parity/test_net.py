@@ -13,9 +13,8 @@ from gyrocal.errors import InputError
 from gyrocal.network import Network
 from gyrocal.simulate import paper_windows
 from gyrocal.verify import TOLERANCE, verify, windows
-from gyrocal_firmware import INCLUDE
+from parity.surgery import WEIGHTS, with_largest_negated
 
-WEIGHTS = INCLUDE / "weights.h"
 DATA = Path(str(files("gyrocal"))) / "data"
 ARRAYS = [
     f"gc_net_{layer}_{part}" for layer in ("up", "down", "combined", "fc1", "fc2") for part in ("code", "step", "bias")
@@ -48,15 +47,7 @@ def test_the_windows_hold_the_extremes() -> None:
 @pytest.mark.parametrize("name", ARRAYS)
 def test_one_wrong_number_in_any_array_is_noticed(name: str, tmp_path: Path) -> None:
     """The largest number of the array changes its sign."""
-    text = WEIGHTS.read_text()
-    found = re.search(rf"{name}\[\d+\] = {{(.*?)}};", text, re.S)
-    assert found is not None
-    values = re.findall(r"[^\s,]+", found[1])
-    at = max(range(len(values)), key=lambda i: abs(float(values[i].rstrip("f"))))
-    values[at] = values[at][1:] if values[at].startswith("-") else "-" + values[at]
-    broken = tmp_path / "weights.h"
-    broken.write_text(text[: found.start(1)] + ", ".join(values) + text[found.end(1) :])
-    assert verify(DATA / "paper.int8.onnx", broken)["ok"] is False
+    assert verify(DATA / "paper.int8.onnx", with_largest_negated(name, tmp_path))["ok"] is False
 
 
 def test_a_code_off_by_one_is_noticed(tmp_path: Path) -> None:
