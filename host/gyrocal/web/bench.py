@@ -136,17 +136,21 @@ class Bench:
         errors = {name: _errors(found, whole) for name, found in by_method.items() if found}
         return CalibrationView(_estimates(answers), errors)
 
-    def export(self, folder: Path, model: str, axis: str, progress: Progress) -> ExportView:
-        """A firmware project with the model's header, the model beside it; the C network held against onnxruntime."""
+    def verify(self, network: Path | None, progress: Progress) -> dict[str, Any]:
+        """The C network held against onnxruntime: that of an export's folder, or the one that ships."""
+        progress("comparing the C network with onnxruntime")
+        return verify() if network is None else verify(network / "model.int8.onnx", network / "weights.h")
+
+    def export(self, folder: Path, model: str, axis: str, network: Path | None, progress: Progress) -> ExportView:
+        """A firmware project with the model's header and the network (None: the one that ships), the model beside it."""
         progress("writing headers")
         opened = self._model(model)
         path = self._room() / "model.toml"
         opened.save(path)
-        firmware_project.create(folder, str(path), axis=axis)
+        firmware_project.create(folder, str(path), network, axis)
         shutil.copyfile(path, folder / "model.toml")
-        progress("comparing the C network with onnxruntime")
         effects = [i for i in opened.ids if i not in BASE and i not in RANDOM]
-        return ExportView(folder, effects, verify())
+        return ExportView(folder, effects, self.verify(network, progress))
 
     def report(
         self, folder: Path, source: str, toml: str, remark: str, bars: Sequence[Bar], floor_mdps: float,

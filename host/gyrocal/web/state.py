@@ -17,9 +17,10 @@ from gyrocal.web.decimate import Pyramid
 from gyrocal.web.jobs import Cancelled, Jobs
 from gyrocal.web.live import Live
 from gyrocal.web.places import Places
-from gyrocal.web.views import Bar, CalibrationView, DiagnosisView, ExportView, ModelView, SessionView
+from gyrocal.web.training import Training
+from gyrocal.web.views import Bar, CalibrationView, DiagnosisView, ExportView, ModelView, SessionView, TrainedView
 
-Topic = Literal["session", "model", "diagnosis", "calibration", "export", "job", "device", "message"]
+Topic = Literal["session", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
 
 START = "default"
 
@@ -72,11 +73,16 @@ class Workbench:
         """The last diagnosis made, for the report; :attr:`diagnosis` is that of the model as it is."""
         self._diagnoses: dict[str, DiagnosisView] = {}
         self._calibrations: dict[tuple[str, str], CalibrationView] = {}
+        self.training: Training | None = None
+        """The training that goes on, beside whatever else is done."""
+        self._networks: dict[tuple[str, str], TrainedView] = {}
         self.exported: ExportView | None = None
         self.before: dict[str, Any] | None = None
         """`before` of `gyrocal add --json` for the latest step."""
 
     def close(self) -> None:
+        if self.training is not None:
+            self.training.close()
         self.live.close()
         self.jobs.close()
         shutil.rmtree(self.scratch, ignore_errors=True)
@@ -95,6 +101,10 @@ class Workbench:
 
     def _calibrated_models(self) -> tuple[str, str]:
         return self.steps[0].view.toml, self.steps[-1].view.toml
+
+    def network(self, axis: str) -> TrainedView | None:
+        """The network that was trained for the model as it is."""
+        return self._networks.get((self.steps[-1].view.toml, axis)) if self.steps else None
 
     @property
     def step(self) -> Step | None:
@@ -166,12 +176,34 @@ class Workbench:
                 source = view.toml
             await self._take(Step(source, view, effect, title, removed=True))
 
+    async def train(self, name: str, axis: str, epochs: int) -> None:
+        """A network that knows the model as it is, in a new folder; fits may go on meanwhile."""
+        with self._telling():
+            if self.step is None or self.training is not None:
+                return
+            toml, folder = self.step.view.toml, self.places.new(name)
+            model = self.scratch / "trained.toml"
+            model.write_text(toml, encoding="utf-8")
+            self.training = Training(model, axis, epochs, folder, lambda: self.changed("training"))
+            self.changed("training")
+            try:
+                errors = await self.training.run()
+            finally:
+                self.training = None
+                self.changed("training")
+            parity = await self.jobs.run("Checking the trained network", "verify", folder)
+            self._networks[toml, axis] = TrainedView(folder, errors, parity)
+            self.exported = None
+            self.changed("training")
+            self.say(f"The network is trained and in {self.places.name(folder)}.")
+
     async def export(self, name: str, axis: str) -> None:
         """The firmware as a project with this model's header, and the C network checked against onnxruntime."""
         with self._telling():
             if self.session is not None and self.step is not None:
-                folder = self.places.new(name)
-                self.exported = await self.jobs.run("Writing the firmware project", "export", folder, self.step.view.toml, axis)
+                folder, toml, trained = self.places.new(name), self.step.view.toml, self.network(axis)
+                network = None if trained is None else trained.folder
+                self.exported = await self.jobs.run("Writing the firmware project", "export", folder, toml, axis, network)
                 self.changed("export")
 
     async def report(self) -> str | None:

@@ -120,6 +120,16 @@ class Bar:
 
 
 @dataclass(frozen=True)
+class TrainedView:
+    """A network trained for a model, in its run folder. ``parity``: C against onnxruntime, `gyrocal verify --json`."""
+
+    folder: Path
+    errors: list[dict[str, Any]]
+    """`errors` of `gyrocal train --json`: mean absolute errors on scenarios drawn from the model, by method and seconds."""
+    parity: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class ExportView:
     """What was written for the device. ``parity``: C against onnxruntime, as `gyrocal verify --json` says it."""
 

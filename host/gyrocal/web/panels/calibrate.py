@@ -1,8 +1,10 @@
-"""Scale and bias by every method; what goes to the device; the report."""
+"""Scale and bias by every method; a network for the model; what goes to the device; the report."""
 
 from __future__ import annotations
 
 import html
+import shlex
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -10,27 +12,41 @@ from nicegui import ui
 
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
+from gyrocal.web.training import Training, missing
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
 MOST_ROWS = 300
+EPOCHS = 40
 
 
 class CalibratePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench = tab, tab.bench
+        self.axis = "" if self.bench.session is None else self.bench.session.axis
+        self.training: Training | None = None
+        """The one whose progress is shown."""
         with ui.element("div").classes("two fill"):
             self.answers = ui.element("section").classes("face column tight").props('aria-label="scale and bias"')
             with ui.element("div").classes("scroll"):
+                self.network = ui.element("section").classes("face column tight").props('aria-label="network"')
                 self.device = ui.element("section").classes("face column tight").props('aria-label="to the device"')
                 self.files = ui.element("section").classes("face column tight").props('aria-label="files"')
         self.hear("session")
+        ui.timer(1.0, self._told)
 
     def hear(self, topic: Topic) -> None:
+        if topic == "session":
+            self.axis = "" if self.bench.session is None else self.bench.session.axis
         if topic in ("session", "model", "calibration"):
             self._answers()
-        if topic in ("session", "model", "export"):
+        if topic == "training" and self.training is not None and self.training is self.bench.training:
+            self._told()
+            return
+        if topic in ("session", "model", "training"):
+            self._network()
+        if topic in ("session", "model", "training", "export"):
             self._device()
         if topic in ("session", "model"):
             self._files()
@@ -55,6 +71,72 @@ class CalibratePanel:
             with ui.element("div").classes("scroll grow"):
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
 
+    def _network(self) -> None:
+        """A network for the model: how to get one, how far it is, what it is worth."""
+        self.network.clear()
+        self.network.set_visibility(self.bench.step is not None)
+        if self.bench.step is None:
+            return
+        self.training = training = self.bench.training
+        trained = self.bench.network(self.axis)
+        with self.network:
+            ui.html("<h2>A network for this model</h2>", sanitize=False)
+            if training is not None:
+                self.bar = ui.linear_progress(show_value=False).props('aria-label="training"')
+                with ui.row().classes("tight"):
+                    self.told = ui.label().classes("small").props('role="status"')
+                    ui.space()
+                    ui.button("Stop training", icon="stop", on_click=training.cancel, color=None).props("outline no-caps dense")
+                self._told()
+            elif trained is not None:
+                _parity(trained.parity)
+                where = f"Trained for axis {self.axis}, in {self.bench.places.name(trained.folder)}."
+                ui.label(f"{where} Mean error on unseen runs drawn from the model, beside the model's own:").classes("small")
+                ui.html(_errors(trained.errors), sanitize=False)
+            elif lacking := missing():
+                ui.label(f"Training needs {' and '.join(lacking)}. Install, and start the workbench again:").classes("small")
+                _command(f"{shlex.quote(sys.executable)} -m pip install 'gyrocal[train]'")
+            else:
+                ui.label(
+                    "The network that ships knows the paper's campaign. One trained on runs drawn from this model takes its "
+                    "place on the device; that takes minutes."
+                ).classes("small")
+                with ui.row().classes("tight"):
+                    name = ui.input("folder", value=self.bench.places.free("network").name).props("outlined dense")
+                    axis = self._axes()
+                    epochs = ui.number("epochs", value=EPOCHS, min=1, precision=0).props("outlined dense").style("width: 80px")
+                    ui.button(
+                        "Train it", icon="model_training", color=None,
+                        on_click=lambda: self.bench.train(name.value, axis.value, int(epochs.value or EPOCHS)),
+                    ).props("outline no-caps")  # fmt: skip
+
+    def _told(self) -> None:
+        """How far the training is."""
+        training = self.training
+        if training is None:
+            return
+        self.bar.value = training.done / training.epochs
+        parts = [f"epoch {training.done} of {training.epochs}" if training.done else "starting"]
+        if training.loss is not None:
+            parts.append(f"loss {training.loss:.3f}")
+        if training.left_s is not None:
+            left = training.left_s
+            parts.append(f"{left / 60:.0f} min left" if left >= 90 else f"{left:.0f} s left")
+        self.told.text = ", ".join(parts)
+
+    def _axes(self) -> ui.select:
+        assert self.bench.step is not None
+        axes = list(self.bench.step.view.compared["per_axis"])
+        select = ui.select(axes, value=self.axis, label="axis", on_change=lambda e: self._turn(e.value))
+        return select.props("outlined dense").style("width: 80px")
+
+    def _turn(self, axis: str) -> None:
+        """Another axis of the sensor is meant."""
+        if axis != self.axis:
+            self.axis = axis
+            self._network()
+            self._device()
+
     def _device(self) -> None:
         self.device.clear()
         self.device.set_visibility(self.bench.step is not None)
@@ -64,33 +146,23 @@ class CalibratePanel:
         with self.device:
             ui.html("<h2>To the device</h2>", sanitize=False)
             knows = ", ".join(effects).lower() if effects else "nothing beyond scale, bias and noise"
-            ui.label(f"The firmware as a project to flash, calibrating by this model: {knows}.").classes("small")
+            network = "that ships" if self.bench.network(self.axis) is None else "trained for it"
+            ui.label(
+                f"The firmware as a project to flash, calibrating by this model: {knows}; with the network {network}."
+            ).classes("small")
             exported = self.bench.exported
             if exported is None:
                 with ui.row().classes("tight"):
                     name = ui.input("folder", value=self.bench.places.free("firmware").name).props("outlined dense")
-                    axis = ui.select(
-                        list(self.bench.step.view.compared["per_axis"]), value=self.bench.session.axis, label="axis"
-                    )
-                    axis.props("outlined dense").style("width: 80px")
+                    axis = self._axes()
                     button = ui.button(
                         "Write it", icon="memory", on_click=lambda: self.bench.export(name.value, axis.value), color=None
                     )
                     button.props("unelevated no-caps").classes("primary")
                 return
-            parity = exported.parity
-            with ui.row().classes("tight"):
-                ui.element("span").classes(f"light {'good' if parity['ok'] else 'bad'}")
-                agree = "agree" if parity["ok"] else "DISAGREE"
-                told = f"largest difference {parity['max_abs_diff']:.1e} over {parity['windows']} windows"
-                ui.label(f"The network in C and in onnxruntime {agree}: {told}.").classes("small")
+            _parity(exported.parity)
             ui.label(f"Written to {self.bench.places.name(exported.folder)}. With the board plugged in:").classes("small")
-            command = f"cd {exported.folder} && pio run -t upload && pio device monitor"
-            with ui.row().classes("tight").style("flex-wrap: nowrap; width: 100%"):
-                ui.html(f'<pre class="command">{html.escape(command)}</pre>', sanitize=False).classes("grow")
-                ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command), color=None).props(
-                    'flat round dense aria-label="copy the command"'
-                )
+            _command(f"cd {shlex.quote(str(exported.folder))} && pio run -t upload && pio device monitor")
 
     def _files(self) -> None:
         self.files.clear()
@@ -117,6 +189,23 @@ class CalibratePanel:
             ui.download.content(self.bench.step.view.toml, "model.toml", "application/toml")
 
 
+def _parity(parity: dict[str, Any]) -> None:
+    with ui.row().classes("tight").style("flex-wrap: nowrap"):
+        ui.element("span").classes(f"light {'good' if parity['ok'] else 'bad'}")
+        agree = "agree" if parity["ok"] else "DISAGREE"
+        told = f"largest difference {parity['max_abs_diff']:.1e} over {parity['windows']} windows"
+        ui.label(f"The network in C and in onnxruntime {agree}: {told}.").classes("small")
+
+
+def _command(command: str) -> None:
+    """What is to be typed, with a button that copies it."""
+    with ui.row().classes("tight").style("flex-wrap: nowrap; width: 100%"):
+        ui.html(f'<pre class="command">{html.escape(command)}</pre>', sanitize=False).classes("grow")
+        ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command), color=None).props(
+            'flat round dense aria-label="copy the command"'
+        )
+
+
 COLUMNS = ("scenario:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ")
 
 
@@ -129,6 +218,17 @@ def _table(estimates: list[dict[str, Any]]) -> str:
         for e in estimates
     ]  # fmt: skip
     return plain(COLUMNS, rows)
+
+
+def _errors(errors: list[dict[str, Any]]) -> str:
+    """What the trained network is worth, on scenarios that were drawn from the model and not trained on."""
+    by = {(e["method"], e["seconds"]): e for e in errors}
+    rows = []
+    for seconds in sorted({e["seconds"] for e in errors}):
+        net, model = by["net", seconds], by["model", seconds]
+        scales = [number(e["scale_mae"], ".4f", 100) for e in (net, model)]
+        rows.append([f"{seconds:g}", *scales, *(number(e["bias_mae_dps"], ".2f", 1e3) for e in (net, model))])
+    return plain(("first s", "scale, %: network", "the model", "bias, mdps: network", "the model "), rows)
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

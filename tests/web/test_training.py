@@ -1,0 +1,82 @@
+"""A network for the model on the screen: trained, verified and exported from the page; stopped; not to be had without torch."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gyrocal.network import BlockNetwork
+from gyrocal.simulate import simulate
+from gyrocal.web import training
+from gyrocal.web.training import Training
+
+from .loop import finish
+
+
+@pytest.fixture(scope="module")
+def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("training")
+    simulate(folder / "s", "paper", ["table_ripple"], 3, scenarios=3, seconds=20)
+    return serve(folder, "s")
+
+
+def test_trained_verified_and_exported(
+    served: Any, look: Callable[..., Any], require_tool: Callable[[str], str], require_module: Callable[[str], None]
+) -> None:
+    require_tool("cc")
+    for module in training.NEEDED:
+        require_module(module)
+    page, folder = look(f"{served.url}calibrate"), served.folder
+    page.locator("table.plain tbody tr").first.wait_for()
+    network = page.locator("[aria-label=network]")
+
+    network.get_by_label("folder").fill("stopped")
+    network.get_by_role("button", name="Train it").click()
+    network.get_by_text(re.compile(r"epoch 2 of 40, loss [-\d.]+, \d+ (s|min) left")).wait_for()
+    assert network.get_by_role("progressbar").get_attribute("aria-valuenow") == "0.05"
+    network.get_by_role("button", name="Stop training").click()
+    page.get_by_text("Training: stopped").wait_for()
+    assert not (folder / "stopped").exists()
+
+    network.get_by_label("folder").fill("mine")
+    network.get_by_label("epochs").fill("1")
+    network.get_by_role("button", name="Train it").click()
+    network.get_by_role("status").wait_for()
+    network.locator("tbody tr").nth(2).wait_for()
+    assert network.get_by_text("The network in C and in onnxruntime").is_visible()
+    errors = json.loads((folder / "mine/metrics.json").read_text())["errors"]
+    last = {e["method"]: e for e in errors if e["seconds"] == 6}
+    assert network.locator("tbody tr").nth(2).inner_text().split("\t")[1:3] == [
+        f"{100 * last[method]['scale_mae']:.4f}" for method in ("net", "model")
+    ]
+    assert BlockNetwork.open(folder / "mine/model.int8.onnx").rate_hz == 145.0
+    assert json.loads((folder / "mine/config.json").read_text())["epochs"] == 1
+
+    device = page.locator("[aria-label='to the device']")
+    device.get_by_text("with the network trained for it").wait_for()
+    device.get_by_role("button", name="Write it").click()
+    device.get_by_text("largest difference").wait_for()
+    assert (folder / "firmware/include/weights.h").read_bytes() == (folder / "mine/weights.h").read_bytes()
+    assert (folder / "firmware/model.toml").read_bytes() == (folder / "mine/model.toml").read_bytes()
+
+
+def test_what_the_command_says_reaches_the_person(tmp_path: Path, require_module: Callable[[str], None]) -> None:
+    for module in training.NEEDED:
+        require_module(module)
+
+    async def story() -> None:
+        with pytest.raises(training.GyrocalError, match=r"^Training: .*no\.toml"):
+            await Training(tmp_path / "no.toml", "z", 1, tmp_path / "out", lambda: None).run()
+        assert not (tmp_path / "out").exists()
+
+    finish(story())
+
+
+def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "find_spec", lambda name: None if name == "torch" else object())
+    assert training.missing() == ["torch"]
