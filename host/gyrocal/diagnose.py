@@ -36,7 +36,6 @@ from gyrocal.fit import (
 from gyrocal.formula import effect_or_formula
 from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.session import AXES, Array, Session
-from gyrocal.spreads import learn
 from gyrocal.threads import one_thread
 
 FDR = 0.05
@@ -506,7 +505,7 @@ def add(
         richer = richer.with_term(Term.of(kind, axis, structure))
     after = compare(session, richer, only_day=only_day, progress=progress)
     before = compare_again(before, after)
-    return before, after, learn(session, after.fit.model)
+    return before, after, after.fit.model
 
 
 def compare_again(before: Comparison, after: Comparison) -> Comparison:

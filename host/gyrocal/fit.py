@@ -43,6 +43,12 @@ STEP = 1e-4
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
 NO_SPREAD = 1e-6
 """Of a variance, against what one run knows of it: less is none."""
+APART_GRID, APART_RATIO, APART_ROUNDS = 25, 6.0, 5
+"""Values of a parameter that may be each run's own, from a sixth of the common one (in the middle) to six times it."""
+APART_SETTLED = 0.1
+"""Of its standard error: the common value has moved by less."""
+APART_GAIN = 5.0
+"""Log-likelihood that its spread must gain."""
 LEAST_SCENARIOS = 3
 """Fewer power cycles say nothing of their spread."""
 
@@ -87,7 +93,7 @@ class Design:
             known = [(t, m) for t, m in zip(like.terms, like.means[i], strict=True)]
         out: list[Array | None] = []
         for term in self.terms:
-            same = next((m for t, m in known if t.effect is term.effect and t.values == term.values), None)
+            same = next((m for t, m in known if t == term and t.effect is term.effect and t.of_run is term.of_run), None)
             if same is None and term.effect_id != "colored_noise":
                 columns = self._columns(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
@@ -161,7 +167,7 @@ class Design:
         }
 
     def _columns(self, term: Term, b: Blocks) -> Array:
-        return term.effect.columns(b.run, self.axis, term.values or dict.fromkeys(term.effect.linear, 0.0))
+        return term.effect.columns(b.run, self.axis, term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0))
 
     def _identified(self, matrices: Sequence[Array], fixed: Sequence[tuple[int, int]]) -> Mask:
         """Keep a column only if something of it is left when the ones before it are taken out."""
@@ -479,7 +485,7 @@ def fit_axis(
         current = choose_variant(current, terms[i])
     order = {t.effect_id: i for i, t in enumerate(terms)}
     current = _reordered(current, order)
-    return finish(refine(current))
+    return finish(runs_apart(refine(current)))
 
 
 def choose_variant(current: AxisFit, term: Term) -> AxisFit:
@@ -691,17 +697,33 @@ def white_start(design: Design) -> float:
     return float(max(np.sqrt(np.mean(jumps**2) / 2) if jumps.size else 0.0, LEAST_WHITE_DPS))
 
 
+def _extent_s(design: Design) -> tuple[float, float]:
+    """Longest run and shortest step from block to block, s."""
+    longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in design.blocks if b.t_s.size)
+    return longest_s, min((float(np.median(np.diff(b.t_s))) for b in design.blocks if b.t_s.size > 1), default=1.0)
+
+
+def _drifts(design: Design) -> bool:
+    """Has the model a drift, and are the runs long enough to show one?"""
+    longest_s, block_s = _extent_s(design)
+    return any(t.effect_id == "colored_noise" for t in design.terms) and longest_s > 10 * block_s
+
+
+def _first_noise(design: Design) -> Noise:
+    """Where the search for the noise begins."""
+    white0 = white_start(design)
+    return Noise(white0, white0 / 10, 20.0) if _drifts(design) else Noise(white0)
+
+
 def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     """REML of white level, drift and spreads together."""
     white0 = white_start(design)
-    given = next((t for t in design.terms if t.effect_id == "colored_noise"), None)
     n = int(design.n_blocks.sum())
-    longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in design.blocks if b.t_s.size)
-    block_s = min((float(np.median(np.diff(b.t_s))) for b in design.blocks if b.t_s.size > 1), default=1.0)
-    drift = given is not None and longest_s > 10 * block_s
+    longest_s, block_s = _extent_s(design)
+    drift = _drifts(design)
     slow_s = max(SLOW_S, 5 * block_s)
     if start is None:
-        start = with_noise(design, Noise(white0, white0 / 10, 20.0) if drift else Noise(white0), _unknown_spreads(design))
+        start = with_noise(design, _first_noise(design), _unknown_spreads(design))
     # a drift of this spread moves a mean over SLOW_S as white noise does
     unit = white0 / np.sqrt(SLOW_S / block_s * max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks])))))
     lows, highs = [np.log(white0) - 0.2], [np.log(white0) + 3.0]
@@ -759,7 +781,7 @@ def refine(current: AxisFit) -> AxisFit:
     moved = False
     for i, term in enumerate(current.design.terms):
         names = [n for n in term.effect.nonlinear if n in term.values and term.effect_id != "colored_noise"]
-        if not names:
+        if not names or term.of_run:
             continue
         base = current
         bounds = [np.log(term.effect.bounds(name)) for name in names]
@@ -788,6 +810,81 @@ def refine(current: AxisFit) -> AxisFit:
     return fit_noise(current.design, start=current) if moved else current
 
 
+def runs_apart(current: AxisFit) -> AxisFit:
+    """Let a nonlinear parameter be each run's own, where that is worth it (the time constant of a transient, say).
+
+    Empirical Bayes: the likelihood of each run on a grid of values, all else as fitted; a Gaussian in the logarithm for what
+    the runs have in common, by expectation maximisation; each run is then given its posterior mean.
+    """
+    for i, term in enumerate(current.design.terms):
+        name = term.spreadable
+        for round_ in range(APART_ROUNDS if name is not None else 0):
+            assert name is not None
+            middle = current.design.terms[i].values[name]
+            values = middle * np.exp(np.log(APART_RATIO) * np.linspace(-1, 1, APART_GRID))
+            trials = [_with_values(current, i, {name: float(v)}) for v in values]
+            logliks = np.column_stack([_each_run(current, trial) for trial in trials])
+            log_mean, log_sd, weight, gain = _common(np.log(values), logliks)
+            if not current.design.terms[i].of_run and gain < APART_GAIN:
+                break
+            mean, count = float(np.exp(log_mean)), len(logliks)
+            sd = mean * log_sd
+            own = np.exp(weight @ np.log(values))
+            of_run = {b.run.index: {name: float(v)} for b, v in zip(current.design.blocks, own, strict=True)}
+            terms = list(current.design.terms)
+            terms[i] = replace(
+                term, values={**term.values, name: mean, f"{name}_sd": sd},
+                se={name: sd / count**0.5, f"{name}_sd": sd / (2 * count) ** 0.5}, of_run=of_run,
+            )  # fmt: skip
+            design = current.design.changed(terms)
+            drift = [current.noise, *([_first_noise(design)] if round_ == 0 else [])]  # what was drift may be one no longer
+            fits = [fit_noise(design, start=with_noise(design, noise, current.spreads)) for noise in drift]
+            current = max(fits, key=lambda f: f.loglik)
+            if abs(mean - middle) < APART_SETTLED * sd / count**0.5:
+                break
+    return current
+
+
+def _with_values(current: AxisFit, i: int, values: Values) -> Design:
+    """The design with other values of one term, the same in all runs."""
+    terms = list(current.design.terms)
+    terms[i] = replace(terms[i], values={**terms[i].values, **values}, of_run={})
+    return current.design.changed(terms)
+
+
+def _each_run(current: AxisFit, design: Design) -> Array:
+    """Log-likelihood of each run [runs] by itself under another design, shared parameters, noise and spreads as fitted."""
+    layout, spreads = design.layout, current.spreads
+    grams, logdet = design.grams(current.noise)
+    p = len(layout.fixed)
+    random = np.concatenate([np.arange(1 + p, grams.shape[-1]), np.array(layout.scenario, dtype=np.intp) + 1]).astype(np.intp)
+    sd = np.concatenate([spreads.run[list(layout.run_group)], spreads.scenario])
+    integrated = _integrate(grams, random, np.arange(1 + p), sd)
+    residual = np.concatenate([[1.0], -current.solution.beta])
+    chi2 = np.einsum("i,rij,j->r", residual, integrated.grams, residual)
+    return np.asarray(-0.5 * (logdet + integrated.logdet + chi2))
+
+
+def _common(log_values: Array, logliks: Array) -> tuple[float, float, Array, float]:
+    """Mean and spread of a logarithm over the runs from each run's log-likelihood [runs, grid].
+
+    Also each run's posterior weights, and what the spread gains in log-likelihood over the grid's middle for all.
+    """
+    step = float(log_values[1] - log_values[0])
+    log_mean, log_sd = float(log_values[logliks.sum(axis=0).argmax()]), 0.3
+    for _ in range(50):
+        prior = -0.5 * ((log_values - log_mean) / log_sd) ** 2
+        prior = prior - float(np.log(np.exp(prior).sum()))
+        joint = logliks + prior
+        top = joint.max(axis=1, keepdims=True)
+        weight = np.exp(joint - top)
+        evidence = top[:, 0] + np.log(weight.sum(axis=1))
+        weight /= weight.sum(axis=1, keepdims=True)
+        log_mean = float((weight @ log_values).mean())
+        log_sd = max(float(np.sqrt((weight @ (log_values - log_mean) ** 2).mean())), step / 2)
+    return log_mean, log_sd, weight, float(evidence.sum() - logliks[:, log_values.size // 2].sum())
+
+
 def finish(current: AxisFit) -> AxisFit:
     """Name the parameters and their standard errors."""
     layout, design = current.design.layout, current.design
@@ -800,6 +897,9 @@ def finish(current: AxisFit) -> AxisFit:
             continue
         values: Values = {n: term.values[n] for n in kind.nonlinear if n in term.values}
         se: Values = {}
+        if term.of_run:
+            values |= {n: v for n, v in term.values.items() if n in term.se}
+            se |= term.se
         mine = [j for j, (t, _) in enumerate(layout.fixed) if t == i]
         if kind.at_reading(term.values):
             values, se = dict(term.values), dict(term.se)
@@ -876,6 +976,8 @@ def _spread_errors(current: AxisFit) -> tuple[Array, Array]:
 def _nonlinear_errors(current: AxisFit, i: int) -> Values:
     term = current.design.terms[i]
     errors: Values = {}
+    if term.of_run:
+        return errors
     runs = [b.run for b in current.design.blocks]
     for name in term.effect.nonlinear:
         if name not in term.values:

@@ -13,7 +13,7 @@ from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
 from gyrocal.errors import InputError
 from gyrocal.formula import FormulaEffect, effect_or_formula
-from gyrocal.session import AXES
+from gyrocal.session import AXES, Run
 
 FORMAT = "gyrocal-model/1"
 BASE = ("scale", "bias")
@@ -37,6 +37,8 @@ class Term:
     se: Values = field(default_factory=dict)
     own: Effect | None = field(default=None, repr=False, compare=False)
     """An effect that is not in the library: a user's, or a probe of the comparison."""
+    of_run: Mapping[int, Values] = field(default_factory=dict, repr=False, compare=False)
+    """Nonlinear parameters that a fit has found to be a run's own, by the run's index."""
 
     @staticmethod
     def of(kind: Effect, axis: str, values: Values | None = None) -> Term:
@@ -47,6 +49,18 @@ class Term:
     @property
     def effect(self) -> Effect:
         return self.own or base.effect(self.effect_id)
+
+    def values_in(self, run: Run) -> Values:
+        """The values that hold in one run."""
+        return {**self.values, **self.of_run.get(run.index, {})}
+
+    @property
+    def spreadable(self) -> str | None:
+        """The nonlinear parameter that may differ from run to run: that of an effect with one column of each run's own."""
+        kind = self.effect
+        if kind.scope != "run" or len(kind.groups(self.values)) != 1:
+            return None
+        return next((name for name in kind.nonlinear if name in self.values), None)
 
 
 @dataclass(frozen=True)
