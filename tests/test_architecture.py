@@ -21,7 +21,7 @@ LAYERS = [
     {"allan", "fit"},
     {"heldout", "probes", "simulate", "estimator", "importer"},
     {"scenarios", "spreads", "device", "record", "monitor", "verify"},
-    {"compare", "calibrate", "calibration_header", "limit"},
+    {"compare", "calibrate", "calibration_header", "core_estimator", "limit"},
     {"diagnose", "custom", "pictures"},
     {"report", "api"},
     {"demo", "web"},
