@@ -7,6 +7,7 @@ brought back to their neighbours first.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -111,6 +112,11 @@ def reduce_session(session: Session, block_s: float = BLOCK_S) -> list[Blocks]:
     """Blocks of every run, scenarios numbered in order."""
     number = {name: i for i, name in enumerate(session.scenarios)}
     return [reduce_run(run, number[run.scenario], block_s) for run in session.runs]
+
+
+def by_sample(blocks: Sequence[Blocks]) -> list[Blocks]:
+    """The same runs with each sample a block of its own: for what varies from sample to sample."""
+    return [b if b.run.rate_is_mean else reduce_run(b.run, b.scenario, 0.0) for b in blocks]
 
 
 def _stretches(label: np.ndarray[Any, Any]) -> list[tuple[int, int]]:

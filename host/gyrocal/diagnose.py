@@ -16,14 +16,13 @@ from typing import Any, Literal
 import numpy as np
 
 from gyrocal import heldout
+from gyrocal.blocks import by_sample
 from gyrocal.compare import Comparison, compare
+from gyrocal.design import Design
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
 from gyrocal.fit import (
     AxisFit,
-    Design,
-    Spreads,
-    by_sample,
     carry_spreads,
     choose_variant,
     finish,
@@ -35,6 +34,7 @@ from gyrocal.fit import (
 )
 from gyrocal.formula import effect_or_formula
 from gyrocal.model import BASE, RANDOM, Model, Term
+from gyrocal.reml import Spreads
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import one_thread
 

@@ -2,355 +2,49 @@
 
 Per axis, on block means: ``y = X·beta + Z_run·u + Z_scenario·v + drift + white``. ``beta`` are the parameters that all runs
 share; ``u`` coefficients of a run's own (a phase, an onset), random with spreads that are estimated; ``v`` the offset (and
-scale) of a power cycle. Whitened normal equations ("Grams") of each run are computed once for a noise level; all the rest,
-spreads, held-out runs, competing models, is algebra on these small matrices.
-
-Reference: Harville, J. Am. Stat. Assoc. 72 (1977) 320, for REML in mixed linear models.
+scale) of a power cycle. Nonlinear parameters are found about it: on a grid, then refined, and where runs differ, run by run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from gyrocal.blocks import Blocks, reduce_run, reduce_session
+from gyrocal.blocks import Blocks, by_sample, reduce_session
+from gyrocal.design import LEAST_SCENARIOS, SLOW_S, Design, Mask
 from gyrocal.effects.base import Values
 from gyrocal.errors import InputError
 from gyrocal.model import Model, Term
-from gyrocal.noise import Noise, normal_equations
+from gyrocal.noise import Noise
+from gyrocal.reml import (
+    NO_SPREAD,
+    Solution,
+    Spreads,
+    SpreadScale,
+    fit_spreads,
+    integrate,
+    maximise,
+    solve,
+    solve_with_slopes,
+    unknown_spreads,
+)
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
-Mask = np.ndarray[Any, np.dtype[np.bool_]]
-Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
-UNIDENTIFIED = 1e-7
-"""A column with less of its (whitened, squared) norm left after the others cannot be told from them."""
-
-SLOW_S = 4.0
-"""Drift is slower than this: a bias wanders over many seconds. Anything faster is a signal for the tests of whiteness."""
-
-TOLERANCE = 1e-3
-"""Log-likelihood to which noise and spreads are found, about: the optimiser stops at this over the number of blocks."""
 LEAST_WHITE_DPS = 1e-5
 """No reading is less noisy than this: a thousandth of a count."""
 STEP = 1e-4
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
-NO_SPREAD = 1e-6
-"""Of a variance, against what one run knows of it: less is none."""
 APART_GRID, APART_RATIO, APART_ROUNDS = 25, 6.0, 5
 """Values of a parameter that may be each run's own, from a sixth of the common one (in the middle) to six times it."""
 APART_SETTLED = 0.1
 """Of its standard error: the common value has moved by less."""
 APART_GAIN = 5.0
 """Log-likelihood that its spread must gain."""
-LEAST_SCENARIOS = 3
-"""Fewer power cycles say nothing of their spread."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Which column belongs to which term: ``fixed`` and ``run`` hold (term index, column within the term)."""
-
-    fixed: tuple[tuple[int, int], ...]
-    run: tuple[tuple[int, int], ...]
-    run_group: tuple[int, ...]
-    scenario: tuple[int, ...]
-    """Fixed columns that also vary, at random, from scenario to scenario."""
-
-    @property
-    def n_groups(self) -> int:
-        return max(self.run_group, default=-1) + 1
-
-
-class Design:
-    """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run."""
-
-    def __init__(
-        self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], like: Design | None = None
-    ) -> None:  # fmt: skip
-        self.axis = axis
-        self.terms = tuple(terms)
-        self.blocks = [self._usable(b) for b in blocks]
-        runs = [b.run for b in blocks]
-        self.scopes = [term.effect.scope_in(runs) for term in terms]
-        self.means = [self._means(i, like) for i in range(len(self.blocks))]
-        self.layout, self.stacks = self._build()
-
-    def changed(self, terms: Sequence[Term]) -> Design:
-        """The same runs with other terms; what stays the same is not computed again."""
-        return Design(self.blocks, self.axis, terms, like=self)
-
-    def _means(self, i: int, like: Design | None) -> list[Array | None]:
-        """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
-        known = []
-        if like is not None and like.axis == self.axis and like.blocks[i] is self.blocks[i]:
-            known = [(t, m) for t, m in zip(like.terms, like.means[i], strict=True)]
-        out: list[Array | None] = []
-        for term in self.terms:
-            same = next((m for t, m in known if t == term and t.effect is term.effect and t.of_run is term.of_run), None)
-            if same is None and term.effect_id != "colored_noise":
-                columns = self._columns(term, self.blocks[i])
-                same = self.blocks[i].mean(columns) if columns.shape[1] else None
-            out.append(same)
-        return out
-
-    def _usable(self, b: Blocks) -> Blocks:
-        """The blocks of a run without samples that a fault of the reading has emptied of meaning."""
-        for term in self.terms:
-            fault = term.values and term.effect.at_reading(term.values)
-            usable = term.effect.usable(b.run, self.axis, term.values) if fault else None
-            if usable is not None and b.t_s.size:
-                whole = b.mean(usable[:, None].astype(float))[:, 0] == 1.0
-                b = b.select(whole) if not whole.all() else b
-        return b
-
-    def _build(self) -> tuple[Layout, list[tuple[list[int], Array, Array, Array]]]:
-        fixed: list[tuple[int, int]] = []
-        run: list[tuple[int, int]] = []
-        group: list[int] = []
-        n_groups = 0
-        random_ids = {t.effect_id for t in self.terms}
-        for i, term in enumerate(self.terms):
-            kind = term.effect
-            k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
-            scope = self.scopes[i]
-            if scope == "scenario" or kind.at_reading(term.values):
-                continue
-            if scope == "session" or kind.common_mean:
-                fixed += [(i, j) for j in range(k)]
-            if scope == "run" and k:
-                run += [(i, j) for j in range(k)]
-                group += [n_groups + g for g in kind.groups(term.values)]
-                n_groups = max(group) + 1
-        matrices = [self._matrix(i, fixed, run) for i in range(len(self.blocks))]
-        kept = self._identified(matrices, fixed)
-        fixed = [f for f, keep in zip(fixed, kept, strict=True) if keep]
-        columns = [0, *(1 + j for j, keep in enumerate(kept) if keep), *range(1 + kept.size, 1 + kept.size + len(run))]
-        matrices = [m[:, columns] for m in matrices]
-        scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect_id, random_ids)]
-        layout = Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario))
-        return layout, self._stack(matrices)
-
-    def _varies(self, effect_id: str, ids: set[str]) -> bool:
-        if "turn_on_bias" not in ids:
-            return False
-        return effect_id == "bias" or (effect_id == "scale" and self._scale_within_scenarios)
-
-    @cached_property
-    def _scale_within_scenarios(self) -> bool:
-        """Two or more scenarios that each hold two true rates: their scales can be told apart one by one."""
-        rates: dict[int, set[float]] = {}
-        for b in self.blocks:
-            on_axis = b.run.axis_index == self.axis
-            rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
-        return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
-
-    def _matrix(self, i: int, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
-        means = self.means[i]
-        columns = [self.blocks[i].y_dps[:, self.axis]]
-        for term, j in (*fixed, *run):
-            found = means[term]
-            assert found is not None
-            columns.append(found[:, j])
-        return np.column_stack(columns)
-
-    def sample_columns(self, b: Blocks) -> dict[int, Array]:
-        """Each term's columns at every sample of a run, by the term's index."""
-        return {
-            i: self._columns(term, b) for i, term in enumerate(self.terms) if term.effect_id != "colored_noise"
-        }
-
-    def _columns(self, term: Term, b: Blocks) -> Array:
-        return term.effect.columns(b.run, self.axis, term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0))
-
-    def _identified(self, matrices: Sequence[Array], fixed: Sequence[tuple[int, int]]) -> Mask:
-        """Keep a column only if something of it is left when the ones before it are taken out."""
-        p = len(fixed)
-        gram = sum(
-            m[:, 1 : 1 + p].T @ (m[:, 1 : 1 + p] * b.n[:, None]) for m, b in zip(matrices, self.blocks, strict=True)
-        )
-        gram = np.atleast_2d(np.asarray(gram))
-        keep = np.zeros(p, dtype=bool)
-        for j in range(p):
-            norm = gram[j, j]
-            if norm <= 0:
-                continue
-            rest = norm
-            if keep.any():
-                others = np.flatnonzero(keep)
-                solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, j], rcond=None)[0]
-                rest = norm - gram[others, j] @ solved
-            keep[j] = rest > UNIDENTIFIED * norm
-        return keep
-
-    def _stack(self, matrices: Sequence[Array]) -> list[tuple[list[int], Array, Array, Array]]:
-        """Runs that share their blocks' times are filtered side by side: (run indices, [r, q, m], t_s, n)."""
-        stacks: dict[Any, list[int]] = {}
-        for i, b in enumerate(self.blocks):
-            if not b.t_s.size:
-                continue
-            even = b.t_s.size > 2 and np.ptp(b.n) == 0 and _off_grid_s(b.t_s) <= 1e-3 * SLOW_S
-            key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
-            stacks.setdefault(key, []).append(i)
-        out = []
-        for index in stacks.values():
-            first = self.blocks[index[0]]
-            out.append((index, np.stack([np.ascontiguousarray(matrices[i].T) for i in index]), first.t_s, first.n))
-        return out
-
-    def block(self, i: int) -> tuple[Array, Array]:
-        """``[y | fixed | run]`` of one run, shape [q, m], and the samples in each block [m]."""
-        for index, stack, _, n in self.stacks:
-            if i in index:
-                return stack[index.index(i)], n
-        return np.zeros((1 + len(self.layout.fixed) + len(self.layout.run), 0)), np.zeros(0)
-
-    def grams(self, noise: Noise) -> tuple[Array, Array]:
-        """Whitened normal equations of each run, shape [runs, q, q], and log-determinants [runs]."""
-        q = 1 + len(self.layout.fixed) + len(self.layout.run)
-        grams = np.zeros((len(self.blocks), q, q))
-        logdet = np.zeros(len(self.blocks))
-        for index, stack, t_s, n in self.stacks:
-            grams[index], logdet[index] = normal_equations(stack, t_s, n, noise)
-        return grams, logdet
-
-    @property
-    def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:
-        return np.array([b.scenario for b in self.blocks], dtype=np.intp)
-
-    @property
-    def n_blocks(self) -> np.ndarray[Any, np.dtype[np.intp]]:
-        return np.array([b.t_s.size for b in self.blocks], dtype=np.intp)
-
-    @cached_property
-    def column_rms(self) -> Array:
-        """Root mean square of each column [q] over all blocks: the natural scale of its coefficient."""
-        total = np.zeros(1 + len(self.layout.fixed) + len(self.layout.run))
-        for _, stack, _, _ in self.stacks:
-            total += (stack**2).sum(axis=(0, 2))
-        return np.sqrt(total / max(1, int(self.n_blocks.sum()))) + 1e-300
-
-
-@dataclass(frozen=True)
-class Spreads:
-    """Standard deviations of random coefficients: of each run group, and of each scenario-random column."""
-
-    run: Array
-    scenario: Array
-
-
-@dataclass(frozen=True)
-class Solution:
-    """What the Grams say under given spreads: REML log-likelihood, ``beta`` [p], its covariance [p, p], chi-square."""
-
-    loglik: float
-    beta: Array
-    cov: Array
-    chi2: float
-
-
-@dataclass(frozen=True)
-class _Integrated:
-    """Grams with random coefficients integrated out, and what is known of these: standardised, ``v = weights (y, -X)``.
-
-    ``inverse`` is the covariance of v given the rest; one of each for every Gram.
-    """
-
-    grams: Array
-    logdet: Array
-    weights: Array
-    inverse: Array
-
-
-def _integrate(gram: Array, index: Index, keep: Index, sd: Array) -> _Integrated:
-    """Integrate out coefficients ``~ N(0, sd^2)`` of columns ``index``; Grams of columns ``keep`` are left."""
-    b = sd[:, None] * gram[..., index, :][..., keep]
-    m = np.eye(index.size) + sd[:, None] * gram[..., index, :][..., index] * sd
-    chol = np.linalg.cholesky(m)
-    root = np.linalg.inv(chol)
-    half = root @ b
-    logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
-    transposed = root.swapaxes(-1, -2)
-    kept = gram[..., keep, :][..., keep] - half.swapaxes(-1, -2) @ half
-    return _Integrated(kept, logdet, transposed @ half, transposed @ root)
-
-
-def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
-    """Integrate out the random coefficients, solve for the shared ones."""
-    return _solve(layout, grams, logdet, scenarios, n, spreads)[0]
-
-
-def _solve(
-    layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads, slopes: bool = False
-) -> tuple[Solution, Array]:
-    """The solution; and, if asked for, the slopes of its log-likelihood in the logarithm of each spread, run's first.
-
-    By Fisher's identity the slope is the sum, over the coefficients that share a spread, of E[v^2 | y] - 1, v the coefficient
-    over its spread.
-    """
-    p = len(layout.fixed)
-    total_logdet = float(logdet.sum())
-    keep = np.arange(1 + p)
-    of_runs = of_scenarios = None
-    if layout.run:
-        of_runs = _integrate(grams, np.arange(1 + p, grams.shape[-1]), keep, spreads.run[list(layout.run_group)])
-        grams = of_runs.grams
-        total_logdet += float(of_runs.logdet.sum())
-    if layout.scenario:
-        member = (np.unique(scenarios)[:, None] == scenarios).astype(float)
-        summed = (member @ grams.reshape(grams.shape[0], -1)).reshape(-1, 1 + p, 1 + p)
-        of_scenarios = _integrate(summed, np.array(layout.scenario) + 1, keep, spreads.scenario)
-        grams = of_scenarios.grams
-        total_logdet += float(of_scenarios.logdet.sum())
-    total = grams.sum(axis=0)
-    none = np.zeros(spreads.run.size + spreads.scenario.size)
-    h, g = total[1:, 1:], total[1:, 0]
-    scale = np.sqrt(np.maximum(np.diag(h), 1e-300))
-    try:
-        chol = np.linalg.cholesky(h / np.outer(scale, scale))
-    except np.linalg.LinAlgError:
-        return Solution(-np.inf, np.full(p, np.nan), np.full((p, p), np.nan), np.nan), none
-    inverse_chol = np.linalg.inv(chol)
-    half = inverse_chol @ (g / scale)
-    cov = (inverse_chol.T @ inverse_chol) / np.outer(scale, scale)
-    beta = inverse_chol.T @ half / scale
-    chi2 = float(total[0, 0] - half @ half)
-    logdet_h = 2 * float(np.log(np.diag(chol)).sum() + np.log(scale).sum())
-    loglik = -0.5 * (total_logdet + logdet_h + chi2 + (n - p) * np.log(2 * np.pi))
-    solution = Solution(loglik, beta, cov, chi2)
-    if not slopes or none.size == 0:
-        return solution, none
-    center, spread = np.broadcast_to(beta, (1, p)), cov[None]
-    slope_scenario = np.zeros(spreads.scenario.size)
-    if of_scenarios is not None:
-        slope_scenario = _slopes(of_scenarios, center, spread).sum(axis=0)
-        pull = np.zeros((grams.shape[0], p, 1 + p))  # a power cycle's own coefficients: beta plus what is random of them
-        pull[:, layout.scenario] = spreads.scenario[:, None] * of_scenarios.weights
-        own = np.eye(p) - pull[:, :, 1:]
-        random = np.zeros((grams.shape[0], p, p))
-        rows = np.ix_(range(grams.shape[0]), layout.scenario, layout.scenario)
-        random[rows] = spreads.scenario[:, None] * of_scenarios.inverse * spreads.scenario
-        which = member.argmax(axis=0)
-        center = (own @ beta + pull[:, :, 0])[which]
-        spread = (own @ cov @ own.swapaxes(-1, -2) + random)[which]
-    slope_run = np.zeros(spreads.run.size)
-    if of_runs is not None:
-        np.add.at(slope_run, list(layout.run_group), _slopes(of_runs, center, spread).sum(axis=0))
-    return solution, np.concatenate([slope_run, slope_scenario])
-
-
-def _slopes(of: _Integrated, center: Array, spread: Array) -> Array:
-    """E[v^2 | y] - 1 for the coefficients that were integrated out, shape [grams, k]."""
-    b = of.weights[..., 1:]
-    v = of.weights[..., 0] - (b @ center[..., None])[..., 0]
-    variance = np.diagonal(of.inverse, axis1=-2, axis2=-1) + np.einsum("...ij,...jk,...ik->...i", b, spread, b)
-    return np.asarray(v**2 + variance - 1)
 
 
 @dataclass(frozen=True)
@@ -535,11 +229,6 @@ def profile_loglik(fitted: AxisFit) -> float:
     return fitted.loglik + 0.5 * float(chol) - 0.5 * fitted.solution.beta.size * float(np.log(2 * np.pi))
 
 
-def by_sample(blocks: Sequence[Blocks]) -> list[Blocks]:
-    """The same runs with each sample a block of its own: for what varies from sample to sample."""
-    return [b if b.run.rate_is_mean else reduce_run(b.run, b.scenario, 0.0) for b in blocks]
-
-
 def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:
     kind = term.effect
     if not term.values:
@@ -558,7 +247,7 @@ def _needs_choice(term: Term) -> bool:
 
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
     """Spreads for a design with more terms: the old ones; the new are not known yet."""
-    fresh = _unknown_spreads(design)
+    fresh = unknown_spreads(design)
     fresh.run[: old.spreads.run.size] = old.spreads.run
     return Spreads(
         fresh.run, old.spreads.scenario if old.spreads.scenario.size == fresh.scenario.size else fresh.scenario
@@ -570,22 +259,7 @@ def _reordered(current: AxisFit, order: dict[str, int]) -> AxisFit:
     if list(current.design.terms) == terms:
         return current
     design = current.design.changed(terms)
-    return fit_noise(design, start=with_noise(design, current.noise, _unknown_spreads(design)))
-
-
-def _random_rms(design: Design) -> tuple[Array, Array]:
-    rms = design.column_rms
-    p = len(design.layout.fixed)
-    run = np.array([
-        np.mean([rms[1 + p + j] for j, g in enumerate(design.layout.run_group) if g == group])
-        for group in range(design.layout.n_groups)
-    ])  # fmt: skip
-    return run, rms[np.array(design.layout.scenario, dtype=np.intp) + 1]
-
-
-def _unknown_spreads(design: Design) -> Spreads:
-    layout = design.layout
-    return Spreads(np.full(layout.n_groups, np.nan), np.full(len(layout.scenario), np.nan))
+    return fit_noise(design, start=with_noise(design, current.noise, unknown_spreads(design)))
 
 
 def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
@@ -595,96 +269,6 @@ def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
     spreads = fit_spreads(design, grams, logdet, design.scenarios, n, spreads)
     solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
     return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
-
-
-@dataclass(frozen=True)
-class _Scale:
-    """Spreads as coordinates of a search, ``log(1 + (sd / unit)^2)``: the variance where it is small, else its logarithm.
-
-    ``unit`` [k]: what one run (power cycle) by itself knows of its coefficient. A spread far below that is none, and there the
-    likelihood is straight in the variance, where in the logarithm it is flat and a search would be lost.
-    """
-
-    unit: Array
-    high: Array
-
-    @staticmethod
-    def of(design: Design, grams: Array) -> _Scale:
-        layout = design.layout
-        information = np.zeros(layout.n_groups + len(layout.scenario))
-        diagonal = np.diagonal(grams, axis1=-2, axis2=-1)
-        per_run = diagonal[:, 1 + len(layout.fixed) :].mean(axis=0)
-        for group in range(layout.n_groups):
-            information[group] = np.mean([per_run[j] for j, g in enumerate(layout.run_group) if g == group])
-        cycles = np.unique(design.scenarios).size
-        information[layout.n_groups :] = diagonal[:, np.array(layout.scenario, dtype=np.intp) + 1].sum(axis=0) / cycles
-        unit = np.where(information > 0, 1 / np.sqrt(np.maximum(information, 1e-300)), 0.0)
-        largest = np.where(unit > 0, _largest_dps(design) / np.concatenate(_random_rms(design)), 0.0)
-        return _Scale(unit, np.log1p((largest / np.maximum(unit, 1e-300)) ** 2))
-
-    def coordinates(self, sd: Array) -> Array:
-        """Of spreads [k]; what is not known yet (NaN) starts at its unit."""
-        given = np.where(np.isnan(sd), self.unit, sd)
-        ratio = np.divide(given, self.unit, out=np.zeros_like(given), where=self.unit > 0)
-        return np.clip(np.log1p(ratio**2), NO_SPREAD, np.maximum(self.high, NO_SPREAD))
-
-    def spreads(self, x: Array) -> Array:
-        return self.unit * np.sqrt(np.expm1(x))
-
-    def slopes(self, x: Array, of_log_sd: Array) -> Array:
-        """Slopes in the coordinates from those in log sd."""
-        return of_log_sd / (-2 * np.expm1(-x))
-
-    def settled(self, x: Array) -> Array:
-        """The spreads at the end of a search: a vanishing one is none."""
-        return np.where(x > 10 * NO_SPREAD, self.spreads(x), 0.0)
-
-    @property
-    def bounds(self) -> list[tuple[float, float]]:
-        return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
-
-
-def _maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]], n: int) -> Array:
-    """Where a log-likelihood, given with its slopes, is largest."""
-    from scipy.optimize import minimize
-
-    def cost(x: Array) -> tuple[float, Array]:
-        value, slope = loglik(x)
-        return (-value, -slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
-
-    found = minimize(
-        cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1)}
-    )
-    return np.asarray(found.x)
-
-
-def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
-    """REML of the spreads alone; those of ``start`` that are NaN are not known yet."""
-    k = start.run.size
-    if k + start.scenario.size == 0:
-        return start
-    scale = _Scale.of(design, grams)
-
-    def loglik(x: Array) -> tuple[float, Array]:
-        sd = scale.spreads(x)
-        solution, slopes = _solve(
-            design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:]), slopes=True
-        )  # fmt: skip
-        return solution.loglik, scale.slopes(x, slopes)
-
-    x = _maximise(loglik, scale.coordinates(np.concatenate([start.run, start.scenario])), scale.bounds, n)
-    sd = scale.settled(x)
-    return Spreads(sd[:k], sd[k:])
-
-
-def _off_grid_s(t_s: Array) -> float:
-    """How far times [n] stray from an even grid, s."""
-    return float(np.max(np.abs(t_s - np.linspace(t_s[0], t_s[-1], t_s.size))))
-
-
-def _largest_dps(design: Design) -> float:
-    """Ten times what the readings themselves stray: no random term is larger."""
-    return 10 * float(design.column_rms[0]) + 1e-3
 
 
 def white_start(design: Design) -> float:
@@ -723,7 +307,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     drift = _drifts(design)
     slow_s = max(SLOW_S, 5 * block_s)
     if start is None:
-        start = with_noise(design, _first_noise(design), _unknown_spreads(design))
+        start = with_noise(design, _first_noise(design), unknown_spreads(design))
     # a drift of this spread moves a mean over SLOW_S as white noise does
     unit = white0 / np.sqrt(SLOW_S / block_s * max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks])))))
     lows, highs = [np.log(white0) - 0.2], [np.log(white0) + 3.0]
@@ -731,28 +315,33 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     if drift:
         lows += [NO_SPREAD, np.log(slow_s)]
         highs += [np.log1p((150 * white0 / unit) ** 2), np.log(max(4 * slow_s, 5 * longest_s))]
-        x0 += [np.log1p((start.noise.ou_sd_dps / unit) ** 2), np.log(start.noise.ou_tau_s)]
-        x0[1] = max(x0[1], np.log(2.0))  # no drift in the poorer model may be one in the richer
+        size = start.noise.ou_sd_dps / unit * white0 / start.noise.white_sd_dps
+        x0 += [np.log1p(size**2), np.log(start.noise.ou_tau_s)]
+        x0[1] = max(x0[1], float(np.log(2.0)))  # no drift in the poorer model may be one in the richer
     m, k = len(x0), start.spreads.run.size
-    scale = _Scale.of(design, start.grams)
+    scale = SpreadScale.of(design, start.grams)
     cache: dict[bytes, tuple[Array, Array]] = {}
 
     def noise_at(x: Array) -> Noise:
-        white = float(np.exp(x[0]))
-        return Noise(white, unit * float(np.sqrt(np.expm1(x[1]))), float(np.exp(x[2]))) if drift else Noise(white)
+        times = float(np.exp(x[0])) / white0  # the drift's size is relative to the white level: one scale for all noise
+        if not drift:
+            return Noise(times * white0)
+        return Noise(times * white0, times * float(unit * np.sqrt(np.expm1(x[1]))), float(np.exp(x[2])))
 
     def grams_at(x: Array) -> tuple[Array, Array]:
-        key = x[:m].tobytes()
+        key = x[1:m].tobytes()
         if key not in cache:
             if len(cache) > 8:
                 cache.clear()
-            cache[key] = design.grams(noise_at(x))
-        return cache[key]
+            cache[key] = design.grams(noise_at(np.concatenate([[np.log(white0)], x[1:]])))
+        grams, logdet = cache[key]
+        log_times = float(x[0] - np.log(white0))
+        return grams * np.exp(-2 * log_times), logdet + 2 * log_times * design.n_blocks
 
     def loglik(x: Array) -> tuple[float, Array]:
         sd = scale.spreads(x[m:])
         spreads = Spreads(sd[:k], sd[k:])
-        solution, slopes = _solve(design.layout, *grams_at(x), design.scenarios, n, spreads, slopes=True)
+        solution, slopes = solve_with_slopes(design.layout, *grams_at(x), design.scenarios, n, spreads)
         of_noise = np.zeros(m)
         for j in range(m):
             step = np.zeros_like(x)
@@ -764,7 +353,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     begin = np.concatenate([
         np.clip(x0, lows, highs), scale.coordinates(np.concatenate([start.spreads.run, start.spreads.scenario]))
     ])  # fmt: skip
-    x = _maximise(loglik, begin, [*zip(lows, highs, strict=True), *scale.bounds], n)
+    x = maximise(loglik, begin, [*zip(lows, highs, strict=True), *scale.bounds], n)
     noise, sd = noise_at(x), scale.settled(x[m:])
     if drift and x[1] < 10 * NO_SPREAD:
         noise = replace(noise, ou_sd_dps=0.0)
@@ -859,7 +448,7 @@ def _each_run(current: AxisFit, design: Design) -> Array:
     p = len(layout.fixed)
     random = np.concatenate([np.arange(1 + p, grams.shape[-1]), np.array(layout.scenario, dtype=np.intp) + 1]).astype(np.intp)
     sd = np.concatenate([spreads.run[list(layout.run_group)], spreads.scenario])
-    integrated = _integrate(grams, random, np.arange(1 + p), sd)
+    integrated = integrate(grams, random, np.arange(1 + p), sd)
     residual = np.concatenate([[1.0], -current.solution.beta])
     chi2 = np.einsum("i,rij,j->r", residual, integrated.grams, residual)
     return np.asarray(-0.5 * (logdet + integrated.logdet + chi2))
@@ -949,7 +538,7 @@ def _spread_errors(current: AxisFit) -> tuple[Array, Array]:
     sd = np.concatenate([current.spreads.run, current.spreads.scenario])
     k = current.spreads.run.size
     everything = np.ones(len(current.design.blocks), dtype=bool)
-    unit = _Scale.of(current.design, current.grams).unit
+    unit = SpreadScale.of(current.design, current.grams).unit
 
     def loglik(j: int, value: float) -> float:
         trial = sd.copy()

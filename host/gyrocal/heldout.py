@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from gyrocal.blocks import Blocks, known_dps
-from gyrocal.fit import AxisFit, Design, Fit, Mask, Solution, Spreads, fit_spreads, solve
+from gyrocal.design import Design, Mask
+from gyrocal.fit import AxisFit, Fit
+from gyrocal.reml import Solution, Spreads, fit_spreads, solve
 from gyrocal.session import Array, Run
 
 TIME_BLOCKS = 5

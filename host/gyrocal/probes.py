@@ -13,9 +13,10 @@ from itertools import pairwise
 import numpy as np
 
 from gyrocal.blocks import BLOCK_S
+from gyrocal.design import SLOW_S
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.quantities import rate_slope_dps_s, rate_varies
-from gyrocal.fit import SLOW_S, AxisFit, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
+from gyrocal.fit import AxisFit, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
 from gyrocal.model import Term
 from gyrocal.noise import Noise
 from gyrocal.session import Array, Run, Session

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from gyrocal.blocks import Blocks, reduce_session
+from gyrocal.blocks import Blocks, by_sample, reduce_session
 from gyrocal.effects import base
-from gyrocal.fit import by_sample
 from gyrocal.model import BASE, RANDOM
 from gyrocal.session import AXES, Session
 

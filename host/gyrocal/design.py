@@ -1,0 +1,217 @@
+"""Block-mean regressors of one axis for a list of terms: what the fit solves.
+
+``y = X·beta + Z_run·u + Z_scenario·v + noise``: the columns of X, Z_run and Z_scenario come from the effects, reduced to
+block means run by run; a column that says nothing beside the others is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gyrocal.blocks import Blocks
+from gyrocal.model import Term
+from gyrocal.noise import Noise, normal_equations
+from gyrocal.session import Array
+
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
+
+UNIDENTIFIED = 1e-7
+"""A column with less of its (whitened, squared) norm left after the others cannot be told from them."""
+SLOW_S = 4.0
+"""Drift is slower than this: a bias wanders over many seconds. Anything faster is a signal for the tests of whiteness."""
+LEAST_SCENARIOS = 3
+"""Fewer power cycles say nothing of their spread."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which column belongs to which term: ``fixed`` and ``run`` hold (term index, column within the term)."""
+
+    fixed: tuple[tuple[int, int], ...]
+    run: tuple[tuple[int, int], ...]
+    run_group: tuple[int, ...]
+    scenario: tuple[int, ...]
+    """Fixed columns that also vary, at random, from scenario to scenario."""
+
+    @property
+    def n_groups(self) -> int:
+        return max(self.run_group, default=-1) + 1
+
+
+class Design:
+    """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run."""
+
+    def __init__(
+        self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], like: Design | None = None
+    ) -> None:  # fmt: skip
+        self.axis = axis
+        self.terms = tuple(terms)
+        self.blocks = [self._usable(b) for b in blocks]
+        runs = [b.run for b in blocks]
+        self.scopes = [term.effect.scope_in(runs) for term in terms]
+        self.means = [self._means(i, like) for i in range(len(self.blocks))]
+        self.layout, self.stacks = self._build()
+
+    def changed(self, terms: Sequence[Term]) -> Design:
+        """The same runs with other terms; what stays the same is not computed again."""
+        return Design(self.blocks, self.axis, terms, like=self)
+
+    def _means(self, i: int, like: Design | None) -> list[Array | None]:
+        """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
+        known = []
+        if like is not None and like.axis == self.axis and like.blocks[i] is self.blocks[i]:
+            known = [(t, m) for t, m in zip(like.terms, like.means[i], strict=True)]
+        out: list[Array | None] = []
+        for term in self.terms:
+            same = next((m for t, m in known if t == term and t.effect is term.effect and t.of_run is term.of_run), None)
+            if same is None and term.effect_id != "colored_noise":
+                columns = self._columns(term, self.blocks[i])
+                same = self.blocks[i].mean(columns) if columns.shape[1] else None
+            out.append(same)
+        return out
+
+    def _usable(self, b: Blocks) -> Blocks:
+        """The blocks of a run without samples that a fault of the reading has emptied of meaning."""
+        for term in self.terms:
+            fault = term.values and term.effect.at_reading(term.values)
+            usable = term.effect.usable(b.run, self.axis, term.values) if fault else None
+            if usable is not None and b.t_s.size:
+                whole = b.mean(usable[:, None].astype(float))[:, 0] == 1.0
+                b = b.select(whole) if not whole.all() else b
+        return b
+
+    def _build(self) -> tuple[Layout, list[tuple[list[int], Array, Array, Array]]]:
+        fixed: list[tuple[int, int]] = []
+        run: list[tuple[int, int]] = []
+        group: list[int] = []
+        n_groups = 0
+        random_ids = {t.effect_id for t in self.terms}
+        for i, term in enumerate(self.terms):
+            kind = term.effect
+            k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
+            scope = self.scopes[i]
+            if scope == "scenario" or kind.at_reading(term.values):
+                continue
+            if scope == "session" or kind.common_mean:
+                fixed += [(i, j) for j in range(k)]
+            if scope == "run" and k:
+                run += [(i, j) for j in range(k)]
+                group += [n_groups + g for g in kind.groups(term.values)]
+                n_groups = max(group) + 1
+        matrices = [self._matrix(i, fixed, run) for i in range(len(self.blocks))]
+        kept = self._identified(matrices, fixed)
+        fixed = [f for f, keep in zip(fixed, kept, strict=True) if keep]
+        columns = [0, *(1 + j for j, keep in enumerate(kept) if keep), *range(1 + kept.size, 1 + kept.size + len(run))]
+        matrices = [m[:, columns] for m in matrices]
+        scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect_id, random_ids)]
+        layout = Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario))
+        return layout, self._stack(matrices)
+
+    def _varies(self, effect_id: str, ids: set[str]) -> bool:
+        if "turn_on_bias" not in ids:
+            return False
+        return effect_id == "bias" or (effect_id == "scale" and self._scale_within_scenarios)
+
+    @cached_property
+    def _scale_within_scenarios(self) -> bool:
+        """Two or more scenarios that each hold two true rates: their scales can be told apart one by one."""
+        rates: dict[int, set[float]] = {}
+        for b in self.blocks:
+            on_axis = b.run.axis_index == self.axis
+            rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
+        return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
+
+    def _matrix(self, i: int, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
+        means = self.means[i]
+        columns = [self.blocks[i].y_dps[:, self.axis]]
+        for term, j in (*fixed, *run):
+            found = means[term]
+            assert found is not None
+            columns.append(found[:, j])
+        return np.column_stack(columns)
+
+    def sample_columns(self, b: Blocks) -> dict[int, Array]:
+        """Each term's columns at every sample of a run, by the term's index."""
+        return {
+            i: self._columns(term, b) for i, term in enumerate(self.terms) if term.effect_id != "colored_noise"
+        }
+
+    def _columns(self, term: Term, b: Blocks) -> Array:
+        return term.effect.columns(b.run, self.axis, term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0))
+
+    def _identified(self, matrices: Sequence[Array], fixed: Sequence[tuple[int, int]]) -> Mask:
+        """Keep a column only if something of it is left when the ones before it are taken out."""
+        p = len(fixed)
+        gram = sum(
+            m[:, 1 : 1 + p].T @ (m[:, 1 : 1 + p] * b.n[:, None]) for m, b in zip(matrices, self.blocks, strict=True)
+        )
+        gram = np.atleast_2d(np.asarray(gram))
+        keep = np.zeros(p, dtype=bool)
+        for j in range(p):
+            norm = gram[j, j]
+            if norm <= 0:
+                continue
+            rest = norm
+            if keep.any():
+                others = np.flatnonzero(keep)
+                solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, j], rcond=None)[0]
+                rest = norm - gram[others, j] @ solved
+            keep[j] = rest > UNIDENTIFIED * norm
+        return keep
+
+    def _stack(self, matrices: Sequence[Array]) -> list[tuple[list[int], Array, Array, Array]]:
+        """Runs that share their blocks' times are filtered side by side: (run indices, [r, q, m], t_s, n)."""
+        stacks: dict[Any, list[int]] = {}
+        for i, b in enumerate(self.blocks):
+            if not b.t_s.size:
+                continue
+            even = b.t_s.size > 2 and np.ptp(b.n) == 0 and _off_grid_s(b.t_s) <= 1e-3 * SLOW_S
+            key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
+            stacks.setdefault(key, []).append(i)
+        out = []
+        for index in stacks.values():
+            first = self.blocks[index[0]]
+            out.append((index, np.stack([np.ascontiguousarray(matrices[i].T) for i in index]), first.t_s, first.n))
+        return out
+
+    def block(self, i: int) -> tuple[Array, Array]:
+        """``[y | fixed | run]`` of one run, shape [q, m], and the samples in each block [m]."""
+        for index, stack, _, n in self.stacks:
+            if i in index:
+                return stack[index.index(i)], n
+        return np.zeros((1 + len(self.layout.fixed) + len(self.layout.run), 0)), np.zeros(0)
+
+    def grams(self, noise: Noise) -> tuple[Array, Array]:
+        """Whitened normal equations of each run, shape [runs, q, q], and log-determinants [runs]."""
+        q = 1 + len(self.layout.fixed) + len(self.layout.run)
+        grams = np.zeros((len(self.blocks), q, q))
+        logdet = np.zeros(len(self.blocks))
+        for index, stack, t_s, n in self.stacks:
+            grams[index], logdet[index] = normal_equations(stack, t_s, n, noise)
+        return grams, logdet
+
+    @property
+    def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:
+        return np.array([b.scenario for b in self.blocks], dtype=np.intp)
+
+    @property
+    def n_blocks(self) -> np.ndarray[Any, np.dtype[np.intp]]:
+        return np.array([b.t_s.size for b in self.blocks], dtype=np.intp)
+
+    @cached_property
+    def column_rms(self) -> Array:
+        """Root mean square of each column [q] over all blocks: the natural scale of its coefficient."""
+        total = np.zeros(1 + len(self.layout.fixed) + len(self.layout.run))
+        for _, stack, _, _ in self.stacks:
+            total += (stack**2).sum(axis=(0, 2))
+        return np.sqrt(total / max(1, int(self.n_blocks.sum()))) + 1e-300
+
+
+def _off_grid_s(t_s: Array) -> float:
+    """How far times [n] stray from an even grid, s."""
+    return float(np.max(np.abs(t_s - np.linspace(t_s[0], t_s[-1], t_s.size))))
