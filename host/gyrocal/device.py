@@ -100,6 +100,7 @@ def _counts(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 def sim_command(
     rows: Path,
     *,
+    imu: int = 0,
     speed: str = "max",
     stream: str = "raw",
     fault: str | None = None,
@@ -109,13 +110,13 @@ def sim_command(
 ) -> list[str]:
     """The simulator's command line; compiles it if need be.
 
-    ``fifo``: samples that the device takes at once out of the sensor's FIFO, 0 = none. ``include_dir``: other calibration.h
-    and weights.h.
+    ``imu``: the sensor's number on its board. ``fifo``: samples that the device takes at once out of the sensor's FIFO,
+    0 = none. ``include_dir``: other calibration.h and weights.h.
     """
     from gyrocal import core
 
     binary = core.build_sim() if include_dir is None else core.build_sim(include_dir)
-    command = [str(binary), str(rows), "--speed", speed, "--stream", stream, "--fifo", str(fifo)]
+    command = [str(binary), str(rows), "--imu", str(imu), "--speed", speed, "--stream", stream, "--fifo", str(fifo)]
     if fault is not None:
         known = [line.split("\t")[0] for line in faults().splitlines()]
         if fault not in known:
@@ -144,9 +145,7 @@ def replay(
     reader = Reader()
     sentences = reader.feed(done.stdout)
     if reader.bad or reader.lost or reader.overlong:
-        raise DeviceError(
-            f"simulated device: {reader.bad} bad, {reader.lost} lost, {reader.overlong} overlong sentences"
-        )
+        raise DeviceError(f"simulated device: {reader.bad} bad, {reader.lost} lost, {reader.overlong} overlong sentences")
     return sentences
 
 
@@ -309,49 +308,82 @@ class TcpOutlet:
 
 
 def serve(
-    command: Sequence[str],
+    commands: Sequence[Sequence[str]],
     outlet: Outlet,
     *,
     wait_for_reader: bool,
     stopped: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Carry bytes between the simulator and whoever opens the outlet, until the simulator ends and all of it is read.
+    """Carry bytes between the simulators and whoever opens the outlet, until they end and all of it is read.
 
-    The simulator starts with the first reader. With ``wait_for_reader`` it waits while nobody reads; without, it runs
-    on in its own time, and what is said while nobody listens is gone, as on a wire.
+    There is one a sensor of the board; commands go to all, sentences come whole. They start with the first reader. With
+    ``wait_for_reader`` they wait while nobody reads; without, they run on in their own time, and what is said while nobody
+    listens is gone, as on a wire.
 
     Raises:
-        DeviceError: the simulator failed.
+        DeviceError: a simulator failed.
     """
     while not outlet.connected():
         if stopped():
             return
         time.sleep(WAIT_S)
-    from_sim, to_host = _pipe(short=wait_for_reader)
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=to_host, stderr=subprocess.PIPE)
-    os.close(to_host)
-    assert process.stdin is not None
-    assert process.stderr is not None
-    try:
-        _carry(process.stdin.fileno(), from_sim, outlet, wait_for_reader, stopped)
+    with contextlib.ExitStack() as stack:
+        sims = [stack.enter_context(_Sim(command, short=wait_for_reader)) for command in commands]
+        _carry(sims, outlet, wait_for_reader, stopped)
         if stopped():
             return
-        _check_exit(process.wait(), process.stderr.read())
+        for sim in sims:
+            sim.check_exit()
         _drain(outlet, stopped)
-    finally:
-        process.kill()
-        process.wait()
-        os.close(from_sim)
-        for pipe in (process.stdin, process.stderr):
-            with contextlib.suppress(OSError):
-                pipe.close()
 
 
-def _carry(to_sim: int, from_sim: int, outlet: Outlet, wait_for_reader: bool, stopped: Callable[[], bool]) -> None:
+class _Sim:
+    """A running simulator, for a ``with`` block. ``fd`` is what to wait for."""
+
+    def __init__(self, command: Sequence[str], *, short: bool) -> None:
+        self.ended = False
+        self._rest = b""
+        self.fd, to_host = _pipe(short=short)
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=to_host, stderr=pipe, bufsize=0)
+        os.close(to_host)
+
+    def __enter__(self) -> _Sim:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        os.close(self.fd)
+        for end in (self._process.stdin, self._process.stderr):
+            if end is not None:
+                end.close()
+
+    def read(self) -> bytes:
+        """The lines that have come whole, and at its end whatever is left."""
+        data = os.read(self.fd, CARRY)
+        self.ended = not data
+        lines, newline, self._rest = (self._rest + data).rpartition(b"\n")
+        return self._rest if self.ended else lines + newline
+
+    def write(self, data: bytes) -> None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            while data:
+                data = data[os.write(self._process.stdin.fileno(), data) :]
+
+    def check_exit(self) -> None:
+        assert self._process.stderr is not None
+        _check_exit(self._process.wait(), self._process.stderr.read())
+
+
+def _carry(sims: Sequence[_Sim], outlet: Outlet, wait_for_reader: bool, stopped: Callable[[], bool]) -> None:
     pending = b""
-    was_there = ended = False
-    _write_all(to_sim, b"hello\n")  # its first hello comes before its settings
-    while not (ended and not pending) and not stopped():
+    was_there = False
+    going = list(sims)
+    for sim in sims:
+        sim.write(b"hello\n")  # its first hello comes before its settings
+    while (going or pending) and not stopped():
         there = outlet.connected()
         if there and not was_there:
             pending = f"# {REPLAY_NOTE}\n".encode() + pending
@@ -359,17 +391,20 @@ def _carry(to_sim: int, from_sim: int, outlet: Outlet, wait_for_reader: bool, st
             pending = b""
         was_there = there
         poll = select.poll()
-        if not pending and not ended:
-            poll.register(from_sim, select.POLLIN)
+        for sim in [] if pending else going:
+            poll.register(sim.fd, select.POLLIN)
         if there:
             poll.register(outlet.fd(), select.POLLIN | (select.POLLOUT if pending else 0))
         poll.poll(1000 * WAIT_S)
         if there:
-            _write_all(to_sim, outlet.read())
+            said = outlet.read()
+            for sim in sims:
+                sim.write(said)
             pending = pending[outlet.write(pending) :] if pending else b""
-        if not pending and not ended and select.select([from_sim], [], [], 0)[0]:
-            pending = os.read(from_sim, CARRY)
-            ended = not pending
+        if not pending:
+            ready = select.select([sim.fd for sim in going], [], [], 0)[0]
+            pending = b"".join(sim.read() for sim in going if sim.fd in ready)
+            going = [sim for sim in going if not sim.ended]
 
 
 def _pipe(*, short: bool) -> tuple[int, int]:
@@ -381,12 +416,6 @@ def _pipe(*, short: bool) -> tuple[int, int]:
         with contextlib.suppress(AttributeError, OSError):  # Linux alone can
             fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, CARRY)
     return reading, writing
-
-
-def _write_all(fd: int, data: bytes) -> None:
-    with contextlib.suppress(BrokenPipeError):
-        while data:
-            data = data[os.write(fd, data) :]
 
 
 def _drain(outlet: Outlet, stopped: Callable[[], bool]) -> None:
@@ -410,7 +439,7 @@ class SimulatedDevice:
     """The simulated device at a virtual port, for a ``with`` block; ``port`` is what to open.
 
     Args:
-        session: the session to replay, open or by its folder.
+        session: the session to replay, open or by its folder; several: one a sensor of the board.
         speed: ``max``, or how many times faster than real time.
         fifo: samples that the device takes at once out of the sensor's FIFO, 0 = none.
         include_dir: other calibration.h and weights.h than the shipped ones.
@@ -420,7 +449,7 @@ class SimulatedDevice:
 
     def __init__(
         self,
-        session: Session | str | Path,
+        session: Session | str | Path | Sequence[Session],
         speed: str | float = "max",
         include_dir: Path | None = None,
         *,
@@ -435,11 +464,15 @@ class SimulatedDevice:
         self._stopped = threading.Event()
         self._error: GyrocalError | None = None
         with contextlib.ExitStack() as stack:
-            rows = stack.enter_context(_rows_file(session))
             text = check_speed(speed)
-            self._command = sim_command(
-                rows, speed=text, stream=stream, fault=fault, fifo=fifo, hold=hold, include_dir=include_dir
-            )
+            sensors = [session] if isinstance(session, Session | str | Path) else session
+            self._commands = [
+                sim_command(
+                    stack.enter_context(_rows_file(one)), imu=imu, speed=text, stream=stream, fault=fault, fifo=fifo,
+                    hold=hold, include_dir=include_dir,
+                )
+                for imu, one in enumerate(sensors)
+            ]  # fmt: skip
             self._outlet = make_outlet(tcp, symlink)
             stack.callback(self._outlet.close)
             self._wait_for_reader = text == "max" or float(text) > 1.0
@@ -464,7 +497,7 @@ class SimulatedDevice:
 
     def _run(self) -> None:
         try:
-            serve(self._command, self._outlet, wait_for_reader=self._wait_for_reader, stopped=self._stopped.is_set)
+            serve(self._commands, self._outlet, wait_for_reader=self._wait_for_reader, stopped=self._stopped.is_set)
         except GyrocalError as error:
             self._error = error
         finally:
@@ -495,7 +528,5 @@ def check_speed(speed: str | float) -> str:
             if not 0.0 < float(text) < float("inf"):
                 raise ValueError
         except ValueError:
-            raise InputError(
-                f"--speed {text}: want max, or how many times faster than real time (1 = real time)"
-            ) from None
+            raise InputError(f"--speed {text}: want max, or how many times faster than real time (1 = real time)") from None
     return text

@@ -7,6 +7,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,19 +38,44 @@ def misfits(result: Event) -> bool:
     return isinstance(misfit, int | float) and misfit > misfit_limit(seconds if isinstance(seconds, int | float) else 6.0)
 
 
+@dataclass
+class Sensor:
+    """What one sensor of the board has said: state, settings, latest sample, results."""
+
+    state: str = "?"
+    face: str = ""
+    missed: int = 0
+    hello: dict[str, str] = field(default_factory=dict)
+    samples: int = 0
+    latest: Event | None = None
+    results: dict[tuple[Any, ...], Event] = field(default_factory=dict)
+    _arrivals: deque[tuple[float, int]] = field(default_factory=deque, repr=False)
+
+    def take(self, samples: list[Event]) -> None:
+        self.samples += len(samples)
+        self.latest = samples[-1]
+        self._arrivals.append((time.monotonic(), len(samples)))
+
+    def rate_hz(self) -> float:
+        """Samples a second over the last two seconds of this machine's time."""
+        now = time.monotonic()
+        while self._arrivals and now - self._arrivals[0][0] > RATE_OVER_S:
+            self._arrivals.popleft()
+        if not self._arrivals:
+            return 0.0
+        return sum(n for _, n in self._arrivals) / max(now - self._arrivals[0][0], 0.1)
+
+
 class Monitor:
-    """Listens to a device and keeps what a person wants to see of it; :meth:`screen` draws it."""
+    """Listens to a device and keeps what a person wants to see of it; :meth:`screen` draws it.
+
+    ``sensors`` are those of the board that have spoken, by their number.
+    """
 
     def __init__(self, link: Link) -> None:
         self.link = link
-        self.state, self.face = "?", ""
-        self.missed = 0
-        self.hello: dict[str, str] = {}
-        self.samples = 0
-        self.latest: Event | None = None
-        self.results: dict[tuple[Any, ...], dict[str, Any]] = {}
+        self.sensors: dict[int, Sensor] = {}
         self.errors: deque[str] = deque(maxlen=4)
-        self._arrivals: deque[tuple[float, int]] = deque()
 
     def run(self, heard: Callable[[list[Event]], None], seconds: float | None = None) -> None:
         """Listen until the device ends or ``seconds`` are over.
@@ -84,15 +110,6 @@ class Monitor:
         r = self.link.reader
         return {"good": r.good, "lost": r.lost, "bad": r.bad + r.overlong, "restarts": r.restarts}
 
-    def rate_hz(self) -> float:
-        """Samples a second over the last two seconds of this machine's time."""
-        now = time.monotonic()
-        while self._arrivals and now - self._arrivals[0][0] > RATE_OVER_S:
-            self._arrivals.popleft()
-        if not self._arrivals:
-            return 0.0
-        return sum(n for _, n in self._arrivals) / max(now - self._arrivals[0][0], 0.1)
-
     def _ask(self) -> None:
         self.link.send("stream raw")
         self.link.send("status")
@@ -117,44 +134,46 @@ class Monitor:
         if not sentences:
             return []
         table = raw_table(sentences)
-        values = table.counts * self._unit("lsb_dps", "lsb_dps", "lsb_dps", "lsb_g", "lsb_g", "lsb_g", "lsb_c")
-        values[:, 6] += self._unit("zero_c")
+        values = table.counts
+        for imu in set(table.imu.tolist()):
+            mine, sensor = table.imu == imu, self._sensor(imu)
+            values[mine] *= _unit(sensor, "lsb_dps", "lsb_dps", "lsb_dps", "lsb_g", "lsb_g", "lsb_g", "lsb_c")
+            values[mine, 6] += _unit(sensor, "zero_c")
         events: list[Event] = []
         for sentence, n, row in zip(sentences, table.number.tolist(), values.tolist(), strict=True):
             named = {name: None if v != v else round(v, 9) for name, v in zip(SAMPLE_UNITS, row, strict=True)}
             events.append({"event": "sample", "t_us": sentence.t_us, "imu": sentence.imu, "n": n, **named})
-        self.samples += len(events)
-        self.latest = events[-1]
-        self._arrivals.append((time.monotonic(), len(events)))
+        for imu in set(table.imu.tolist()):
+            self.sensors[imu].take([e for e in events if e["imu"] == imu])
         return events
 
-    def _unit(self, *names: str) -> np.ndarray[Any, Any]:
-        """What the device says of its counts; NaN before it has."""
-        found = [parse_real(self.hello.get(name, "")) for name in names]
-        return np.array([np.nan if value is None else value for value in found])
+    def _sensor(self, imu: int) -> Sensor:
+        return self.sensors.setdefault(imu, Sensor())
 
     def _other(self, sentence: Sentence) -> Event:
         kind, fields = EVENTS[sentence.tag], sentence.fields
+        sensor = self._sensor(sentence.imu)
         values = {name: parse_value(text) for name, text in fields.items() if name != "state"}
         if "state" in fields:
             values["state"] = fields["state"]
         if kind == "hello":
-            self.hello = fields
+            sensor.hello = fields
             if not self.link.answered:  # it has just started: its settings may still be on their way
                 self._tell("hello")
         elif kind == "state":
-            self.state, self.face = fields.get("state", "?"), fields.get("face", "")
+            sensor.state, sensor.face = fields.get("state", "?"), fields.get("face", "")
             missed = parse_real(fields.get("missed", ""))
-            self.missed = self.missed if missed is None else int(missed)
+            sensor.missed = sensor.missed if missed is None else int(missed)
         elif kind == "run":
-            self.face = fields.get("face", "")
-            self.state = "recording" if fields.get("state") == "start" else "idle"
-            if self.state == "idle":
+            sensor.face = fields.get("face", "")
+            sensor.state = "recording" if fields.get("state") == "start" else "idle"
+            if sensor.state == "idle":
                 self._tell("status")  # it may be waiting for a flip, or be done
         elif kind == "result":
-            self.results[sentence.imu, values.get("axis"), values.get("method"), values.get("seconds")] = values
+            sensor.results[values.get("axis"), values.get("method"), values.get("seconds")] = values
         elif kind == "error":
-            self.errors.append(describe_error(sentence))
+            which = f"sensor {sentence.imu}: " if len(self.sensors) > 1 else ""
+            self.errors.append(which + describe_error(sentence))
         return {"event": kind, "t_us": sentence.t_us, "imu": sentence.imu, **values}
 
     def screen(self) -> RenderableType:
@@ -163,55 +182,69 @@ class Monitor:
         from rich.text import Text
 
         counts = self.counts()
-        loss = Text(f"{counts['lost']} lost, {counts['bad']} bad, {self.missed} missed, {counts['restarts']} restarts")
-        loss.stylize("bold red" if counts["lost"] or counts["bad"] or self.missed else "dim")
-        hello = self.hello
+        missed = sum(sensor.missed for sensor in self.sensors.values())
+        loss = Text(f"{counts['lost']} lost, {counts['bad']} bad, {missed} missed, {counts['restarts']} restarts")
+        loss.stylize("bold red" if counts["lost"] or counts["bad"] or missed else "dim")
         head = Text.assemble(
-            (self.link.name, "bold"),
-            f"  {hello.get('sensor', '?')}, firmware {hello.get('fw', '?')}, {hello.get('rate_hz', '?')} Hz, "
-            f"+-{hello.get('full_scale_dps', '?')} deg/s",
-            "" if self.link.connected else ("  disconnected, trying again", "bold red"),
+            (self.link.name, "bold"), "" if self.link.connected else ("  disconnected, trying again", "bold red"), "   ", loss
         )
-        state = Text.assemble(
-            ("● ", "red" if self.state == "recording" else "dim"),
-            (f"{self.state} {self.face}", "bold"),
-            f"  {self.samples} samples, {self.rate_hz():.0f} a second   ",
-            loss,
-        )
+        parts = [part for imu in sorted(self.sensors) for part in self._sensor_lines(imu)]
         errors = [Text(error, style="red") for error in self.errors]
-        return Group(head, state, self._sample_line(), self._result_table(), *errors)
+        return Group(head, *parts, *errors)
 
-    def _sample_line(self) -> RenderableType:
-        from rich.table import Table
-
-        table = Table(box=None, padding=(0, 2), header_style="dim")
-        cells = []
-        for name in SAMPLE_UNITS:
-            quantity, unit = name.rsplit("_", 1)
-            table.add_column(f"{quantity} {UNIT_WORDS[unit]}", justify="right", min_width=10)
-            value = None if self.latest is None else self.latest[name]
-            cells.append("" if value is None else f"{value:.3f}")
-        table.add_row(*cells)
-        return table
-
-    def _result_table(self) -> RenderableType:
-        from rich.table import Table
+    def _sensor_lines(self, imu: int) -> list[RenderableType]:
         from rich.text import Text
 
-        table = Table(box=None, padding=(0, 2), header_style="dim")
-        for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
-            table.add_column(name, justify="left" if name in ("axis", "method") else "right")
-        for values in self.results.values():
-            table.add_row(
-                str(values.get("axis", "")),
-                str(values.get("method", "")),
-                _number(values.get("seconds"), "g"),
-                _with_error(values.get("scale"), values.get("scale_se"), 100.0),
-                _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
-                _number(values.get("temp_c"), ".1f"),
-                Text(_number(values.get("misfit"), ".2f"), style="bold red" if misfits(values) else ""),
-            )
-        return table
+        sensor = self.sensors[imu]
+        hello = sensor.hello
+        state = Text.assemble(
+            ("● ", "red" if sensor.state == "recording" else "dim"),
+            f"sensor {imu} " if len(self.sensors) > 1 else "",
+            (f"{sensor.state} {sensor.face}", "bold"),
+            f"  {hello.get('sensor', '?')}, firmware {hello.get('fw', '?')}, {hello.get('rate_hz', '?')} Hz, "
+            f"+-{hello.get('full_scale_dps', '?')} deg/s, {sensor.samples} samples, {sensor.rate_hz():.0f} a second",
+        )
+        return [state, _sample_line(sensor), _result_table(sensor)]
+
+
+def _unit(sensor: Sensor, *names: str) -> np.ndarray[Any, Any]:
+    """What the sensor says of its counts; NaN before it has."""
+    found = [parse_real(sensor.hello.get(name, "")) for name in names]
+    return np.array([np.nan if value is None else value for value in found])
+
+
+def _sample_line(sensor: Sensor) -> RenderableType:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2), header_style="dim")
+    cells = []
+    for name in SAMPLE_UNITS:
+        quantity, unit = name.rsplit("_", 1)
+        table.add_column(f"{quantity} {UNIT_WORDS[unit]}", justify="right", min_width=10)
+        value = None if sensor.latest is None else sensor.latest[name]
+        cells.append("" if value is None else f"{value:.3f}")
+    table.add_row(*cells)
+    return table
+
+
+def _result_table(sensor: Sensor) -> RenderableType:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2), header_style="dim")
+    for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
+        table.add_column(name, justify="left" if name in ("axis", "method") else "right")
+    for values in sensor.results.values():
+        table.add_row(
+            str(values.get("axis", "")),
+            str(values.get("method", "")),
+            _number(values.get("seconds"), "g"),
+            _with_error(values.get("scale"), values.get("scale_se"), 100.0),
+            _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
+            _number(values.get("temp_c"), ".1f"),
+            Text(_number(values.get("misfit"), ".2f"), style="bold red" if misfits(values) else ""),
+        )
+    return table
 
 
 UNIT_WORDS = {"dps": "deg/s", "g": "g", "c": "degC"}

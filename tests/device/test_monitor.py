@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from gyrocal.monitor import Event, Monitor
 from gyrocal.port import Link
 from gyrocal.session import Session
 
+from .conftest import make_session
 from .fake import FakeDevice
 
 
@@ -76,3 +78,21 @@ def test_unplugging_heals_where_asked() -> None:
         assert fake.connections == 2
         assert fake.commands == ["hello", "stream raw", "status"] * 2
     assert [e["event"] for e in seen].count("hello") == 2
+
+
+def test_each_sensor_of_a_board_has_its_own(require_tool: Callable[[str], str]) -> None:
+    require_tool("cc")
+    parts = [make_session(7.0, scenarios=1, seed=seed) for seed in (5, 6)]
+    samples: list[Event] = []
+    with device.SimulatedDevice(parts) as simulated, Link(simulated.port) as link:
+        monitor = Monitor(link)
+        monitor.run(lambda events: samples.extend(e for e in events if e["event"] == "sample"))
+        assert (link.reader.lost, link.reader.bad) == (0, 0)
+    assert sorted(monitor.sensors) == [0, 1]
+    for imu, part in enumerate(parts):
+        mine = [[e[f"g{a}_dps"] for a in "xyz"] for e in samples if e["imu"] == imu]
+        assert np.allclose(mine, np.concatenate([run.gyro_dps for run in part.runs]), atol=1e-8)
+        sensor = monitor.sensors[imu]
+        assert (sensor.samples, sensor.face, sensor.hello["sensor"]) == (len(mine), "down", "LSM6DSO")
+        alone = [s.real("scale") for s in device.replay(part) if s.tag == "CAL" and s.fields["method"] == "baseline"]
+        assert [sensor.results["z", "baseline", seconds]["scale"] for seconds in (2, 4, 6)] == alone

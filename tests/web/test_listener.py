@@ -44,7 +44,7 @@ def test_both_faces_are_recorded_while_one_watches(tmp_path: Path) -> None:
         live = Live(lambda: None)
         live.connect(fake.port)
         try:
-            await until(lambda: live.connected and live.status["hello"])
+            await until(lambda: live.connected and live.sensor(0).get("hello"))
             for face in ("up", "down"):
                 live.record(tmp_path / "out", Wanted(face, 0.5, table_rate_dps=78.0), "s000")
                 await until(lambda face=face: any(r["face"] == face for r in recording(live).get("done", [])))
@@ -75,7 +75,7 @@ def test_a_cable_pulled_keeps_what_came_and_heals(tmp_path: Path) -> None:
         live = Live(lambda: None)
         live.connect(fake.port)
         try:
-            await until(lambda: live.connected and live.status["hello"])
+            await until(lambda: live.connected and live.sensor(0).get("hello"))
             wanted = Wanted("up", 0.5, table_rate_dps=78.0)
             live.record(tmp_path / "first", wanted, "s000")
             await until(lambda: recording(live).get("error"))
@@ -97,7 +97,7 @@ def test_stop_ends_a_recording_early(tmp_path: Path) -> None:
         live = Live(lambda: None)
         live.connect(fake.port)
         try:
-            await until(lambda: live.connected and live.status["hello"])
+            await until(lambda: live.connected and live.sensor(0).get("hello"))
             live.record(tmp_path / "out", Wanted("up", 60.0, table_rate_dps=78.0), "s000")
             await until(lambda: (recording(live).get("run") or {}).get("samples", 0) >= 20)
             live.stop()

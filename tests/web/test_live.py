@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.device import SimulatedDevice
+from gyrocal.device import SimulatedDevice, replay
 from gyrocal.session import Session
 from gyrocal.simulate import simulate
 
@@ -81,6 +81,27 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     page.get_by_role("button", name="Live").click()
     page.get_by_role("button", name="Disconnect").click()
     page.get_by_role("button", name="Connect", exact=True).wait_for()
+
+
+def test_each_sensor_of_a_board_has_its_own(
+    serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path, require_tool: Callable[[str], str]
+) -> None:
+    require_tool("cc")
+    parts = [simulate(None, "paper", [], seed, scenarios=1, seconds=12)[0] for seed in (7, 8)]
+    with SimulatedDevice(parts, 2.0, symlink=tmp_path / "board") as device:
+        page = look(f"{serve(tmp_path, '--port', device.port).url}live")
+        board, first = page.locator("[aria-label='sensors of the board']"), re.compile("sensor 0: ")
+        board.get_by_role("button", name=first, pressed=True).wait_for()
+        board.get_by_role("button", name=re.compile("sensor 1: recording up")).click()
+        board.get_by_role("button", name=re.compile("sensor 1: "), pressed=True).wait_for()
+        page.get_by_role("button", name="Record", exact=True).click()
+        page.get_by_text("Unplugged: waiting for it to come back").wait_for()
+        shown = [row.split("\t") for row in page.locator("[aria-label=results] tbody tr").all_inner_texts()]
+    said = [s for s in replay(parts[1]) if s.tag == "CAL" and s.fields["method"] == "baseline"]
+    assert [row[3] for row in shown if row[1] == "baseline"] == [f"{100 * (s.real('scale') or 0):.4f}" for s in said]
+    recorded = Session.open(tmp_path / "recorded")
+    theirs = [np.abs(recorded.runs[-1].gyro_dps[-100:] - part.runs[-1].gyro_dps[-100:]).max() for part in parts]
+    assert theirs[1] < 0.00876 < theirs[0]
 
 
 def test_a_port_that_is_none(served: Any, look: Callable[..., Any], tmp_path: Path) -> None:

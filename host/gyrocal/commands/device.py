@@ -15,6 +15,9 @@ def run(
         typer.Option("--effect", metavar="ID[:name=value,...]", help="Plant an effect in the simulated scenario."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the simulated scenario.")] = 0,
+    sensors: Annotated[
+        int, typer.Option(min=1, max=4, help="On the board, each with its own simulated scenario or the same session.")
+    ] = 1,
     speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
     stream: Annotated[str, typer.Option(help="raw or off: what it sends until told otherwise.")] = "raw",
     fault: Annotated[str | None, typer.Option(help="Make the sensor misbehave; `list` names the faults.")] = None,
@@ -35,6 +38,7 @@ def run(
 
     from gyrocal import device
     from gyrocal.errors import InputError
+    from gyrocal.session import Session
 
     if fault == "list":
         print(device.faults(), end="")
@@ -43,7 +47,10 @@ def run(
         raise InputError("--effect is for a simulated scenario; it does not go with --session")
     if stream not in ("raw", "off"):
         raise InputError(f"--stream {stream}: want raw or off")
-    source = session if session is not None else device.simulated_scenario(effects or (), seed)
+    if session is not None:
+        source = [Session.open(session)] * sensors
+    else:
+        source = [device.simulated_scenario(effects or (), seed + k) for k in range(sensors)]
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)

@@ -46,7 +46,7 @@ class Pyramid:
             i += 1
 
     def window(self, channel: int, start: int, stop: int, stretches: int) -> tuple[Array, Array]:
-        """Rows ``start:stop`` of a channel as (row, value), at most two a stretch: its minimum, then its maximum.
+        """Rows ``start:stop`` of a channel as (row, value), at most two a stretch: its minimum and maximum.
 
         Few enough rows come as they are. A stretch's bounds are those of the level read: off by 6 % of a stretch at most.
         """
@@ -63,7 +63,15 @@ class Pyramid:
         minima = np.fmin.reduceat(low[channel, first:last], inside)
         maxima = np.fmax.reduceat(high[channel, first:last], inside)
         rows = np.clip((edges[:-1] + edges[1:]) / 2 * size, start, stop - 1)
-        return np.repeat(rows, 2), np.column_stack([minima, maxima]).ravel().astype(float)
+        return np.repeat(rows, 2), zigzag(minima, maxima).astype(float)
+
+
+def zigzag(low: Array, high: Array, first: int = 0) -> Array:
+    """Minima and maxima [n] of stretches as one curve [2 n]: up in those of even number, the first one's being ``first``."""
+    pairs = np.column_stack([low, high])
+    odd = slice(1 - first % 2, None, 2)
+    pairs[odd] = pairs[odd, ::-1]
+    return pairs.ravel()
 
 
 def binned(x: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
@@ -89,5 +97,4 @@ def thinned(x: Array, y: Array, stretches: int) -> tuple[Array, Array]:
     if x.size <= 2 * stretches:
         return x, y
     edges = np.unique(np.linspace(0, x.size, stretches + 1).astype(np.intp))[:-1]
-    pairs = np.column_stack([np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges)])
-    return np.repeat(x[edges], 2), pairs.ravel()
+    return np.repeat(x[edges], 2), zigzag(np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.errors import DeviceError, GyrocalError
-from gyrocal.monitor import SAMPLE_UNITS, Monitor
+from gyrocal.monitor import SAMPLE_UNITS, Monitor, Sensor
 from gyrocal.port import POLL_S, REPLAY_NOTE, Link, Port, PortGone, open_port
 from gyrocal.record import Recorded, Recorder, Wanted
 
@@ -39,6 +39,7 @@ class Recording:
     """What a recording has come to."""
 
     folder: str
+    imu: int
     going: bool = True
     run: dict[str, Any] | None = None
     done: list[dict[str, Any]] = field(default_factory=list)
@@ -148,9 +149,8 @@ class Listener:
             return {"connected": False, "problem": self._problem}
         return {
             "connected": link.connected and not self._problem, "problem": self._problem, "replays": link.replays,
-            "state": monitor.state, "face": monitor.face, "hello": monitor.hello, "rate_hz": monitor.rate_hz(),
-            "samples": monitor.samples, "errors": list(monitor.errors), **monitor.counts(),
-            "results": list(monitor.results.values()),
+            "sensors": {imu: _sensor_status(monitor.sensors[imu]) for imu in sorted(monitor.sensors)},
+            "errors": list(monitor.errors), **monitor.counts(),
             "recording": None if self._recording is None else asdict(self._recording),
         }  # fmt: skip
 
@@ -176,11 +176,11 @@ class Listener:
                 time.sleep(2 * POLL_S)
             signal.raise_signal(signal.SIGTERM)
 
-    def _record(self, out: str, wanted: Wanted | None, scenario: str) -> None:
+    def _record(self, out: str, wanted: Wanted | None, scenario: str, imu: int) -> None:
         link = self._link
         if link is None or (self._recording is not None and self._recording.going):
             return
-        self._recording = recording = Recording(out)
+        self._recording = recording = Recording(out, imu)
         note = f"# {REPLAY_NOTE}\n".encode() if link.replays else b""
         self.tap = tap = Tap(lambda data: link.send(data.decode("ascii").rstrip("\n")), note)
 
@@ -191,7 +191,7 @@ class Listener:
             recorder = None
             try:
                 with Link(self._name, opener=lambda n, b: tap) as mine:
-                    recorder = Recorder(mine, Path(out), wanted=wanted, scenario=scenario, progress=progress)
+                    recorder = Recorder(mine, Path(out), wanted=wanted, scenario=scenario, imu=imu, progress=progress)
                     recorder.record()
             except (GyrocalError, OSError) as error:
                 recording.error = str(error)
@@ -202,6 +202,13 @@ class Listener:
                 self._send(News([], [], self._status()))
 
         threading.Thread(target=work, daemon=True).start()
+
+
+def _sensor_status(sensor: Sensor) -> dict[str, Any]:
+    return {
+        "state": sensor.state, "face": sensor.face, "hello": sensor.hello, "rate_hz": sensor.rate_hz(),
+        "results": list(sensor.results.values()),
+    }  # fmt: skip
 
 
 def listen(page: Connection, name: str) -> None:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.web.decimate import zigzag
 
 if TYPE_CHECKING:
     from gyrocal.record import Wanted
@@ -69,11 +70,11 @@ class Samples:
                 values = (low[:, i] + high[:, i]) / 2
                 curves.append(_points(t, values))
             else:
-                curves.append(_points(np.repeat(t, 2), np.column_stack([low[:, i], high[:, i]]).ravel()))
+                curves.append(_points(np.repeat(t, 2), zigzag(low[:, i], high[:, i], int(stretch[0]))))
         return float(rows[-1, 0]), curves
 
 
-def _points(t: Array, values: Array) -> list[list[float | None]]:
+def _points(t: Array, values: np.ndarray[Any, Any]) -> list[list[float | None]]:
     return [[x, None if y != y else y] for x, y in zip(t.tolist(), values.round(5).tolist(), strict=True)]
 
 
@@ -96,6 +97,11 @@ class Live:
     @property
     def connected(self) -> bool:
         return bool(self.status.get("connected"))
+
+    def sensor(self, imu: int) -> dict[str, Any]:
+        """What one sensor has said: state, face, hello, rate_hz, results; empty where it has not yet spoken."""
+        found: dict[str, Any] = self.status.get("sensors", {}).get(imu, {})
+        return found
 
     @property
     def simulated(self) -> bool:
@@ -165,9 +171,9 @@ class Live:
         self.trusted.add(port)
         self.connect(port)
 
-    def record(self, out: Path, wanted: Wanted | None, scenario: str) -> None:
-        """Record the wanted run; None: every run that the device announces, until it ends or is stopped."""
-        self._tell("record", str(out), wanted, scenario)
+    def record(self, out: Path, wanted: Wanted | None, scenario: str, imu: int = 0) -> None:
+        """Record the wanted run of a sensor; None: every run that it announces, until it ends or is stopped."""
+        self._tell("record", str(out), wanted, scenario, imu)
 
     def stop(self) -> None:
         self._tell("stop")

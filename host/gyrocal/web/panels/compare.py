@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from gyrocal.web import charts, plots
+from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic, Traces
 from gyrocal.web.views import AXES, RunView
 
@@ -144,9 +145,9 @@ class ComparePanel:
         assert self.bench.step is not None
         with ui.row().classes("tight"):
             axes = self.bench.step.view.compared["per_axis"]
-            self.axis_chips = {a: _chip(a, partial(self._toggle, a)).classes(f"axis-{a}") for a in axes}
+            self.axis_chips = {a: chip(a, partial(self._toggle, a)).classes(f"axis-{a}") for a in axes}
             ui.separator().props("vertical")
-            self.view_chips = {n: _chip(AGAINST[n][0], partial(self._choose, n)) for n in self._available()}
+            self.view_chips = {n: chip(AGAINST[n][0], partial(self._choose, n)) for n in self._available()}
             ui.space()
             runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
             select = ui.select(runs, multiple=True, value=self.chosen, label="all recordings", on_change=self._runs_chosen)
@@ -157,13 +158,13 @@ class ComparePanel:
         self.frame.props(f'aria-label="{AGAINST[self.against][0]}"')
         self.zoom.set_visibility(self.against == "timeline")
         assert self.bench.step is not None
-        for axis, chip in self.axis_chips.items():
-            _pressed(chip, axis in self.axes)
+        for axis, button in self.axis_chips.items():
+            press(button, axis in self.axes)
         failing = {_panel(f["against"]) for f in self.bench.step.view.compared["where"] if f["axis"] in self.axes}
-        for name, chip in self.view_chips.items():
-            _pressed(chip, name == self.against)
-            chip.classes(add="flag" if name in failing else "", remove="" if name in failing else "flag")
-            chip.props(f'aria-description="{"the model fails here" if name in failing else ""}"')
+        for name, button in self.view_chips.items():
+            press(button, name == self.against)
+            button.classes(add="flag" if name in failing else "", remove="" if name in failing else "flag")
+            button.props(f'aria-description="{"the model fails here" if name in failing else ""}"')
 
     def _zoom_buttons(self) -> None:
         """Done in the browser, so that quick clicks add up; ECharts tells :meth:`_zoomed` what came of them."""
@@ -234,14 +235,6 @@ class ComparePanel:
         self.window = (float(said["start"]), float(said["end"]))
         seen = [{"data": series["data"]} for series in self._timeline(traces).series(self.window)]
         self.chart.run_chart_method("setOption", {"series": seen})
-
-
-def _chip(text: str, act: Callable[[], None]) -> ui.button:
-    return ui.button(text, on_click=act, color=None).props("flat dense no-caps").classes("chip")
-
-
-def _pressed(chip: ui.button, on: bool) -> None:
-    chip.classes(add="on" if on else "", remove="" if on else "on").props(f'aria-pressed="{str(on).lower()}"')
 
 
 def _panel(against: str) -> str:

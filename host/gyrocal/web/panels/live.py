@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from nicegui import background_tasks, ui
@@ -11,6 +12,7 @@ from nicegui import background_tasks, ui
 from gyrocal.errors import InputError
 from gyrocal.monitor import misfits as doubtful
 from gyrocal.web import charts
+from gyrocal.web.chips import chip, press
 from gyrocal.web.live import SHOWN_S
 from gyrocal.web.panels.start import HIDDEN
 from gyrocal.web.state import Topic
@@ -31,13 +33,17 @@ SPEEDS = {"1": "in real time", "5": "5 times faster", "20": "20 times faster"}
 class LivePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench, self.live = tab, tab.bench, tab.bench.live
+        self.imu = 0
+        """The sensor that is shown."""
         self.shown: dict[Callable[[], None], Any] = {}
         """What each part was drawn from."""
+        self.chips: dict[int, ui.button] = {}
         self._sent = (0, 0.0)
         self._in_flight = 0
         with ui.element("div").classes("live fill"):
             with ui.element("div").classes("scroll"):
                 self.connection = ui.element("section").classes("face column tight").props('aria-label="connection"')
+                self.sensors = ui.element("section").classes("face column tight").props('aria-label="sensors of the board"')
                 self.guide = ui.element("section").classes("face column tight").props('aria-label="what to do"')
                 self.recording = ui.element("section").classes("face column tight").props('aria-label="recording"')
             with ui.element("div").classes("column"):
@@ -56,21 +62,22 @@ class LivePanel:
         if topic != "device":
             return
         live, status = self.live, self.live.status
-        hello, going = status.get("hello") or {}, status.get("recording") or {}
-        results = status.get("results") or []
+        there = status.get("sensors", {})
+        if there and self.imu not in there:
+            self.imu = min(there)
+        sensor, going = live.sensor(self.imu), status.get("recording") or {}
+        hello, results = sensor.get("hello") or {}, sensor.get("results") or []
+        states = {imu: self._sensor_words(imu) for imu in there} if len(there) > 1 else {}
         parts: dict[Callable[[], None], Any] = {
-            self._connection: (live.port, live.ended, live.connected, status.get("problem"), bool(hello)),
-            self._guide: (bool(hello), status.get("state"), status.get("face"), status.get("replays"), bool(results)),
+            self._connection: (live.port, live.ended, live.connected, status.get("problem"), bool(hello), self._complaint()),
+            self._sensors: (states, self.imu),
+            self._guide: (self.imu, bool(hello), sensor.get("state"), sensor.get("face"), status.get("replays"), bool(results)),
             self._recording: (
-                hello.get("table_dps"),
-                bool(hello),
-                status.get("replays"),
-                live.ended,
-                going.get("going"),
+                self.imu, hello.get("table_dps"), bool(hello), status.get("replays"), live.ended, going.get("going"),
                 going.get("folder"),
             ),
             self._results: results,
-        }
+        }  # fmt: skip
         for draw, now in parts.items():
             if self.shown.get(draw) != now:
                 self.shown[draw] = now
@@ -82,22 +89,33 @@ class LivePanel:
     def _connection(self) -> None:
         self.connection.clear()
         with self.connection:
-            ui.html("<h2>Device</h2>", sanitize=False)
+            with ui.row().classes("tight"):
+                ui.html("<h2>Device</h2>", sanitize=False)
+                if self.live.port:
+                    ui.space()
+                    ui.button("Disconnect", icon="link_off", on_click=self.live.disconnect, color=None).props(
+                        "flat dense no-caps size=sm"
+                    )
             if not self.live.port:
                 self._choose()
                 return
-            status = self.live.status
             with ui.row().style("flex-wrap: nowrap"):
                 up = self.live.connected and not self.live.ended
                 ui.element("span").classes(f"light {'good' if up else 'bad'}")
                 with ui.element("div"):
                     ui.label(self._state_words()).props('role="status"')
-                    hello = status.get("hello") or {}
+                    hello = self.live.sensor(self.imu).get("hello") or {}
                     if hello:
                         sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
                         ui.label(f"{sensor}, {rate} Hz, ±{scale} deg/s").classes("dim small")
             self.counts = ui.label().classes("dim small")
-            ui.button("Disconnect", icon="link_off", on_click=self.live.disconnect, color=None).props("flat dense no-caps")
+            if complaint := self._complaint():
+                ui.label(f"It says: {complaint}").classes("worry small")
+
+    def _complaint(self) -> str:
+        """The device's latest error; a misfit stands with the results."""
+        errors: list[str] = self.live.status.get("errors", [])
+        return next((error for error in reversed(errors) if "misfit (" not in error), "")
 
     def _state_words(self) -> str:
         if self.live.ended:
@@ -106,7 +124,9 @@ class LivePanel:
             return f"Connected to {'the simulated device' if self.live.simulated else self.live.port}"
         if self.live.status.get("problem"):
             return str(self.live.status["problem"])
-        return "Unplugged: waiting for it to come back" if self.live.status.get("hello") else f"Listening at {self.live.port}…"
+        return (
+            "Unplugged: waiting for it to come back" if self.live.status.get("sensors") else f"Listening at {self.live.port}…"
+        )
 
     def _choose(self) -> None:
         ports = self.live.ports()
@@ -145,20 +165,46 @@ class LivePanel:
         status = self.live.status
         if self.live.port and "good" in status:
             lost, bad = status["lost"], status["bad"]
-            self.counts.text = (
-                f"{status['rate_hz']:.0f} samples a second, {lost} lost, {bad} bad, {status['restarts']} restarts"
-            )
+            rate_hz = self.live.sensor(self.imu).get("rate_hz", 0.0)
+            self.counts.text = f"{rate_hz:.0f} samples a second, {lost} lost, {bad} bad, {status['restarts']} restarts"
             run = (status.get("recording") or {}).get("run")
             if run is not None and status["recording"]["going"]:
                 told = f"{run['seconds']:.1f} s, {run['samples']} samples, {run['lost']} lost"
                 self.progress.text = f"{run['file']}: {told}"
             self.counts.classes(add="worry" if lost or bad else "", remove="" if lost or bad else "worry")
 
+    # Which of its sensors.
+
+    def _sensors(self) -> None:
+        """Those of a board with several, each with its state; one is chosen for all that is shown."""
+        there = sorted(self.live.status.get("sensors", {}))
+        self.sensors.set_visibility(len(there) > 1)
+        if there != list(self.chips):
+            self.sensors.clear()
+            with self.sensors:
+                ui.html("<h2>Sensors of this board</h2>", sanitize=False)
+                self.chips = {i: chip("", partial(self._look_at, i)) for i in there}
+        for imu, button in self.chips.items():
+            button.text = f"sensor {imu}: {self._sensor_words(imu)}"
+            press(button, imu == self.imu)
+
+    def _sensor_words(self, imu: int) -> str:
+        sensor = self.live.sensor(imu)
+        fit = ""
+        if sensor.get("results"):
+            fit = ", does not fit" if any(map(doubtful, _judged(sensor["results"]))) else ", fits"
+        return f"{sensor.get('state')} {sensor.get('face')}".strip() + fit
+
+    def _look_at(self, imu: int) -> None:
+        self.imu = imu
+        self._sent = (0, 0.0)
+        self.hear("device")
+
     # What to do.
 
     def _guide(self) -> None:
         self.guide.clear()
-        status = self.live.status
+        status = self.live.sensor(self.imu)
         self.guide.set_visibility(bool(status.get("hello")))
         if not status.get("hello"):
             return
@@ -181,20 +227,21 @@ class LivePanel:
                     with ui.element("li").classes(f"step {stage}").props('aria-current="step"' if stage == "now" else ""):
                         ui.label("✓" if stage == "done" else str(number))
                         ui.label(text)
-            if status.get("replays"):
+            if self.live.status.get("replays"):
                 ui.label("This simulated device turns and flips by itself.").classes("dim small")
 
     # Recording.
 
     def _recording(self) -> None:
         self.recording.clear()
-        status = self.live.status
+        status, hello = self.live.status, self.live.sensor(self.imu).get("hello")
         going = status.get("recording") or {}
-        self.recording.set_visibility(bool(status.get("hello")))
-        if not status.get("hello"):
+        self.recording.set_visibility(bool(hello))
+        if not hello:
             return
         with self.recording:
-            ui.html("<h2>Record a session</h2>", sanitize=False)
+            of = f" of sensor {self.imu}" if len(self.chips) > 1 else ""
+            ui.html(f"<h2>Record a session{of}</h2>", sanitize=False)
             if going.get("going"):
                 self._progress()
                 return
@@ -209,7 +256,7 @@ class LivePanel:
                 )
                 button.props("unelevated no-caps").classes("primary")
                 return
-            rate = ui.number("table rate, deg/s", value=_number(status["hello"].get("table_dps"), 78.0)).props("outlined dense")
+            rate = ui.number("table rate, deg/s", value=_number(hello.get("table_dps"), 78.0)).props("outlined dense")
             seconds = ui.number("seconds", value=30, min=1).props("outlined dense")
             with ui.row().classes("tight"):
                 for face in ("up", "down"):
@@ -255,7 +302,7 @@ class LivePanel:
             if not (folder / "session.toml").is_file():
                 folder = self.bench.places.new(name or "")
             what = None if run is None else wanted(run[0], run[1], run[2], None, None)
-            self.live.record(folder, what, _scenario(folder, what))
+            self.live.record(folder, what, _scenario(folder, what), self.imu)
         except InputError as error:
             self.bench.say(str(error))
 
@@ -287,7 +334,7 @@ class LivePanel:
 
     def _frame(self) -> None:
         """Send what is new to the chart; a browser that is slower than that is given time."""
-        samples = next(iter(self.live.sensors.values()), None)
+        samples = self.live.sensors.get(self.imu)
         if samples is None or self.live.newest == self._sent or self._in_flight >= MOST_IN_FLIGHT:
             return
         self._sent = self.live.newest
@@ -312,11 +359,11 @@ class LivePanel:
 
     def _results(self) -> None:
         self.results.clear()
-        found = self.live.status.get("results") or []
+        found = self.live.sensor(self.imu).get("results") or []
         self.results.set_visibility(bool(found))
         if not found:
             return
-        judged = [r for r in found if isinstance(r.get("misfit"), int | float) and r["method"] == found[-1]["method"]]
+        judged = _judged(found)
         with self.results:
             if judged:
                 fits = not any(map(doubtful, judged))
@@ -328,6 +375,11 @@ class LivePanel:
                         else "The readings hold something that the calibration does not know: record a session and diagnose it."
                     )
             ui.html(_table(found), sanitize=False)
+
+
+def _judged(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The results of the latest method that have a misfit."""
+    return [r for r in found if isinstance(r.get("misfit"), int | float) and r["method"] == found[-1]["method"]]
 
 
 COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit")

@@ -1,0 +1,17 @@
+"""Small round buttons that are pressed or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+
+
+def chip(text: str, act: Callable[[], Any]) -> ui.button:
+    return ui.button(text, on_click=act, color=None).props("flat dense no-caps").classes("chip")
+
+
+def press(button: ui.button, on: bool) -> None:
+    """Show whether it is pressed, to eyes and to screen readers."""
+    button.classes(add="on" if on else "", remove="" if on else "on").props(f'aria-pressed="{str(on).lower()}"')
