@@ -138,17 +138,9 @@ def calibration_of(
     )  # fmt: skip
 
 
-def spreadable(term: Term) -> str | None:
-    """The nonlinear parameter that may differ from run to run: that of an effect with one column of each run's own."""
-    kind = term.effect
-    if kind.scope != "run" or len(kind.groups(term.values)) != 1:
-        return None
-    return next((name for name in kind.nonlinear if name in term.values), None)
-
-
 def spread_parameter(term: Term) -> str | None:
     """The parameter that differs from run to run, where the model knows its spread (``NAME_sd``)."""
-    name = spreadable(term)
+    name = term.spreadable
     return name if name is not None and term.values.get(f"{name}_sd", 0.0) > 0 else None
 
 
