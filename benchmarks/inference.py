@@ -3,7 +3,7 @@
 Peers are used where they are installed (`pip install emx-onnx-cgen`, in an environment of its own, its `bin` on the PATH); what
 is not there is named. Instructions of one call, RAM (static and stack, windows included), flash (code, tables and helpers),
 compiled with the same options; `max_abs_diff` is a peer's largest difference from onnxruntime on the same windows. Beside them
-network `gyrocal` on 6 s.
+network `gyrocal` on the block means of 6 s.
 
     gyrocal benchmark inference
 """
@@ -54,28 +54,6 @@ void cost_act(void) { peer(up, down, y); }
 """
 DECLARATION = "void peer(const float up[][1][2][290], const float down[][1][2][290], float y[][2]);\n"
 
-BLOCKS = """\
-/* Network `gyrocal` on the block means of 6 s. */
-#include "cost.h"
-#include "weights.h"
-
-const unsigned cost_times = 100;
-static float up[GC_BLOCKNET_BLOCKS], down[GC_BLOCKNET_BLOCKS];
-
-void cost_prepare(void) {
-    for (unsigned i = 0; i < GC_BLOCKNET_BLOCKS; i++) {
-        up[i] = 0.2f + 0.01f * (float)(i * 7u % 23u);
-        down[i] = -0.4f + 0.01f * (float)(i * 11u % 23u);
-    }
-}
-
-void cost_act(void) {
-    gc_blocknet_answer_t answer;
-    gc_blocknet_run(gc_net.blocks, up, down, GC_BLOCKNET_STAGES - 1u, 78.0f, -78.0f, &answer);
-}
-"""
-
-
 def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
     """The costs; what ``gyrocal benchmark inference --json`` prints. There is no smaller ``sample``."""
     with tempfile.TemporaryDirectory(prefix="gyrocal-") as name:
@@ -84,10 +62,8 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
         alone.mkdir()
         paper = (INCLUDE / "weights.h").read_text().replace("    .blocks = &gc_blocks,\n", "")
         (alone / "weights.h").write_text(paper)
-        ours = _figures(cpus.cost(CPU, "inference", include_dirs=[alone]))
-        blocks = folder / "blocks.c"
-        blocks.write_text(BLOCKS)
-        gyrocal = _figures(cpus.cost(CPU, blocks))
+        ours = _figures(cpus.cost(CPU, "inference_paper", include_dirs=[alone]))
+        gyrocal = _figures(cpus.cost(CPU, "inference_gyrocal"))
         progress(1, 1 + len(GRAPHS))
         peers = []
         absent = [] if shutil.which(GENERATOR) else [GENERATOR]

@@ -100,7 +100,7 @@ def test_the_documented_table_is_complete() -> None:
 
 
 @CPU
-@pytest.mark.parametrize("part", ["inference", "device"])
+@pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "device"])
 def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_tool: Require) -> None:
     """Within a fifth, whatever the compiler's version: else `python benchmarks/cpus.py docs/cpus.md` and say why."""
     require(cpu, require_tool)

@@ -12,22 +12,26 @@ uint32_t gc_blocknet_samples(const gc_blocknet_t *net, unsigned stage) {
     return (uint32_t)((double)((stage + 1u) * BLOCKS_A_STAGE) / BLOCKS_A_SECOND * (double)net->rate_hz + 0.5);
 }
 
+/* Sample i is in block floor(i * blocks_a_sample): the first one of a block. */
+static uint32_t first_sample(uint32_t block, double blocks_a_sample) {
+    uint32_t i = (uint32_t)((double)block / blocks_a_sample);
+    while ((uint32_t)((double)i * blocks_a_sample) < block) {
+        i++;
+    }
+    return i;
+}
+
 uint32_t gc_blocknet_means(const gc_blocknet_t *net, const int16_t *counts, uint32_t n, double lsb_dps, double w_dps, float *means) {
     const double blocks_a_sample = BLOCKS_A_SECOND / (double)net->rate_hz;
     uint32_t block = 0;
-    int64_t sum = 0;
-    int64_t samples = 0;
-    for (uint32_t i = 0; i <= n; i++) {
-        if (i == n || (uint32_t)((double)i * blocks_a_sample) != block) {
-            means[block++] = (float)(lsb_dps * (double)sum / (double)samples - w_dps);
-            if (i == n || block == GC_BLOCKNET_BLOCKS) {
-                break;
-            }
-            sum = 0;
-            samples = 0;
+    for (uint32_t i = 0; i < n && block < GC_BLOCKNET_BLOCKS; block++) {
+        const uint32_t begin = i;
+        const uint32_t next = first_sample(block + 1u, blocks_a_sample);
+        int64_t sum = 0;
+        for (; i < n && i < next; i++) {
+            sum += counts[i];
         }
-        sum += counts[i];
-        samples++;
+        means[block] = (float)(lsb_dps * (double)sum / (double)(i - begin) - w_dps);
     }
     return block;
 }

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define BLOCK_S (1e-6 * GC_BLOCK_US)
-#define PIVOT_MIN_SQ 1e-18 /* a pivot below 1e-9 of its column is rounding, not information */
+#define PIVOT_MIN 1e-9 /* of its column: a pivot below it is rounding, not information */
 #define MAX_COLUMNS (GC_ESTIMATOR_PARAMETERS + 2u)
 /* K alternatives' triangles of [8 - K shared columns, bias, scale, right-hand side]: K = 4 takes most. */
 #define MOST_CHOSEN (4u * GC_TRIANGLE(7u))
@@ -18,10 +18,10 @@ static unsigned n_parameters(const gc_calibration_t *c) {
     return c->n_run_columns + c->n_shared_columns + 2u;
 }
 
-/* Rotates a row, zero before column `first`, into the triangle; the row is used up. */
+/* Rotates a row, zero before column `first`, into the triangle; the row is used up. What is left of it is a residual. */
 static void rotate_in(double *triangle, unsigned columns, unsigned first, double *row) {
     double *pivot = triangle + GC_TRIANGLE(columns) - GC_TRIANGLE(columns - first);
-    for (unsigned i = first; i < columns; pivot += columns - i, i++) {
+    for (unsigned i = first; i + 1u < columns; pivot += columns - i, i++) {
         if (row[i] == 0.0) {
             continue;
         }
@@ -35,6 +35,7 @@ static void rotate_in(double *triangle, unsigned columns, unsigned first, double
             row[j] = c * row[j] - s * upper;
         }
     }
+    pivot[0] += row[columns - 1u] * row[columns - 1u];
 }
 
 /* Row i of the prior over parameters [begin, n), with its right-hand side; false if it is flat. */
@@ -120,6 +121,7 @@ void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibrati
 
 /* exp(-x), x >= 0: the same bits on every CPU. */
 static double decay(double x) {
+    static const double inverse[] = {0.0, 1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5, 1.0 / 6, 1.0 / 7, 1.0 / 8};
     if (x > 700.0) {
         return 0.0;
     }
@@ -128,8 +130,8 @@ static double decay(double x) {
         halvings++;
     }
     double sum = 1.0;
-    for (unsigned k = 10; k > 0u; k--) {
-        sum = 1.0 - x * sum / (double)k;
+    for (unsigned k = 8; k > 0u; k--) { /* what is left out is below 5e-17 */
+        sum = 1.0 - x * sum * inverse[k];
     }
     for (; halvings > 0u; halvings--) {
         sum *= sum;
@@ -207,8 +209,8 @@ void gc_estimator_add_sample(gc_estimator_t *e, uint64_t block, double measured_
 }
 
 /* A pivot that is rounding although its column holds something. */
-static bool unidentified(double pivot, double norm_sq) {
-    return norm_sq > 0.0 && !(pivot * pivot > PIVOT_MIN_SQ * norm_sq);
+static bool unidentified(double pivot, double norm) {
+    return norm > 0.0 && !(fabs(pivot) > PIVOT_MIN * norm);
 }
 
 void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal) {
@@ -221,7 +223,7 @@ void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal) {
     marginal->dof = e->dof;
     const double *pivot = e->triangle + columns;
     for (unsigned i = 0; i < plain; pivot += columns - 1u - i, i++) {
-        if (unidentified(pivot[0], e->norm_sq[i])) {
+        if (unidentified(pivot[0], sqrt(e->norm_sq[i]))) {
             marginal->error = GC_E_UNIDENTIFIED;
         }
         marginal->dof -= e->norm_sq[i] > 0.0 ? 1 : 0;
@@ -238,13 +240,14 @@ static unsigned common_columns(const gc_calibration_t *c) {
 
 /* Adds the rows of a triangle of `columns` columns to another of the same. */
 static void add_triangle(double *to, const double *from, unsigned columns) {
-    for (unsigned i = 0; i < columns; i++) {
+    for (unsigned i = 0; i + 1u < columns; i++) {
         double row[MAX_COLUMNS] = {0.0};
         for (unsigned j = i; j < columns; j++) {
             row[j] = *from++;
         }
         rotate_in(to, columns, i, row);
     }
+    to[GC_TRIANGLE(columns) - 1u] += *from;
 }
 
 /* The common triangle of a run under alternative k, whose coefficient is integrated out; returns the evidence's factor. */
@@ -296,7 +299,7 @@ static void average(gc_average_t *all, double factor, double chi2, const double 
             all->sum_sq[i] *= shrink;
         }
     }
-    const double weight = factor * decay(0.5 * (chi2 - all->least));
+    const double weight = chi2 > all->least ? factor * decay(0.5 * (chi2 - all->least)) : factor;
     all->weight += weight;
     all->chi2 += weight * chi2;
     for (unsigned i = 0; i < 2u; i++) {
@@ -307,15 +310,15 @@ static void average(gc_average_t *all, double factor, double chi2, const double 
 }
 
 /* Bias and scale from a common triangle, into the average. GC_E_UNIDENTIFIED if it does not fix them. */
-static int add_answer(const double *triangle, unsigned columns, const double *norm_sq, double factor, gc_average_t *all) {
+static int add_answer(const double *triangle, unsigned columns, const double *norm, double factor, gc_average_t *all) {
     const unsigned n = columns - 1u;
     const double *pivot = triangle;
     for (unsigned i = 0; i < n; pivot += columns - i, i++) {
-        if (unidentified(pivot[0], norm_sq[i]) || (i + 2u >= n && norm_sq[i] == 0.0)) {
+        if (unidentified(pivot[0], norm[i]) || (i + 2u >= n && norm[i] == 0.0)) {
             return GC_E_UNIDENTIFIED;
         }
-        if (norm_sq[i] > 0.0) {
-            factor /= fabs(pivot[0]) / sqrt(norm_sq[i]);
+        if (norm[i] > 0.0) {
+            factor *= norm[i] / fabs(pivot[0]);
         }
     }
     const double *last = pivot - 5; /* rows of bias, scale, residual */
@@ -323,7 +326,7 @@ static int add_answer(const double *triangle, unsigned columns, const double *no
     const double value[2] = {scale, (last[2] - last[1] * scale) / last[0]};
     const double tilt = last[1] / last[3];
     const double variance[2] = {1.0 / (last[3] * last[3]), (1.0 + tilt * tilt) / (last[0] * last[0])};
-    average(all, factor, last[5] * last[5], value, variance);
+    average(all, factor, last[5], value, variance);
     return GC_OK;
 }
 
@@ -336,24 +339,25 @@ int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t 
     const unsigned alternatives = calibration->n_alternatives;
     const unsigned each = alternatives > 0u ? alternatives : 1u;
 
-    double norm_sq[GC_ESTIMATOR_PARAMETERS];
+    double norm[GC_ESTIMATOR_PARAMETERS];
     double prior[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)] = {0.0};
     int32_t dof = a->dof + b->dof;
     for (unsigned i = 0; i < n; i++) {
-        norm_sq[i] = a->norm_sq[alternatives + i] + b->norm_sq[alternatives + i];
+        norm[i] = a->norm_sq[alternatives + i] + b->norm_sq[alternatives + i];
     }
     for (unsigned i = 0; i < n; i++) {
         double row[MAX_COLUMNS] = {0.0};
         if (prior_row(calibration, calibration->n_run_columns + i, calibration->n_run_columns, row)) {
             dof++;
             for (unsigned j = 0; j < n; j++) {
-                norm_sq[j] += row[j] * row[j];
+                norm[j] += row[j] * row[j];
             }
             rotate_in(prior, columns, i, row);
         }
     }
     for (unsigned i = 0; i < n; i++) {
-        dof -= norm_sq[i] > 0.0 ? 1 : 0;
+        norm[i] = sqrt(norm[i]);
+        dof -= norm[i] > 0.0 ? 1 : 0;
     }
 
     double second[MOST_CHOSEN];
@@ -370,7 +374,7 @@ int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t 
             double both[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
             memcpy(both, first, GC_TRIANGLE(columns) * sizeof(double));
             add_triangle(both, second + j * GC_TRIANGLE(columns), columns);
-            const int error = add_answer(both, columns, norm_sq, first_factor * second_factor[j], &all);
+            const int error = add_answer(both, columns, norm, first_factor * second_factor[j], &all);
             if (error != GC_OK) {
                 return error;
             }

@@ -23,7 +23,7 @@ extern "C" {
 #define GC_TRIANGLE(columns) ((columns) * ((columns) + 1u) / 2u)
 
 /* What a run says about [alternatives, shared columns, bias, scale]: upper triangle by rows, its last column the right-hand
-   side, its last element the root of the sum of squared residuals. */
+   side, its last element the sum of squared residuals. */
 typedef struct {
     int error; /* GC_OK, or why there is nothing */
     unsigned n;

@@ -3,14 +3,14 @@
  * Parameters, in this order, with the mean and standard deviation of their priors:
  *   table_ripple (each run its own): 0 +- 0.00109
  *   table_ripple (each run its own): 0 +- 0.00109
- *   spin_up, tau_s 0.827 (each run its own: one of 6): 6.92253e-05 +- 0.00157
- *   spin_up, tau_s 1.15 (each run its own: one of 6): 6.92253e-05 +- 0.00157
- *   spin_up, tau_s 1.59 (each run its own: one of 6): 6.92253e-05 +- 0.00157
- *   spin_up, tau_s 2.2 (each run its own: one of 6): 6.92253e-05 +- 0.00157
- *   spin_up, tau_s 3.05 (each run its own: one of 6): 6.92253e-05 +- 0.00157
- *   spin_up, tau_s 4.22 (each run its own: one of 6): 6.92253e-05 +- 0.00157
- *   bias_dps: -0.0591362 +- 0.0395
- *   scale: 0.00399207 +- 0.000387
+ *   spin_up, tau_s 0.839 (each run its own: one of 6): 6.80997e-05 +- 0.00157
+ *   spin_up, tau_s 1.16 (each run its own: one of 6): 6.80997e-05 +- 0.00157
+ *   spin_up, tau_s 1.6 (each run its own: one of 6): 6.80997e-05 +- 0.00157
+ *   spin_up, tau_s 2.22 (each run its own: one of 6): 6.80997e-05 +- 0.00157
+ *   spin_up, tau_s 3.07 (each run its own: one of 6): 6.80997e-05 +- 0.00157
+ *   spin_up, tau_s 4.24 (each run its own: one of 6): 6.80997e-05 +- 0.00157
+ *   bias_dps: -0.0590638 +- 0.0402
+ *   scale: 0.00399417 +- 0.000395
  */
 #ifndef GYROCAL_CALIBRATION_H
 #define GYROCAL_CALIBRATION_H
@@ -23,27 +23,27 @@ GC_EFFECT(spin_up);
 static const gc_effect_column_t gyrocal_columns[] = {
     {gc_effect_table_ripple, {1.0f, 0.0f, 0.0f, 0.0f}},
     {gc_effect_table_ripple, {1.0f, 1.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {0.827329252f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {1.14614998f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {1.58783189f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {2.19972094f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {3.04740839f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {4.22176183f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {0.838525163f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {1.15968577f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {1.60385298f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {2.21813913f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {3.06770089f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {4.24265034f, 0.0f, 0.0f, 0.0f}},
 };
 
-static const double gyrocal_prior_mean[] = {0.0, 0.0, 6.9225262699999993e-05, 6.9225262699999993e-05, 6.9225262699999993e-05, 6.9225262699999993e-05, 6.9225262699999993e-05, 6.9225262699999993e-05, -0.059136234400000001, 0.0039920667300000004};
+static const double gyrocal_prior_mean[] = {0.0, 0.0, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, -0.059063845699999999, 0.0039941703900000002};
 
 static const double gyrocal_prior_sqrt_information[] = {
-    917.43748912251556, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 917.43748912251556, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 636.2757849164044, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 636.2757849164044, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 636.2757849164044, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 636.2757849164044, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 636.2757849164044, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 636.2757849164044, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 25.32012129688658, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2580.9633389736587,
+    921.12744489067848, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 921.12744489067848, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 24.873244976884489, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2532.1200533890892,
 };
 
 static const gc_calibration_t gc_calibration = {
@@ -55,9 +55,9 @@ static const gc_calibration_t gc_calibration = {
     .n_alternatives = 6,
     .n_shared_columns = 0,
     .columns = gyrocal_columns,
-    .white_sd_dps = 0.044302655f,
-    .ou_sd_dps = 0.00597069588f,
-    .ou_tau_s = 197.008285f,
+    .white_sd_dps = 0.0443620201f,
+    .ou_sd_dps = 0.00147613539f,
+    .ou_tau_s = 11.9043068f,
     .prior_mean = gyrocal_prior_mean,
     .prior_sqrt_information = gyrocal_prior_sqrt_information,
 };

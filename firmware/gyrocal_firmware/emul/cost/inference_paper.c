@@ -1,4 +1,4 @@
-/* The shipped network on one pair of windows. */
+/* Network `paper` on one pair of windows. */
 #include "cost.h"
 #include "weights.h"
 
