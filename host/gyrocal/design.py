@@ -15,7 +15,7 @@ import numpy as np
 
 from gyrocal.blocks import Blocks
 from gyrocal.model import Term
-from gyrocal.noise import Noise, normal_equations
+from gyrocal.noise import Noise, Summed
 from gyrocal.session import Array
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -43,13 +43,27 @@ class Layout:
         return max(self.run_group, default=-1) + 1
 
 
+@dataclass(frozen=True)
+class Stack:
+    """Runs that share their blocks' times, side by side: their indices, ``columns`` [r, q, m], ``t_s`` [m], ``n`` [m]."""
+
+    index: list[int]
+    columns: Array
+    t_s: Array
+    n: Array
+
+
 class Design:
-    """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run."""
+    """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
+
+    ``cell_s``: how long drift is taken to be constant, s; 0 = a block.
+    """
 
     def __init__(
-        self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], like: Design | None = None
+        self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], cell_s: float = 0.0, like: Design | None = None
     ) -> None:  # fmt: skip
         self.axis = axis
+        self.cell_s = cell_s
         self.terms = tuple(terms)
         self.blocks = [self._usable(b) for b in blocks]
         runs = [b.run for b in blocks]
@@ -59,7 +73,7 @@ class Design:
 
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms; what stays the same is not computed again."""
-        return Design(self.blocks, self.axis, terms, like=self)
+        return Design(self.blocks, self.axis, terms, self.cell_s, like=self)
 
     def _means(self, i: int, like: Design | None) -> list[Array | None]:
         """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
@@ -85,7 +99,7 @@ class Design:
                 b = b.select(whole) if not whole.all() else b
         return b
 
-    def _build(self) -> tuple[Layout, list[tuple[list[int], Array, Array, Array]]]:
+    def _build(self) -> tuple[Layout, list[Stack]]:
         fixed: list[tuple[int, int]] = []
         run: list[tuple[int, int]] = []
         group: list[int] = []
@@ -164,8 +178,7 @@ class Design:
             keep[j] = rest > UNIDENTIFIED * norm
         return keep
 
-    def _stack(self, matrices: Sequence[Array]) -> list[tuple[list[int], Array, Array, Array]]:
-        """Runs that share their blocks' times are filtered side by side: (run indices, [r, q, m], t_s, n)."""
+    def _stack(self, matrices: Sequence[Array]) -> list[Stack]:
         stacks: dict[Any, list[int]] = {}
         for i, b in enumerate(self.blocks):
             if not b.t_s.size:
@@ -176,14 +189,15 @@ class Design:
         out = []
         for index in stacks.values():
             first = self.blocks[index[0]]
-            out.append((index, np.stack([np.ascontiguousarray(matrices[i].T) for i in index]), first.t_s, first.n))
+            columns = np.stack([np.ascontiguousarray(matrices[i].T) for i in index])
+            out.append(Stack(index, columns, first.t_s, first.n))
         return out
 
     def block(self, i: int) -> tuple[Array, Array]:
         """``[y | fixed | run]`` of one run, shape [q, m], and the samples in each block [m]."""
-        for index, stack, _, n in self.stacks:
-            if i in index:
-                return stack[index.index(i)], n
+        for stack in self.stacks:
+            if i in stack.index:
+                return stack.columns[stack.index.index(i)], stack.n
         return np.zeros((1 + len(self.layout.fixed) + len(self.layout.run), 0)), np.zeros(0)
 
     def grams(self, noise: Noise) -> tuple[Array, Array]:
@@ -191,9 +205,13 @@ class Design:
         q = 1 + len(self.layout.fixed) + len(self.layout.run)
         grams = np.zeros((len(self.blocks), q, q))
         logdet = np.zeros(len(self.blocks))
-        for index, stack, t_s, n in self.stacks:
-            grams[index], logdet[index] = normal_equations(stack, t_s, n, noise)
+        for stack, summed in zip(self.stacks, self._summed, strict=True):
+            grams[stack.index], logdet[stack.index] = summed.normal_equations(noise)
         return grams, logdet
+
+    @cached_property
+    def _summed(self) -> list[Summed]:
+        return [Summed.of(stack.columns, stack.t_s, stack.n, self.cell_s) for stack in self.stacks]
 
     @property
     def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:
@@ -207,8 +225,8 @@ class Design:
     def column_rms(self) -> Array:
         """Root mean square of each column [q] over all blocks: the natural scale of its coefficient."""
         total = np.zeros(1 + len(self.layout.fixed) + len(self.layout.run))
-        for _, stack, _, _ in self.stacks:
-            total += (stack**2).sum(axis=(0, 2))
+        for stack in self.stacks:
+            total += (stack.columns**2).sum(axis=(0, 2))
         return np.sqrt(total / max(1, int(self.n_blocks.sum()))) + 1e-300
 
 

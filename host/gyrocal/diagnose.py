@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gyrocal import heldout
-from gyrocal.blocks import by_sample
+from gyrocal.blocks import BLOCK_S, by_sample
 from gyrocal.compare import Comparison, compare
 from gyrocal.design import Design
 from gyrocal.effects import base
@@ -186,7 +186,9 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
         peak = comparison.spectra[axis].peak()
         if peak is None or peak[2] > FDR:
             return Candidate(kind, axis, "reject")
-        current = fit_noise(Design(by_sample(comparison.fit.blocks), AXES.index(axis), current.design.terms), start=current)
+        cell_s = current.design.cell_s or BLOCK_S
+        design = Design(by_sample(comparison.fit.blocks), AXES.index(axis), current.design.terms, cell_s)
+        current = fit_noise(design, start=current)
     tried = choose_variant(current, Term.of(kind, axis))
     if not _measurable(current, tried):
         return Candidate(kind, axis, "not_measurable", next_measurement=kind.measure_next)
@@ -229,7 +231,7 @@ def _judge_reading(
     """A fault of the reading: found in the readings' own values, judged by how much better held-out readings are met."""
     values, se, chance = found
     term = Term(kind.id, axis, values, se)
-    design = Design(comparison.fit.blocks, current.design.axis, [*current.design.terms, term])
+    design = Design(comparison.fit.blocks, current.design.axis, [*current.design.terms, term], current.design.cell_s)
     fitted = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
     folds = heldout.folds(comparison.fit)
     white = comparison.white_power[axis]

@@ -39,6 +39,11 @@ LEAST_WHITE_DPS = 1e-5
 """No reading is less noisy than this: a thousandth of a count."""
 STEP = 1e-4
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
+MANY_BLOCKS = 5000
+"""Fewer are fitted without haste: drift is not taken to be constant within any time."""
+NEGLIGIBLE_DRIFT = 0.01
+"""Of the white noise's spectral density: drift that is taken to be constant in a cell of time does less beyond it."""
+LONGEST_CELL_S = SLOW_S / 4
 APART_GRID, APART_RATIO, APART_ROUNDS = 25, 6.0, 5
 """Values of a parameter that may be each run's own, from a sixth of the common one (in the middle) to six times it."""
 APART_SETTLED = 0.1
@@ -175,11 +180,28 @@ def fit_axis(
     pending = [i for i, t in enumerate(terms) if _needs_choice(t)]
     settled = [t for i, t in enumerate(terms) if i not in pending]
     current = fit_noise(Design(blocks, axis, settled))
+    cell_s = _drift_cell_s(current) if current.design.n_blocks.sum() > MANY_BLOCKS else 0.0
+    if cell_s:
+        design = Design(blocks, axis, settled, cell_s, like=current.design)
+        current = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
     for i in pending:
         current = choose_variant(current, terms[i])
     order = {t.effect_id: i for i, t in enumerate(terms)}
     current = _reordered(current, order)
     return finish(runs_apart(refine(current)))
+
+
+def _drift_cell_s(current: AxisFit) -> float:
+    """How long drift may be taken to be constant, s: what it does in less is a hundredth of the white noise there; 0 = a block.
+
+    The drift's spectral density at the highest frequency that such cells hold, pi / cell_s, against that of the white noise.
+    """
+    noise, n = current.noise, float(np.median(np.concatenate([b.n for b in current.design.blocks])))
+    block_s = _extent_s(current.design)[1]
+    white = noise.white_sd_dps**2 * block_s / n
+    drift = 2 * noise.ou_sd_dps**2 / (np.pi**2 * noise.ou_tau_s)
+    cell_s = float(np.sqrt(NEGLIGIBLE_DRIFT * white / drift)) if drift > 0 else LONGEST_CELL_S
+    return min(cell_s, LONGEST_CELL_S) if cell_s > 2 * block_s else 0.0
 
 
 def choose_variant(current: AxisFit, term: Term) -> AxisFit:

@@ -140,7 +140,7 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
     fits = []
     for blocks in (trained, seen):
         usable = [b for b in blocks if b.t_s.size]
-        design = Design(usable, axis.design.axis, axis.design.terms)
+        design = Design(usable, axis.design.axis, axis.design.terms, axis.design.cell_s)
         grams, logdet = design.grams(axis.noise)
         fits.append((design, grams, logdet, int(design.n_blocks.sum())))
     (design, grams, logdet, n), (more, more_grams, more_logdet, more_n) = fits

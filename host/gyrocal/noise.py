@@ -1,7 +1,8 @@
 """White noise plus a slow Ornstein-Uhlenbeck drift: whitened normal equations of block means.
 
 Ordinary least squares takes drift for an effect in a third to a half of all sessions that hold none; generalised least squares
-with this covariance does not. The cost is O(n): a tridiagonal matrix is all that is solved.
+with this covariance does not. The cost is O(n): a tridiagonal matrix is all that is solved. Where drift is slow against the
+white noise, it may be taken as constant for a while, and another noise level costs as much as there are such whiles.
 """
 
 from __future__ import annotations
@@ -22,32 +23,65 @@ class Noise:
     ou_tau_s: float = 30.0
 
 
-def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:
-    """``C V^-1 C'`` and ``log det V`` for the noise's covariance V.
+@dataclass(frozen=True)
+class Summed:
+    """Columns of runs that share their blocks' times, summed as far as no noise level matters: :meth:`normal_equations`.
 
-    ``columns`` [runs, q, m]: q columns of m block means, for runs that share the blocks' times ``t_s`` [m] and counts
-    ``n`` [m]. Returns [runs, q, q] and the log-determinant of one run. The drift starts stationary in each run.
-
-    White noise is a diagonal matrix D, and the drift's inverse covariance Q is tridiagonal, for it is a Markov process. By
-    Woodbury's identity ``V^-1 = D^-1 - D^-1 (Q + D^-1)^-1 D^-1``, so gaps and unequal blocks cost no more than even ones.
+    ``gram`` [runs, q, q] over all blocks; ``sums`` [runs, q, k] over cells of time in which drift is taken to be constant,
+    ``t_s`` [k] their mean times, ``n`` [k] the samples in them; ``blocks``, ``log_n``: number of blocks and sum of log n.
     """
-    from scipy.linalg.lapack import dpttrf, dpttrs
 
-    weight = n / noise.white_sd_dps**2
-    weighted = columns * weight
-    gram = weighted @ columns.swapaxes(-1, -2)
-    logdet = -float(np.log(weight).sum())
-    if noise.ou_sd_dps <= 0.0:
-        return gram, logdet
-    variance, m = noise.ou_sd_dps**2, t_s.size
-    steps = np.diff(t_s) / noise.ou_tau_s
-    phi, driven = np.exp(-steps), -variance * np.expm1(-2 * steps)
-    diagonal = weight.copy()
-    diagonal[0] += 1 / variance
-    diagonal[1:] += 1 / driven
-    diagonal[:-1] += phi**2 / driven
-    pivots, factors, _ = dpttrf(diagonal, -phi / driven)
-    right = weighted.reshape(-1, m)
-    drift = dpttrs(pivots, factors, right.T)[0].T.reshape(columns.shape)
-    logdet += float(np.log(variance) + np.log(driven).sum() + np.log(pivots).sum())
-    return gram - weighted @ drift.swapaxes(-1, -2), logdet
+    gram: Array
+    sums: Array
+    t_s: Array
+    n: Array
+    blocks: int
+    log_n: float
+
+    @staticmethod
+    def of(columns: Array, t_s: Array, n: Array, cell_s: float = 0.0) -> Summed:
+        """``columns`` [runs, q, m]: q columns of m block means at times ``t_s`` [m] of ``n`` [m] samples each.
+
+        ``cell_s`` = 0: every block is a cell of its own, and the normal equations are exact.
+        """
+        weighted = columns * n
+        gram = weighted @ columns.swapaxes(-1, -2)
+        blocks, log_n = t_s.size, float(np.log(n).sum())
+        cell = np.floor((t_s - t_s[0]) / cell_s) if cell_s > 0 else np.arange(blocks)
+        start = np.flatnonzero(np.concatenate([[True], np.diff(cell) > 0]))
+        if start.size < blocks:
+            total = np.add.reduceat(n, start)
+            t_s, n = np.add.reduceat(t_s * n, start) / total, total
+            weighted = np.add.reduceat(weighted, start, axis=-1)
+        return Summed(gram, weighted, t_s, n, blocks, log_n)
+
+    def normal_equations(self, noise: Noise) -> tuple[Array, float]:
+        """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one, V the noise's covariance.
+
+        White noise is a diagonal matrix D, and the drift's inverse covariance Q is tridiagonal, for it is a Markov process; it
+        starts stationary in each run. By Woodbury's identity ``V^-1 = D^-1 - D^-1 Z (Q + Z' D^-1 Z)^-1 Z' D^-1``, Z the cell
+        that a block is in, so gaps and unequal blocks cost no more than even ones.
+        """
+        from scipy.linalg.lapack import dpttrf, dpttrs
+
+        precision = 1 / noise.white_sd_dps**2
+        gram = self.gram * precision
+        logdet = -self.blocks * float(np.log(precision)) - self.log_n
+        if noise.ou_sd_dps <= 0.0:
+            return gram, logdet
+        variance = noise.ou_sd_dps**2
+        steps = np.diff(self.t_s) / noise.ou_tau_s
+        phi, driven = np.exp(-steps), -variance * np.expm1(-2 * steps)
+        diagonal = self.n * precision
+        diagonal[0] += 1 / variance
+        diagonal[1:] += 1 / driven
+        diagonal[:-1] += phi**2 / driven
+        pivots, factors, _ = dpttrf(diagonal, -phi / driven)
+        drift = dpttrs(pivots, factors, self.sums.reshape(-1, self.t_s.size).T)[0].T.reshape(self.sums.shape)
+        logdet += float(np.log(variance) + np.log(driven).sum() + np.log(pivots).sum())
+        return gram - precision**2 * (self.sums @ drift.swapaxes(-1, -2)), logdet
+
+
+def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:
+    """Of columns [runs, q, m] as :class:`Summed` takes them, exact: [runs, q, q], and the log-determinant of one run."""
+    return Summed.of(columns, t_s, n).normal_equations(noise)

@@ -256,7 +256,8 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
 
     noise, p = fit.noise, len(fit.design.layout.fixed)
     parts: list[tuple[Array, Array, Array, Array]] = []  # of each bin: frequency, sum of ratios, runs, power beyond noise
-    for index, stack, t_s, n in fit.design.stacks:
+    for stack in fit.design.stacks:
+        index, columns, t_s, n = stack.index, stack.columns, stack.t_s, stack.n
         m = t_s.size
         if m < 64 or np.ptp(n) > 0 or t_s[1] - t_s[0] < BLOCK_S / 2 or fit.design.blocks[index[0]].run.rate_is_mean:
             continue
@@ -268,8 +269,8 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
         tapered = covariance * fftconvolve(window, window[::-1])[m - 1 :]
         expected = 2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0]
         u = np.stack([fit.run_coefficients(i, fit.solution.beta, fit.spreads) for i in index])
-        residual = stack[:, 0] - np.einsum("p,rpm->rm", fit.solution.beta, stack[:, 1 : 1 + p])
-        residual = residual - np.einsum("rk,rkm->rm", u, stack[:, 1 + p :])
+        residual = columns[:, 0] - np.einsum("p,rpm->rm", fit.solution.beta, columns[:, 1 : 1 + p])
+        residual = residual - np.einsum("rk,rkm->rm", u, columns[:, 1 + p :])
         power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
         ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
         frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)

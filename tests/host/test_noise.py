@@ -1,12 +1,13 @@
 """The whitening filter against dense linear algebra; Allan deviation against allantools."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gyrocal.allan import allan_deviation, model_deviation
-from gyrocal.noise import Noise, normal_equations
+from gyrocal.noise import Noise, Summed, normal_equations
 from gyrocal.simulate import ou_noise
 from gyrocal.spectrum import spectrum
 
@@ -32,6 +33,25 @@ def test_normal_equations_are_those_of_the_dense_covariance(noise: Noise, gap: b
     for got, c in zip(gram, columns, strict=True):
         np.testing.assert_allclose(got, c @ np.linalg.solve(v, c.T), rtol=1e-9)
     assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
+
+
+def test_drift_that_is_slow_against_the_white_noise_may_stand_still_for_a_while() -> None:
+    """Cells of a second, in which this drift has a hundredth of the white noise's density and less."""
+    rng = np.random.default_rng(5)
+    noise, t_s, n = Noise(0.044, 0.004, 20.0), np.arange(700) * 0.1, np.full(700, 14.5)
+    t_s[300:] += 4.0
+    drift = np.linalg.cholesky(dense(t_s, n, replace(noise, white_sd_dps=1e-9)) + 1e-12 * np.eye(700)) @ rng.normal(size=700)
+    y = drift + rng.normal(0, noise.white_sd_dps / np.sqrt(n))
+    columns = np.stack([y, np.ones(700), t_s, np.cos(t_s), np.exp(-t_s / 2)])[None]
+    exact, logdet = normal_equations(columns, t_s, n, noise)
+    summed = Summed.of(columns, t_s, n, cell_s=1.0)
+    assert summed.t_s.size == 70
+    coarse, coarse_logdet = summed.normal_equations(noise)
+    np.testing.assert_allclose(np.diagonal(coarse[0])[1:], np.diagonal(exact[0])[1:], rtol=0.01)
+    np.testing.assert_allclose(coarse_logdet + coarse[0, 0, 0], logdet + exact[0, 0, 0], atol=0.5)
+    beta, same = (np.linalg.solve(g[0, 1:, 1:], g[0, 1:, 0]) for g in (exact, coarse))
+    error = np.sqrt(np.diag(np.linalg.inv(exact[0, 1:, 1:])))
+    np.testing.assert_array_less(np.abs(same - beta), 0.05 * error)
 
 
 def test_allan_deviation_is_allantools(require_module: Callable[[str], None]) -> None:
