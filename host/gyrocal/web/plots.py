@@ -29,7 +29,7 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True)
 class Timeline:
-    """Recordings one after another: measured and modelled above, what is left over below."""
+    """Recordings one after another: measured and modelled above, what is left over below; measured alone before a model is."""
 
     traces: Traces
     runs: Sequence[tuple[int, RunView]]
@@ -40,50 +40,58 @@ class Timeline:
     def total_s(self) -> float:
         return round(sum(run.seconds for _, run in self.runs), 3)
 
+    @property
+    def modelled(self) -> bool:
+        return self.traces.modelled is not None
+
     def options(self, window: Window, x_name: str) -> Options:
         p = self.palette
         across: Options = {"min": 0, "max": self.total_s, "scale": False}
-        zoom = {"xAxisIndex": [0, 1], "filterMode": "none", "start": window[0], "end": window[1], "throttle": 40}
+        zoom = {"filterMode": "none", "start": window[0], "end": window[1], "throttle": 40}
         slider = {
             "type": "slider", "height": 16, "bottom": 6, "showDataShadow": False, "textStyle": {"color": p.dim},
             "borderColor": p.line, "labelFormatter": "", "brushSelect": False,
         }  # fmt: skip
-        names = [name for axis in self.axes for name in (f"{axis} measured", f"{axis} model")]
-        return charts.base(
-            p,
-            grid=[charts.grid(top=30, height="38%"), charts.grid(top="56%", bottom=62)],
-            legend=charts.legend(p, names, right=LEGEND_RIGHT, top=4),
-            title=[
+        grids, titles = [charts.grid(top=30, bottom=62)], [charts.title(p, "measured, less the true rate, mdps", 8)]
+        kinds = ["measured"]
+        if self.modelled:
+            grids = [charts.grid(top=30, height="38%"), charts.grid(top="56%", bottom=62)]
+            titles = [
                 charts.title(p, "measured and modelled, less the true rate, mdps", 8),
                 charts.title(p, "left over: measured less modelled, mdps", "51%"),
-            ],
+            ]
+            kinds = ["measured", "model"]
+        last = len(grids) - 1
+        zoom["xAxisIndex"] = list(range(len(grids)))
+        labels = {"showMinLabel": False, "showMaxLabel": False}
+        return charts.base(
+            p,
+            grid=grids,
+            legend=charts.legend(p, [f"{axis} {kind}" for axis in self.axes for kind in kinds], right=LEGEND_RIGHT, top=4),
+            title=titles,
             xAxis=[
-                charts.axis(p, gridIndex=0, label={"show": False}, **across),
-                charts.axis(p, x_name, gridIndex=1, nameGap=20, label={"showMinLabel": False, "showMaxLabel": False}, **across),
+                *(charts.axis(p, gridIndex=k, label={"show": False}, **across) for k in range(last)),
+                charts.axis(p, x_name, gridIndex=last, nameGap=20, label=labels, **across),
             ],
-            yAxis=[charts.axis(p, gridIndex=0), charts.axis(p, gridIndex=1)],
+            yAxis=[charts.axis(p, gridIndex=k) for k in range(len(grids))],
             dataZoom=[{"type": "inside", **zoom}, {**zoom, **slider}],
             series=self.series(window),
         )
 
     def series(self, window: Window) -> list[Options]:
-        """Three curves an axis, as they are seen through the window."""
+        """One curve an axis, or three, as they are seen through the window."""
         p = self.palette
-        assert self.traces.modelled is not None
-        assert self.traces.residual is not None
+        modelled, residual = self.traces.modelled, self.traces.residual
         out = []
         for axis in self.axes:
             i, colour, alone = AXES.index(axis), p.axes[axis], len(self.axes) == 1
-            measured, modelled, left = (
-                self._seen(pyramid, i, window) for pyramid in (self.traces.measured, self.traces.modelled, self.traces.residual)
-            )
-            out += [
-                charts.line(
-                    f"{axis} measured", measured, p.dim if alone else colour, style={"opacity": 0.55 if alone else 0.35}
-                ),
-                charts.line(f"{axis} model", modelled, colour, style={"width": 2.2}),
-                charts.line(f"{axis} left over", left, colour, on=1),
-            ]
+            faint = {"opacity": 0.55 if alone else 0.35}
+            measured = self._seen(self.traces.measured, i, window)
+            out.append(charts.line(f"{axis} measured", measured, p.dim if alone else colour, style=faint))
+            if modelled is not None and residual is not None:
+                line, left = self._seen(modelled, i, window), self._seen(residual, i, window)
+                out.append(charts.line(f"{axis} model", line, colour, style={"width": 2.2}))
+                out.append(charts.line(f"{axis} left over", left, colour, on=1))
         out[-1]["markLine"] = self._bounds()
         return out
 

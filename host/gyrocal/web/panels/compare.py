@@ -49,6 +49,8 @@ class ComparePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench = tab, tab.bench
         self.axes: list[str] = []
+        self.chose_axes = False
+        """Whether a person did; else it is the one on which the model fails most."""
         self.against = "timeline"
         self.chosen: list[int] = []
         """Runs shown; none = all."""
@@ -59,7 +61,7 @@ class ComparePanel:
 
     def hear(self, topic: Topic) -> None:
         if topic == "session":
-            self.axes, self.chosen, self.window, self.against = [], [], ALL, "timeline"
+            self.chose_axes, self.chosen, self.window, self.against = False, [], ALL, "timeline"
         if topic in ("session", "model"):
             self._build()
 
@@ -70,13 +72,17 @@ class ComparePanel:
                 self._nothing()
                 return
             self._verdict()
-            if self.bench.step is None:
+            if self.bench.traces is None:
                 return
-            if not self.axes:
-                where = self.bench.step.view.compared["where"]
+            if not self.chose_axes:
+                where = self._where()
                 self.axes = [str(where[0]["axis"]) if where else self.bench.session.axis]
             self._controls()
-            self._place()
+            self._place(self.bench.traces)
+
+    def _where(self) -> list[dict[str, Any]]:
+        """Where the model fails; nowhere as long as there is none."""
+        return [] if self.bench.step is None else list(self.bench.step.view.compared["where"])
 
     def _nothing(self) -> None:
         with ui.element("section").classes("face"):
@@ -126,14 +132,15 @@ class ComparePanel:
             await self.bench.diagnose()
 
     def _look_at(self, finding: dict[str, Any]) -> None:
-        self.axes = [finding["axis"]]
+        self.axes, self.chose_axes = [finding["axis"]], True
         wanted = _panel(finding["against"])
         self.against = wanted if wanted in self._available() else "timeline"
         self.window = ALL
         self._draw()
 
     def _available(self) -> list[str]:
-        assert self.bench.step is not None
+        if self.bench.step is None:
+            return ["timeline"]
         view = self.bench.step.view
         there = {"timeline", *view.against, "frequency" if view.spectra else "", "averaging" if view.allan else ""}
         if any(name.startswith("reading_") for name in view.against):
@@ -142,9 +149,8 @@ class ComparePanel:
 
     def _controls(self) -> None:
         assert self.bench.session is not None
-        assert self.bench.step is not None
         with ui.row().classes("tight"):
-            axes = self.bench.step.view.compared["per_axis"]
+            axes = AXES if self.bench.step is None else self.bench.step.view.compared["per_axis"]
             self.axis_chips = {a: chip(a, partial(self._toggle, a)).classes(f"axis-{a}") for a in axes}
             ui.separator().props("vertical")
             self.view_chips = {n: chip(AGAINST[n][0], partial(self._choose, n)) for n in self._available()}
@@ -157,10 +163,9 @@ class ComparePanel:
         """Show which chips are pressed, and which views the model fails in."""
         self.frame.props(f'aria-label="{AGAINST[self.against][0]}"')
         self.zoom.set_visibility(self.against == "timeline")
-        assert self.bench.step is not None
         for axis, button in self.axis_chips.items():
             press(button, axis in self.axes)
-        failing = {_panel(f["against"]) for f in self.bench.step.view.compared["where"] if f["axis"] in self.axes}
+        failing = {_panel(f["against"]) for f in self._where() if f["axis"] in self.axes}
         for name, button in self.view_chips.items():
             press(button, name == self.against)
             button.classes(add="flag" if name in failing else "", remove="" if name in failing else "flag")
@@ -175,7 +180,7 @@ class ComparePanel:
                 button.on("click", js_handler=ZOOM % (self.chart.id, low, high))
 
     def _toggle(self, axis: str) -> None:
-        self.axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis]
+        self.axes, self.chose_axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis], True
         self._draw()
 
     def _choose(self, against: str) -> None:
@@ -192,9 +197,7 @@ class ComparePanel:
         assert self.bench.session is not None
         return [(i, r) for i, r in enumerate(self.bench.session.runs) if not self.chosen or i in self.chosen]
 
-    def _place(self) -> None:
-        traces = self.bench.traces
-        assert traces is not None
+    def _place(self, traces: Traces) -> None:
         with ui.element("div").classes("face grow over").style("padding: 6px 8px"):
             self.frame = ui.element("div").classes("chart").props("role=img")
             with self.frame:
@@ -206,17 +209,18 @@ class ComparePanel:
     def _draw(self) -> None:
         """Draw anew in the chart that is there."""
         traces = self.bench.traces
-        if traces is not None and traces.residual is not None:
+        if traces is not None:
             self._press()
             self.chart.run_chart_method("setOption", self._options(traces), {"notMerge": True})
 
     def _options(self, traces: Traces) -> charts.Options:
-        assert self.bench.step is not None
-        p, view, x_name = self.tab.palette, self.bench.step.view, AGAINST[self.against][1]
+        p, x_name = self.tab.palette, AGAINST[self.against][1]
         if self.against == "timeline":
             return self._timeline(traces).options(self.window, x_name)
+        assert self.bench.step is not None
+        view = self.bench.step.view
         if self.against == "frequency":
-            lines = [f for f in view.compared["where"] if f["against"] == "frequency"]
+            lines = [f for f in self._where() if f["against"] == "frequency"]
             what = "amplitude density of what is left over, mdps/√Hz"
             return plots.curves(p, view.spectra, self.axes, what, "level between lines", x_name, lines)
         if self.against == "averaging":
@@ -230,7 +234,7 @@ class ComparePanel:
     def _zoomed(self, event: events.GenericEventArguments) -> None:
         said = (event.args.get("batch") or [event.args])[0]
         traces = self.bench.traces
-        if self.against != "timeline" or said.get("start") is None or traces is None or traces.residual is None:
+        if self.against != "timeline" or said.get("start") is None or traces is None:
             return
         self.window = (float(said["start"]), float(said["end"]))
         seen = [{"data": series["data"]} for series in self._timeline(traces).series(self.window)]
