@@ -1,6 +1,7 @@
 """`$CAL` over the serial port equals `calibrate` on the same rows, to float rounding; and would not with a broken sign."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -82,6 +83,24 @@ def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model
     )  # fmt: skip
     scale, bias_dps = largest_difference(calibrate(turned, None, [method], model), said, method)
     assert scale > 100 * ROUNDING[method][0] or bias_dps > 100 * ROUNDING[method][1]
+
+
+def test_what_takes_long_comes_in_parts(model: Model, tmp_path: Path, require_tool) -> None:
+    """Six alternatives: a part of the model's answer a sample, so that none is missed meanwhile; then the network's. At the
+    end of a run that is over sooner, all that is left at once."""
+    require_tool("cc")
+    calibration_header.write(model, tmp_path / "calibration.h")
+    whole, _ = simulate(None, "table2", seed=7, scenarios=1, seconds=7.0)
+    short = whole.with_runs(r.part(0, n) for r, n in zip(whole.runs, (1015, 873), strict=True))
+    said = [[s for s in replay(of, include_dir=tmp_path) if s.tag in ("RAW", "CAL")] for of in (whole, short)]
+    for sentences, gaps in zip(said, ([6, 1] * 3, [6, 1] * 2 + [2, 0]), strict=True):
+        at = [i for i, s in enumerate(sentences) if s.tag == "CAL"]
+        methods = [sentences[i].fields["method"] for i in at]
+        assert methods == ["baseline", "model", "cnn"] * 3
+        between = [b - a - 1 for a, b in pairwise(at)]
+        assert [n for k, n in enumerate(between) if k % 3 != 2] == gaps
+    answers = [[s.fields for s in of if s.tag == "CAL" and s.fields["method"] == "model"] for of in said]
+    assert [a["scale"] for a in answers[0]] == [a["scale"] for a in answers[1]]
 
 
 def test_a_gap_silences_the_network_on_both(tmp_path: Path, require_tool, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,10 +23,4 @@ static void two_runs(const gc_calibration_t *calibration) {
     record(calibration, -78.0);
 }
 
-static void answer_them(const gc_calibration_t *calibration) {
-    gc_answer_t answer;
-    gc_estimator_marginal(&estimator, &second);
-    gc_estimator_solve(calibration, &first, &second, &answer);
-}
-
 #endif

@@ -440,6 +440,28 @@ static void answer_by_cnn(gc_device_t *d) {
     }
 }
 
+/* The model's answer in progress: its next part, or all that is left. */
+static void go_on_with_model(gc_device_t *d, bool to_the_end) {
+    bool done = false;
+    int error = GC_OK;
+    gc_answer_t answer;
+    if (!d->solving) {
+        return;
+    }
+    do {
+        error = gc_estimator_go_on(&d->solution, &done, &answer);
+    } while (error == GC_OK && !done && to_the_end);
+    d->solving = error == GC_OK && !done;
+    if (error != GC_OK) {
+        tell_error(d, error);
+        d->model_error = error;
+    } else if (done) {
+        const unsigned k = d->solved;
+        tell_answer(d, GC_METHOD_MODEL, checkpoint_s(k), d->run[d->slot].n_at[k], pair_temp_c(d, k), &answer);
+        judge(d, answer.misfit, k);
+    }
+}
+
 static void answer_by_model(gc_device_t *d, unsigned k) {
     gc_marginal_t marginal;
     gc_estimator_marginal(&d->estimator, &marginal);
@@ -450,20 +472,22 @@ static void answer_by_model(gc_device_t *d, unsigned k) {
     if (d->model_error != GC_OK || d->run[d->slot].opposed || d->run[1u - d->slot].baseline.checkpoints <= k) {
         return;
     }
-    gc_answer_t answer;
-    const gc_run_t *run = &d->run[d->slot];
+    const gc_calibration_t *calibration = d->config.calibration;
     int error = GC_OK;
-    if (d->config.calibration->axis != axis_names[run->settings.axis][0]) {
+    if (calibration->axis != axis_names[d->run[d->slot].settings.axis][0]) {
         error = GC_E_CALIBRATION_AXIS;
     } else {
-        error = gc_estimator_solve(d->config.calibration, &d->first_run[k], &marginal, &answer);
+        error = gc_estimator_begin_solve(&d->solution, calibration, &d->first_run[k], &marginal);
     }
-    if (error == GC_OK) {
-        tell_answer(d, GC_METHOD_MODEL, checkpoint_s(k), run->n_at[k], pair_temp_c(d, k), &answer);
-        judge(d, answer.misfit, k);
-    } else {
+    if (error != GC_OK) {
         tell_error(d, error);
         d->model_error = error;
+        return;
+    }
+    d->solving = true;
+    d->solved = k;
+    if (calibration->n_alternatives == 0u) { /* one part, and soon done */
+        go_on_with_model(d, true);
     }
 }
 
@@ -491,13 +515,15 @@ static void judge_direction(gc_device_t *d, gc_run_t *run) {
     }
 }
 
-/* Answers at the checkpoints completed since `before`; the network's, which takes longest, a sample later. */
+/* Answers at the checkpoints completed since `before`. What takes long comes in the samples after them: the model's where there
+   are alternatives, a part a sample, then the network's. */
 static void answer(gc_device_t *d, unsigned before) {
     gc_run_t *run = &d->run[d->slot];
     for (unsigned k = before; k < run->baseline.checkpoints; k++) {
         run->n_at[k] = run->n;
         run->temp_at[k] = run->temp_sum;
         if (d->slot != GC_SLOT_OTHER) {
+            go_on_with_model(d, true);
             judge_direction(d, run);
             answer_by_baseline(d, k);
             if (d->model) {
@@ -505,7 +531,12 @@ static void answer(gc_device_t *d, unsigned before) {
             }
         }
     }
-    if (d->slot != GC_SLOT_OTHER && before == run->baseline.checkpoints) {
+    if (d->slot == GC_SLOT_OTHER || before < run->baseline.checkpoints) {
+        return;
+    }
+    if (d->solving) {
+        go_on_with_model(d, false);
+    } else {
         answer_by_cnn(d);
     }
 }
@@ -531,6 +562,7 @@ static void start_run(gc_device_t *d, int face, bool automatic) {
         d->misfit = NAN;
         d->misfits = false;
         d->model_error = GC_OK;
+        d->solving = false;
         d->cnn_off = false;
         d->range_told = false;
         d->cnn_next = 0;
@@ -703,7 +735,8 @@ static void stop_run(gc_device_t *d) {
     const unsigned before = run->baseline.checkpoints;
     gc_baseline_end(&run->baseline);
     answer(d, before);
-    answer(d, run->baseline.checkpoints); /* what was put off */
+    go_on_with_model(d, true); /* what was put off */
+    answer(d, run->baseline.checkpoints);
     if (has_stuck_bit(run)) {
         tell_error(d, GC_E_STUCK_BIT);
     }

@@ -151,6 +151,9 @@ typedef struct {
     int model_error;
     gc_estimator_t estimator;
     gc_marginal_t first_run[GC_CHECKPOINTS];
+    gc_solution_t solution; /* in progress, a part a sample: */
+    bool solving;
+    unsigned solved; /* the checkpoint that it is for */
 
     bool range_told; /* readings beyond the network's range, in this pair */
     bool cnn_off; /* an error was told for this pair */

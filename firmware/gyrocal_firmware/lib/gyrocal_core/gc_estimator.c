@@ -8,11 +8,11 @@
 #define BLOCK_S (1e-6 * GC_BLOCK_US)
 #define PIVOT_MIN 1e-9 /* of its column: a pivot below it is rounding, not information */
 #define MAX_COLUMNS (GC_ESTIMATOR_PARAMETERS + 2u)
-/* K alternatives' triangles of [8 - K shared columns, bias, scale, right-hand side]: K = 4 takes most. */
-#define MOST_CHOSEN (4u * GC_TRIANGLE(7u))
 
-/* State and a calibration's marginals at each checkpoint fit 4 kB. */
-typedef char gc_estimator_fits_4_kb[sizeof(gc_estimator_t) + GC_CHECKPOINTS * sizeof(gc_marginal_t) <= 4096u ? 1 : -1];
+/* State, a calibration's marginals at each checkpoint and an answer in progress fit 4 kB. */
+typedef char gc_estimator_fits_4_kb[sizeof(gc_estimator_t) + GC_CHECKPOINTS * sizeof(gc_marginal_t) + sizeof(gc_solution_t) <= 4096u
+                                        ? 1
+                                        : -1];
 
 static unsigned n_parameters(const gc_calibration_t *c) {
     return c->n_run_columns + c->n_shared_columns + 2u;
@@ -275,16 +275,6 @@ static double choose(const gc_calibration_t *c, const gc_marginal_t *run, unsign
     return information / fabs(with[0]);
 }
 
-/* Weighted sums over pairs of alternatives; deviations are from the first pair's answer, weights relative to exp(-least / 2). */
-typedef struct {
-    double least;
-    double weight;
-    double first[2];
-    double sum[2];
-    double sum_sq[2];
-    double chi2;
-} gc_average_t;
-
 static void average(gc_average_t *all, double factor, double chi2, const double value[2], const double variance[2]) {
     if (all->weight == 0.0) {
         all->least = chi2;
@@ -330,62 +320,87 @@ static int add_answer(const double *triangle, unsigned columns, const double *no
     return GC_OK;
 }
 
-int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t *a, const gc_marginal_t *b, gc_answer_t *answer) {
-    if (a->error != GC_OK || b->error != GC_OK) {
-        return a->error != GC_OK ? a->error : b->error;
-    }
-    const unsigned columns = common_columns(calibration);
-    const unsigned n = columns - 1u;
-    const unsigned alternatives = calibration->n_alternatives;
-    const unsigned each = alternatives > 0u ? alternatives : 1u;
-
-    double norm[GC_ESTIMATOR_PARAMETERS];
-    double prior[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)] = {0.0};
-    int32_t dof = a->dof + b->dof;
-    for (unsigned i = 0; i < n; i++) {
-        norm[i] = a->norm_sq[alternatives + i] + b->norm_sq[alternatives + i];
-    }
-    for (unsigned i = 0; i < n; i++) {
+/* The prior on what runs share, as a triangle; returns how many of its rows are not flat, and adds to norm_sq. */
+static int32_t shared_prior(const gc_calibration_t *c, double *triangle, double *norm_sq) {
+    const unsigned columns = common_columns(c);
+    int32_t rows = 0;
+    memset(triangle, 0, GC_TRIANGLE(columns) * sizeof(double));
+    for (unsigned i = 0; i + 1u < columns; i++) {
         double row[MAX_COLUMNS] = {0.0};
-        if (prior_row(calibration, calibration->n_run_columns + i, calibration->n_run_columns, row)) {
-            dof++;
-            for (unsigned j = 0; j < n; j++) {
-                norm[j] += row[j] * row[j];
+        if (prior_row(c, c->n_run_columns + i, c->n_run_columns, row)) {
+            rows++;
+            for (unsigned j = 0; j + 1u < columns && norm_sq != NULL; j++) {
+                norm_sq[j] += row[j] * row[j];
             }
-            rotate_in(prior, columns, i, row);
+            rotate_in(triangle, columns, i, row);
         }
     }
-    for (unsigned i = 0; i < n; i++) {
-        norm[i] = sqrt(norm[i]);
-        dof -= norm[i] > 0.0 ? 1 : 0;
-    }
+    return rows;
+}
 
-    double second[MOST_CHOSEN];
-    double second_factor[GC_MAX_EFFECT_COLUMNS];
-    for (unsigned j = 0; j < each; j++) {
-        second_factor[j] = choose(calibration, b, j, second + j * GC_TRIANGLE(columns));
+static unsigned hypotheses(const gc_calibration_t *c) {
+    return c->n_alternatives > 0u ? c->n_alternatives : 1u;
+}
+
+int gc_estimator_begin_solve(gc_solution_t *s, const gc_calibration_t *c, const gc_marginal_t *first, const gc_marginal_t *second) {
+    if (first->error != GC_OK || second->error != GC_OK) {
+        return first->error != GC_OK ? first->error : second->error;
     }
-    gc_average_t all = {0};
-    for (unsigned i = 0; i < each; i++) {
-        double first[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
-        const double first_factor = choose(calibration, a, i, first);
-        add_triangle(first, prior, columns);
-        for (unsigned j = 0; j < each; j++) {
-            double both[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
-            memcpy(both, first, GC_TRIANGLE(columns) * sizeof(double));
-            add_triangle(both, second + j * GC_TRIANGLE(columns), columns);
-            const int error = add_answer(both, columns, norm, first_factor * second_factor[j], &all);
-            if (error != GC_OK) {
-                return error;
-            }
+    const unsigned columns = common_columns(c);
+    double prior[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+    memset(s, 0, sizeof *s);
+    s->calibration = c;
+    s->first = first;
+    for (unsigned i = 0; i + 1u < columns; i++) {
+        s->norm[i] = first->norm_sq[c->n_alternatives + i] + second->norm_sq[c->n_alternatives + i];
+    }
+    s->dof = first->dof + second->dof + shared_prior(c, prior, s->norm);
+    for (unsigned i = 0; i + 1u < columns; i++) {
+        s->norm[i] = sqrt(s->norm[i]);
+        s->dof -= s->norm[i] > 0.0 ? 1 : 0;
+    }
+    for (unsigned j = 0; j < hypotheses(c); j++) {
+        s->second_factor[j] = choose(c, second, j, s->second + j * GC_TRIANGLE(columns));
+    }
+    return GC_OK;
+}
+
+int gc_estimator_go_on(gc_solution_t *s, bool *done, gc_answer_t *answer) {
+    const unsigned columns = common_columns(s->calibration);
+    double prior[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+    double first[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+    const double first_factor = choose(s->calibration, s->first, s->next, first);
+    (void)shared_prior(s->calibration, prior, NULL);
+    add_triangle(first, prior, columns);
+    for (unsigned j = 0; j < hypotheses(s->calibration); j++) {
+        double both[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
+        memcpy(both, first, GC_TRIANGLE(columns) * sizeof(double));
+        add_triangle(both, s->second + j * GC_TRIANGLE(columns), columns);
+        const int error = add_answer(both, columns, s->norm, first_factor * s->second_factor[j], &s->all);
+        if (error != GC_OK) {
+            return error;
         }
     }
-    const double scale_off = all.sum[0] / all.weight;
-    const double bias_off = all.sum[1] / all.weight;
-    answer->scale = all.first[0] + scale_off;
-    answer->scale_se = sqrt(all.sum_sq[0] / all.weight - scale_off * scale_off);
-    answer->bias_dps = all.first[1] + bias_off;
-    answer->bias_se_dps = sqrt(all.sum_sq[1] / all.weight - bias_off * bias_off);
-    answer->misfit = dof > 0 ? sqrt(all.chi2 / all.weight / (double)dof) : NAN;
+    *done = ++s->next == hypotheses(s->calibration);
+    if (*done) {
+        const gc_average_t *all = &s->all;
+        const double scale_off = all->sum[0] / all->weight;
+        const double bias_off = all->sum[1] / all->weight;
+        answer->scale = all->first[0] + scale_off;
+        answer->scale_se = sqrt(all->sum_sq[0] / all->weight - scale_off * scale_off);
+        answer->bias_dps = all->first[1] + bias_off;
+        answer->bias_se_dps = sqrt(all->sum_sq[1] / all->weight - bias_off * bias_off);
+        answer->misfit = s->dof > 0 ? sqrt(all->chi2 / all->weight / (double)s->dof) : NAN;
+    }
     return GC_OK;
+}
+
+int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t *a, const gc_marginal_t *b, gc_answer_t *answer) {
+    gc_solution_t solution;
+    bool done = false;
+    int error = gc_estimator_begin_solve(&solution, calibration, a, b);
+    while (error == GC_OK && !done) {
+        error = gc_estimator_go_on(&solution, &done, answer);
+    }
+    return error;
 }

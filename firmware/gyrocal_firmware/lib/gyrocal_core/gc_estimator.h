@@ -21,6 +21,8 @@ extern "C" {
 
 #define GC_ESTIMATOR_PARAMETERS (GC_MAX_EFFECT_COLUMNS + 2u)
 #define GC_TRIANGLE(columns) ((columns) * ((columns) + 1u) / 2u)
+/* K alternatives' triangles of [8 - K shared columns, bias, scale, right-hand side]: K = 4 takes most. */
+#define GC_MOST_CHOSEN (4u * GC_TRIANGLE(7u))
 
 /* What a run says about [alternatives, shared columns, bias, scale]: upper triangle by rows, its last column the right-hand
    side, its last element the sum of squared residuals. */
@@ -61,7 +63,33 @@ void gc_estimator_add_block(gc_estimator_t *e, uint64_t block, uint32_t n, doubl
 /* Ends the block in progress; what the run says so far. It can go on afterwards. */
 void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal);
 
-/* Two runs together, and the prior on what they share. GC_E_UNIDENTIFIED where they do not fix scale and bias. */
+/* An answer in parts, none of which takes long: where a run has K alternatives, one for each of them. */
+typedef struct {
+    double least; /* chi-square: weights are relative to exp(-least / 2) */
+    double weight;
+    double first[2]; /* answer: the sums are of deviations from it */
+    double sum[2];
+    double sum_sq[2];
+    double chi2;
+} gc_average_t;
+
+typedef struct {
+    const gc_calibration_t *calibration;
+    const gc_marginal_t *first;
+    unsigned next; /* of the first run's alternatives */
+    int32_t dof;
+    double norm[GC_ESTIMATOR_PARAMETERS];
+    double second[GC_MOST_CHOSEN]; /* what the second run says under each of its alternatives */
+    double second_factor[GC_MAX_EFFECT_COLUMNS];
+    gc_average_t all;
+} gc_solution_t;
+
+/* Two runs together. The first must stay as it is until the answer is there. GC_OK or what is wrong with a run. */
+int gc_estimator_begin_solve(gc_solution_t *solution, const gc_calibration_t *calibration, const gc_marginal_t *first,
+                             const gc_marginal_t *second);
+/* The next part. GC_OK: *done tells whether the answer is there. GC_E_UNIDENTIFIED: the runs do not fix scale and bias. */
+int gc_estimator_go_on(gc_solution_t *solution, bool *done, gc_answer_t *answer);
+/* All parts at once. */
 int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t *a, const gc_marginal_t *b, gc_answer_t *answer);
 
 #ifdef __cplusplus
