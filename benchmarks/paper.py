@@ -52,6 +52,7 @@ HIDDEN_SD = 0.0012
 MISFIT_TESTS, SAMPLE_TESTS = 1500, 600
 SAMPLE_CAMPAIGN = 24
 FIVE_SE = 25.0
+SIGMAS = (5, 6, 7, 8)
 PAPERS = {"improvement": 72.0, "time": 75.0}
 MODEL = Path(str(files("gyrocal"))) / "data" / "table2"
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
@@ -225,7 +226,8 @@ def judge_hidden(scenarios: int, tests: int) -> dict[str, Any]:
 
 def judge_misfit(tests: int) -> list[dict[str, Any]]:
     """Signals outside the model, of sizes from none to large: how often the misfit is above its limit after 2, 4 and 6 s where
-    the signal, as far as the model cannot take it up, exceeds five of its standard errors; and where there is none."""
+    the signal, as far as the model cannot take it up, exceeds five of its standard errors (those of a test that knows its
+    shape); where there is none; and after 6 s where each is of exactly so many standard errors."""
     rng = np.random.default_rng(FIRST_SEED + 1)
     device = calibration_of(Model.open(MODEL / "model.toml"), "z")
     quiet = replace(
@@ -252,17 +254,33 @@ def judge_misfit(tests: int) -> list[dict[str, Any]]:
         "drift of 20 mdps/s": lambda: normal(0.02) * t_s,
         "offset of 50 mdps": lambda: normal(0.05) * np.ones_like(t_s),
     }
-    rows = []
+
+    def outside(up: Array, down: Array, seconds: float) -> Array:
+        """What of a signal the model cannot take up, squared, in standard errors."""
+        return answers(quiet, up, down, seconds, limit.PROTOCOL).chi2
+
+    def flags(up: Array, down: Array) -> list[Array]:
+        found = shipped().answers(data["up"] + up, data["down"] + down, SECONDS, limit.PROTOCOL)
+        return [of[:, 4] > misfit_limit(seconds) for of, seconds in zip(found, SECONDS, strict=True)]
+
+    rows: list[dict[str, Any]] = []
     for kind, draw in kinds.items():
         up, down = draw(), draw()
-        found = shipped().answers(data["up"] + up, data["down"] + down, SECONDS, limit.PROTOCOL)
-        for k, seconds in enumerate(SECONDS):
-            outside = answers(quiet, up, down, seconds, limit.PROTOCOL).chi2 > FIVE_SE
-            flagged = found[k][:, 4] > misfit_limit(seconds)
+        for seconds, flagged in zip(SECONDS, flags(up, down), strict=True):
+            beyond = outside(up, down, seconds) > FIVE_SE
             rows.append({
-                "hidden": kind, "seconds": seconds, "beyond_five_se": float(outside.mean()), "flagged": float(flagged.mean()),
-                "flagged_of_those": float(flagged[outside].mean()) if outside.sum() >= 10 else None,
+                "hidden": kind, "seconds": seconds, "beyond_five_se": float(beyond.mean()), "flagged": float(flagged.mean()),
+                "flagged_of_those": float(flagged[beyond].mean()) if beyond.sum() >= 10 else None,
             })  # fmt: skip
+        if not beyond.any():
+            continue
+        at = {}
+        for sigma in SIGMAS:
+            for _ in range(3):  # the transient that fits best changes with the size
+                size = (sigma / np.sqrt(outside(up, down, SECONDS[-1])))[:, None]
+                up, down = size * up, size * down
+            at[sigma] = float(flags(up, down)[-1].mean())
+        rows[-1]["flagged_at_sigma"] = at
     return rows
 
 
@@ -420,6 +438,11 @@ def show(report: dict[str, Any]) -> None:
         for r in report["misfit"]
     ]  # fmt: skip
     table("misfit", ["hidden:", "seconds", "beyond five se, %", "flagged of those, %", "flagged of all, %"], rows)
+    rows = [
+        [r["hidden"], *(f"{100 * share:.1f}" for share in r["flagged_at_sigma"].values())]
+        for r in report["misfit"] if "flagged_at_sigma" in r
+    ]  # fmt: skip
+    table("misfit after 6 s, %, of signals of exactly so many standard errors", ["hidden:", *map(str, SIGMAS)], rows)
     for method, stages in report["covered_68"].items():
         said = ", ".join(f"{s:g} s {c['scale']:.3f} and {c['bias']:.3f}" for s, c in zip(SECONDS, stages, strict=True))
         stdout.print(f"{method}: the truth is within one standard error (scale and bias): {said}")
