@@ -3,14 +3,14 @@
  * Parameters, in this order, with the mean and standard deviation of their priors:
  *   table_ripple (each run its own): 0 +- 0.00109
  *   table_ripple (each run its own): 0 +- 0.00109
- *   spin_up, tau_s 0.839 (each run its own: one of 6): 6.80997e-05 +- 0.00157
- *   spin_up, tau_s 1.16 (each run its own: one of 6): 6.80997e-05 +- 0.00157
- *   spin_up, tau_s 1.6 (each run its own: one of 6): 6.80997e-05 +- 0.00157
- *   spin_up, tau_s 2.22 (each run its own: one of 6): 6.80997e-05 +- 0.00157
- *   spin_up, tau_s 3.07 (each run its own: one of 6): 6.80997e-05 +- 0.00157
- *   spin_up, tau_s 4.24 (each run its own: one of 6): 6.80997e-05 +- 0.00157
+ *   spin_up, tau_s 0.838 (each run its own: one of 6): 6.81285e-05 +- 0.00157
+ *   spin_up, tau_s 1.16 (each run its own: one of 6): 6.81285e-05 +- 0.00157
+ *   spin_up, tau_s 1.6 (each run its own: one of 6): 6.81285e-05 +- 0.00157
+ *   spin_up, tau_s 2.22 (each run its own: one of 6): 6.81285e-05 +- 0.00157
+ *   spin_up, tau_s 3.07 (each run its own: one of 6): 6.81285e-05 +- 0.00157
+ *   spin_up, tau_s 4.24 (each run its own: one of 6): 6.81285e-05 +- 0.00157
  *   bias_dps: -0.0590638 +- 0.0402
- *   scale: 0.00399417 +- 0.000395
+ *   scale: 0.00399416 +- 0.000396
  */
 #ifndef GYROCAL_CALIBRATION_H
 #define GYROCAL_CALIBRATION_H
@@ -23,27 +23,27 @@ GC_EFFECT(spin_up);
 static const gc_effect_column_t gyrocal_columns[] = {
     {gc_effect_table_ripple, {1.0f, 0.0f, 0.0f, 0.0f}},
     {gc_effect_table_ripple, {1.0f, 1.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {0.838525163f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {1.15968577f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {1.60385298f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {2.21813913f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {3.06770089f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {4.24265034f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {0.838345554f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {1.15941413f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {1.60344516f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {2.21753067f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {3.0667979f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {4.24131649f, 0.0f, 0.0f, 0.0f}},
 };
 
-static const double gyrocal_prior_mean[] = {0.0, 0.0, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, 6.8099740400000004e-05, -0.059063845699999999, 0.0039941703900000002};
+static const double gyrocal_prior_mean[] = {0.0, 0.0, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, -0.059063797100000003, 0.0039941622099999999};
 
 static const double gyrocal_prior_sqrt_information[] = {
-    921.12744489067848, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 921.12744489067848, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 637.30504275270107, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 24.873244976884489, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2532.1200533890892,
+    919.16503898919495, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 919.16503898919495, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 24.851580047797839, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2526.6892420773302,
 };
 
 static const gc_calibration_t gc_calibration = {
@@ -55,9 +55,9 @@ static const gc_calibration_t gc_calibration = {
     .n_alternatives = 6,
     .n_shared_columns = 0,
     .columns = gyrocal_columns,
-    .white_sd_dps = 0.0443620201f,
-    .ou_sd_dps = 0.00147613539f,
-    .ou_tau_s = 11.9043068f,
+    .white_sd_dps = 0.0443625815f,
+    .ou_sd_dps = 0.00147617916f,
+    .ou_tau_s = 11.9913263f,
     .prior_mean = gyrocal_prior_mean,
     .prior_sqrt_information = gyrocal_prior_sqrt_information,
 };
