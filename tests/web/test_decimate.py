@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gyrocal.web.charts import LIGHT
 from gyrocal.web.decimate import FACTOR, Pyramid, binned, thinned
 from gyrocal.web.plots import STRETCHES, Timeline
-from gyrocal.web.state import Traces
+from gyrocal.web.traces import Traces
 from gyrocal.web.views import ModelView, RunView, SessionView
 
 

@@ -105,3 +105,13 @@ def test_no_session_is_one_line(tmp_path: Path) -> None:
     )
     assert done.returncode == 2
     assert "no such file" in done.stderr
+
+
+def test_the_first_page_waits_for_no_heavy_import() -> None:
+    heavy = ("numpy", "scipy", "polars", "matplotlib", "onnxruntime", "torch")
+    lines = ["import sys", "from gyrocal.web import page, server, state", "from gyrocal.web.panels import start"]
+    done = subprocess.run(
+        [sys.executable, "-c", "; ".join([*lines, f"print([m for m in {heavy} if m in sys.modules])"])],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout == "[]\n"

@@ -50,6 +50,11 @@ class Jobs:
         self._generation = 0
         self._process: Any = None
 
+    def prepare(self) -> None:
+        """Start the worker before there is work for it: its imports take their time."""
+        if self._process is None:
+            self._start()
+
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._link, theirs = context.Pipe()
@@ -71,8 +76,7 @@ class Jobs:
             self.current, self._cancelled = Job(title), False
             self._changed()
             try:
-                if self._process is None:
-                    self._start()
+                self.prepare()
                 return await self._converse(method, args)
             except (EOFError, OSError):
                 self._end()

@@ -15,67 +15,15 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gyrocal.errors import InputError
-from gyrocal.web.decimate import zigzag
 
 if TYPE_CHECKING:
     from gyrocal.record import Wanted
     from gyrocal.web.listener import News
+    from gyrocal.web.samples import Samples
 
-SHOWN_S = 10.0
-STRETCHES = 180
-KEPT = 1 << 15
 PORTS = re.compile(r"/dev/(tty|cu)[\w.-]+|/dev/pts/\d+|COM\d+|socket://(127\.0\.0\.1|localhost|\[::1\]):\d+")
 """Ports that the page may open: serial devices, and this machine's own sockets."""
-
-Array = np.ndarray[Any, np.dtype[np.float64]]
-
-
-class Samples:
-    """The last samples of one sensor: a ring of rows [t_s, gx, gy, gz, ax, ay, az, temp]."""
-
-    def __init__(self) -> None:
-        self._rows = np.full((KEPT, 8), np.nan)
-        self._count = 0
-        self._lock = threading.Lock()
-
-    def extend(self, rows: Array) -> None:
-        with self._lock:
-            if self._count and rows[0, 0] < self._rows[(self._count - 1) % KEPT, 0]:
-                self._count = 0  # the device's clock began anew
-            self._rows[(self._count + np.arange(len(rows))) % KEPT] = rows
-            self._count += len(rows)
-
-    def latest(self, seconds: float) -> Array:
-        """Rows of the last ``seconds``, oldest first."""
-        with self._lock:
-            n = min(self._count, KEPT)
-            rows = self._rows[(self._count - n + np.arange(n)) % KEPT]
-        return rows[np.searchsorted(rows[:, 0], rows[-1, 0] - seconds) :] if n else rows
-
-    def frame(self) -> tuple[float, list[list[list[float | None]]]]:
-        """(newest time in s, seven curves of [t_s, value]): two values a stretch, its least and its largest."""
-        rows = self.latest(SHOWN_S)
-        if not len(rows):
-            return 0.0, [[] for _ in range(7)]
-        stretch = np.floor(rows[:, 0] * (STRETCHES / SHOWN_S)).astype(np.int64)
-        starts = np.flatnonzero(np.diff(stretch, prepend=stretch[0] - 1))
-        t = rows[starts, 0].round(3)
-        low, high = np.fmin.reduceat(rows[:, 1:], starts), np.fmax.reduceat(rows[:, 1:], starts)
-        curves = []
-        for i in range(7):
-            if i == 6 or len(rows) < 2 * STRETCHES:  # slow enough for its mean
-                values = (low[:, i] + high[:, i]) / 2
-                curves.append(_points(t, values))
-            else:
-                curves.append(_points(np.repeat(t, 2), zigzag(low[:, i], high[:, i], int(stretch[0]))))
-        return float(rows[-1, 0]), curves
-
-
-def _points(t: Array, values: np.ndarray[Any, Any]) -> list[list[float | None]]:
-    return [[x, None if y != y else y] for x, y in zip(t.tolist(), values.round(5).tolist(), strict=True)]
 
 
 class Live:
@@ -200,7 +148,8 @@ class Live:
                     loop.call_soon_threadsafe(self._changed)
 
     def _take(self, samples: list[tuple[Any, ...]]) -> None:
+        from gyrocal.web.samples import Samples
+
         for imu in {s[0] for s in samples}:
-            rows = np.array([[s[1] * 1e-6, *s[2:]] for s in samples if s[0] == imu], dtype=float)
-            self.sensors.setdefault(imu, Samples()).extend(rows)
+            self.sensors.setdefault(imu, Samples()).extend([[s[1] * 1e-6, *s[2:]] for s in samples if s[0] == imu])
         self.newest = (samples[-1][1], time.monotonic())

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Callable
+from importlib import import_module
 
-from nicegui import Event, ui
+from nicegui import Event, app, ui
 
 from gyrocal.web import charts
-from gyrocal.web.panels import calibrate, compare, diagnose, live, start
 from gyrocal.web.state import Topic, Workbench
 
-PANELS: dict[str, tuple[str, Callable[[Tab], Callable[[Topic], None]]]] = {}
+PANELS = {"live": "Live", "compare": "Compare", "diagnose": "Diagnose", "calibrate": "Calibrate & export"}
+"""A file of ``panels`` each; they are imported when they are shown, or when the first page is there."""
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
 
@@ -43,7 +45,7 @@ class Tab:
             with ui.element("nav").classes("views").props('aria-label="panels"'):
                 self._buttons = {
                     name: ui.button(title, on_click=lambda n=name: self.go(n), color=None).props("flat no-caps dense")
-                    for name, (title, _) in PANELS.items()
+                    for name, title in PANELS.items()
                 }
             ui.space()
             self._name = ui.label().classes("session-name")
@@ -73,7 +75,7 @@ class Tab:
             button.props('aria-current="page"' if name == view else 'aria-current="false"')
         self._content.clear()
         with self._content:
-            self._update = (PANELS[view][1] if view in PANELS else start.show)(self)
+            self._update = _panel(view)(self)
 
     def _hear(self, topic: Topic) -> None:
         bench = self.bench
@@ -110,12 +112,10 @@ MARK = (
     '<path d="M16 16 L25 9" stroke="#E69F00" stroke-width="4" stroke-linecap="round"/>'
 )
 
-PANELS.update({
-    "live": ("Live", live.show),
-    "compare": ("Compare", compare.show),
-    "diagnose": ("Diagnose", diagnose.show),
-        "calibrate": ("Calibrate & export", calibrate.show),
-})  # fmt: skip
+
+def _panel(view: str) -> Callable[[Tab], Callable[[Topic], None]]:
+    show: Callable[[Tab], Callable[[Topic], None]] = import_module(f"gyrocal.web.panels.{view}").show
+    return show
 
 
 def register() -> None:
@@ -126,9 +126,16 @@ def register() -> None:
         Tab("compare" if looking else "start").build()
 
     ui.page("/")(index)
+
+    def at(view: str) -> Callable[[], None]:
+        return lambda: Tab(view).build()  # with no parameter, for those would be the address's own
+
     for view in ("start", *PANELS):
+        ui.page(f"/{view}")(at(view))
 
-        def at(view: str = view) -> None:
-            Tab(view).build()
+    async def prepare() -> None:
+        """The first page is there: what the next ones need."""
+        _bench[0].jobs.prepare()
+        await asyncio.to_thread(lambda: [_panel(view) for view in PANELS])
 
-        ui.page(f"/{view}")(at)
+    app.on_connect(prepare)

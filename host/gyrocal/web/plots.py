@@ -11,7 +11,7 @@ import numpy as np
 from gyrocal.web import charts
 from gyrocal.web.charts import Options, Palette
 from gyrocal.web.decimate import Pyramid, binned, thinned
-from gyrocal.web.state import Traces
+from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, Curve, RunView
 
 STRETCHES = 700

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import random
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Literal
 
 from gyrocal.errors import GyrocalError
-from gyrocal.web.decimate import Pyramid
 from gyrocal.web.jobs import Cancelled, Jobs
 from gyrocal.web.live import Live
 from gyrocal.web.places import Places
 from gyrocal.web.training import Training
 from gyrocal.web.views import Bar, CalibrationView, DiagnosisView, ExportView, ModelView, SessionView, TrainedView
+
+if TYPE_CHECKING:
+    from gyrocal.web.traces import Traces
 
 Topic = Literal["session", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
 
@@ -35,23 +37,6 @@ class Step:
     effect: str = ""
     title: str = "eq. (4)"
     removed: bool = False
-
-
-class Traces:
-    """The session's samples, and the latest model's, mapped from the worker's files."""
-
-    def __init__(self, session: SessionView) -> None:
-        self.session = session
-        self.t_s: np.ndarray[Any, Any] = np.load(session.traces / "t_s.npy", mmap_mode="r")
-        self.measured = Pyramid(session.traces / "measured")
-        self.modelled: Pyramid | None = None
-        self.residual: Pyramid | None = None
-        self.points: dict[str, np.ndarray[Any, Any]] = {}
-
-    def take(self, model: ModelView) -> None:
-        self.modelled, self.residual = Pyramid(model.traces / "modelled"), Pyramid(model.traces / "residual")
-        with np.load(model.traces / "points.npz") as packed:
-            self.points = dict(packed)
 
 
 class Workbench:
@@ -124,6 +109,8 @@ class Workbench:
             finally:
                 self.opening = False
                 self.changed("session")
+            from gyrocal.web.traces import Traces
+
             self.traces = Traces(self.session)
             self.changed("session")
             await self._compare()
@@ -131,7 +118,7 @@ class Workbench:
     async def simulate(self, effects: list[str], scenarios: int = 6, seconds: float = 40.0) -> None:
         """A session with a hidden effect, to try things on."""
         with self._telling():
-            seed = int(np.random.default_rng().integers(1, 10_000))
+            seed = random.randrange(1, 10_000)
             out = self.places.free("simulated")
             await self.jobs.run("Simulating a recording", "simulate", out, effects, seed, scenarios, seconds)
             await self.open(out)
@@ -237,7 +224,7 @@ class Workbench:
             return []
         richest = max(self.steps, key=lambda s: len(s.view.compared["parameters"]))
         floor = richest.view.compared["floor_dps"]
-        excess = [1e3 * float(np.sqrt(max(0.0, s.view.compared["rms_dps"] ** 2 - floor**2))) for s in self.steps]
+        excess = [1e3 * math.sqrt(max(0.0, s.view.compared["rms_dps"] ** 2 - floor**2)) for s in self.steps]
         bars = [Bar(self.steps[0].title, 0.0, excess[0])]
         for step, old, new in zip(self.steps[1:], excess, excess[1:], strict=False):
             bars.append(Bar(("without " if step.removed else "") + step.title, old, new))

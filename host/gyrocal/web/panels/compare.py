@@ -10,7 +10,8 @@ from nicegui import events, ui
 
 from gyrocal.web import charts, plots
 from gyrocal.web.chips import chip, press
-from gyrocal.web.state import Topic, Traces
+from gyrocal.web.state import Topic
+from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, RunView
 
 if TYPE_CHECKING:

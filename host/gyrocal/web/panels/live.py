@@ -13,8 +13,8 @@ from gyrocal.errors import InputError
 from gyrocal.monitor import misfits as doubtful
 from gyrocal.web import charts
 from gyrocal.web.chips import chip, press
-from gyrocal.web.live import SHOWN_S
 from gyrocal.web.panels.start import HIDDEN
+from gyrocal.web.samples import SHOWN_S
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 

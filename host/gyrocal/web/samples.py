@@ -1,0 +1,63 @@
+"""The last samples of a sensor, and what of them is drawn."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+
+from gyrocal.web.decimate import zigzag
+
+SHOWN_S = 10.0
+STRETCHES = 180
+KEPT = 1 << 15
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class Samples:
+    """The last samples of one sensor: a ring of rows [t_s, gx, gy, gz, ax, ay, az, temp]."""
+
+    def __init__(self) -> None:
+        self._rows = np.full((KEPT, 8), np.nan)
+        self._count = 0
+        self._lock = threading.Lock()
+
+    def extend(self, samples: list[list[float | None]]) -> None:
+        """Rows as above; None is a value that the device has not."""
+        rows = np.array(samples, dtype=float)
+        with self._lock:
+            if self._count and rows[0, 0] < self._rows[(self._count - 1) % KEPT, 0]:
+                self._count = 0  # the device's clock began anew
+            self._rows[(self._count + np.arange(len(rows))) % KEPT] = rows
+            self._count += len(rows)
+
+    def latest(self, seconds: float) -> Array:
+        """Rows of the last ``seconds``, oldest first."""
+        with self._lock:
+            n = min(self._count, KEPT)
+            rows = self._rows[(self._count - n + np.arange(n)) % KEPT]
+        return rows[np.searchsorted(rows[:, 0], rows[-1, 0] - seconds) :] if n else rows
+
+    def frame(self) -> tuple[float, list[list[list[float | None]]]]:
+        """(newest time in s, seven curves of [t_s, value]): two values a stretch, its least and its largest."""
+        rows = self.latest(SHOWN_S)
+        if not len(rows):
+            return 0.0, [[] for _ in range(7)]
+        stretch = np.floor(rows[:, 0] * (STRETCHES / SHOWN_S)).astype(np.int64)
+        starts = np.flatnonzero(np.diff(stretch, prepend=stretch[0] - 1))
+        t = rows[starts, 0].round(3)
+        low, high = np.fmin.reduceat(rows[:, 1:], starts), np.fmax.reduceat(rows[:, 1:], starts)
+        curves = []
+        for i in range(7):
+            if i == 6 or len(rows) < 2 * STRETCHES:  # slow enough for its mean
+                values = (low[:, i] + high[:, i]) / 2
+                curves.append(_points(t, values))
+            else:
+                curves.append(_points(np.repeat(t, 2), zigzag(low[:, i], high[:, i], int(stretch[0]))))
+        return float(rows[-1, 0]), curves
+
+
+def _points(t: Array, values: np.ndarray[Any, Any]) -> list[list[float | None]]:
+    return [[x, None if y != y else y] for x, y in zip(t.tolist(), values.round(5).tolist(), strict=True)]
