@@ -7,7 +7,7 @@
 #include <Arduino.h>
 #include <esp_task_wdt.h>
 
-#define STACK_BYTES 12288 /* the answer by a model with alternatives takes 5 kB of it (docs/cpus.md) */
+#define STACK_BYTES 12288 /* the core takes 4 kB of it (docs/cpus.md) */
 #define PRIORITY 18      /* above everything of ours, below the timers that wake it */
 #define COMMAND_BYTES 512
 #define SHORT_US 80u     /* a timer is not worth its while */
