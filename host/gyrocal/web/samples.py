@@ -60,4 +60,7 @@ class Samples:
 
 
 def _points(t: Array, values: np.ndarray[Any, Any]) -> list[list[float | None]]:
-    return [[x, None if y != y else y] for x, y in zip(t.tolist(), values.round(5).tolist(), strict=True)]
+    pairs: list[list[float | None]] = np.column_stack([t, values.round(5)]).tolist()
+    for i in np.flatnonzero(np.isnan(values)).tolist():
+        pairs[i][1] = None
+    return pairs

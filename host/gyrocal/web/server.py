@@ -6,6 +6,8 @@ import asyncio
 import contextlib
 import secrets
 import socket
+import threading
+import webbrowser
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import SimpleCookie
 from importlib.resources import files
@@ -104,7 +106,9 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     token = None if host in LOCAL else secrets.token_urlsafe(18)
     shown = socket.gethostname() if host in ("0.0.0.0", "::") else host
     url = f"http://{f'[{shown}]' if ':' in shown else shown}:{number}/"
-    path = f"/?token={token}" if token else "/"
+    address = f"{url}?token={token}" if token else url
+    if browser:
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # it starts while this does
 
     from nicegui import app, ui
 
@@ -121,7 +125,7 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
         if device is not None:
             bench[0].live.trusted.add(device)
             bench[0].live.connect(device)
-        print(f"workbench: {url}{path.removeprefix('/')}  (Ctrl-C ends it)", flush=True)
+        print(f"workbench: {address}  (Ctrl-C ends it)", flush=True)
         if session is not None:
             opening.append(asyncio.create_task(bench[0].open(session)))
             await asyncio.sleep(0)
@@ -134,7 +138,7 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
             host=host, port=number, fd=taken.fileno(), title="gyrocal workbench", favicon=ICON, dark=None, reload=False,
-            show=path if browser else False, tailwind=False, show_welcome_message=False, message_history_length=200,
+            show=False, tailwind=False, show_welcome_message=False, message_history_length=200,
             reconnect_timeout=15.0,
             ws_per_message_deflate=False, gzip_middleware_factory=None,  # to this machine, or by the local network
             uvicorn_logging_level="critical",  # a request cut off by Ctrl-C is no error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from gyrocal.record import Wanted
     from gyrocal.web.page import Tab
 
-FRAME_S = 0.04
+FRAME_S = 0.033
+READ_S = 0.15
+"""Figures that change faster than this cannot be read."""
 MOST_IN_FLIGHT = 3
 READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
 STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
@@ -39,6 +42,7 @@ class LivePanel:
         """What each part was drawn from."""
         self.chips: dict[int, ui.button] = {}
         self._sent = (0, 0.0)
+        self._read = 0.0
         self._in_flight = 0
         with ui.element("div").classes("live fill"):
             with ui.element("div").classes("scroll"):
@@ -339,9 +343,10 @@ class LivePanel:
             return
         self._sent = self.live.newest
         t_s, curves = samples.frame()
-        latest = samples.latest(0.0)[-1]
-        for element, value, (_, unit) in zip(self.readings, latest[1:], READINGS, strict=True):
-            element.content = "<b>–</b>" if value != value else f"<b>{value:.{2 if unit == '°C' else 3}f}</b>"
+        if time.monotonic() - self._read > READ_S:
+            self._read = time.monotonic()
+            for element, value, (_, unit) in zip(self.readings, samples.latest(0.0)[-1, 1:], READINGS, strict=True):
+                element.content = "<b>–</b>" if value != value else f"<b>{value:.{2 if unit == '°C' else 3}f}</b>"
         options = {
             "xAxis": [{"min": round(t_s - SHOWN_S, 3), "max": round(t_s, 3)}] * len(STRIPS),
             "series": [{"data": curve} for curve in curves],
