@@ -197,9 +197,10 @@ def judge_hidden(scenarios: int, tests: int) -> dict[str, Any]:
 
     rng = np.random.default_rng(FIRST_SEED)
     up, down, *_ = Simulation(truth(64), limit.PROTOCOL, LEARN_S, by_sample=True).draw(scenarios, rng)
-    models = {"model before": shipped(), "model after": learned(session(up, down, rng))}
+    cores = {"model before": shipped(), "model after": learned(session(up, down, rng))}
 
-    up, down, scale, bias = Simulation(truth(64), limit.PROTOCOL, 6.0, by_sample=True).draw(tests, rng)
+    up, down, scale, bias = Simulation(truth(64), limit.PROTOCOL, SECONDS[-1], by_sample=True).draw(tests, rng)
+    by_model = {method: core.answers(up, down, SECONDS, limit.PROTOCOL) for method, core in cores.items()}
     values, net, rows = np.column_stack([scale, bias]), BlockNetwork.shipped(), []
     for k, seconds in enumerate(SECONDS):
         n = net.samples(k)
@@ -209,9 +210,8 @@ def judge_hidden(scenarios: int, tests: int) -> dict[str, Any]:
             "baseline": (np.column_stack([(means[0] - means[1]) / (2 * TABLE_RATE_DPS), (means[0] + means[1]) / 2]), None),
             "gyrocal": (y[:, :2], None),
         }
-        for method, core in models.items():
-            a = core.answers(up[:, :MOST], down[:, :MOST], SECONDS, limit.PROTOCOL)[k]
-            found[method] = (a[:, [0, 2]], float(np.mean(a[:, 4] > misfit_limit(seconds))))
+        for method, a in by_model.items():
+            found[method] = (a[k][:, [0, 2]], float(np.mean(a[k][:, 4] > misfit_limit(seconds))))
         p = answers(truth(12), up, down, seconds, limit.PROTOCOL, by_sample=True)
         found["limit"] = (np.column_stack([p.scale, p.bias_dps]), None)
         best = np.abs(found["limit"][0] - values).mean(0)
