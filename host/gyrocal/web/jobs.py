@@ -32,6 +32,8 @@ class Job:
     """What is being done, for the page."""
 
     title: str
+    method: str
+    """Of :class:`~gyrocal.web.bench.Bench`."""
     text: str = ""
     began: float = field(default_factory=time.monotonic)
 
@@ -73,7 +75,7 @@ class Jobs:
         async with self._lock:
             if generation != self._generation:
                 raise Cancelled  # what runs says that it was stopped; what waits says nothing
-            self.current, self._cancelled = Job(title), False
+            self.current, self._cancelled = Job(title, method), False
             self._changed()
             try:
                 self.prepare()

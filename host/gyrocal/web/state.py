@@ -35,7 +35,7 @@ class Step:
     """What the engine takes: a built-in's name, or TOML."""
     view: ModelView
     effect: str = ""
-    title: str = "eq. (4)"
+    title: str = "model at first"
     removed: bool = False
 
 
@@ -86,6 +86,11 @@ class Workbench:
 
     def _calibrated_models(self) -> tuple[str, str]:
         return self.steps[0].view.toml, self.steps[-1].view.toml
+
+    @property
+    def searching(self) -> bool:
+        """Whether the model is being diagnosed or changed: what is asked for now would be about the model as it was."""
+        return self.jobs.current is not None and self.jobs.current.method in ("diagnose", "add", "keep", "without")
 
     def network(self, axis: str) -> TrainedView | None:
         """The network that was trained for the model as it is."""

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 class DiagnosePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench = tab, tab.bench
+        self.acts: list[ui.button] = []
+        """Those that start a search; off while there is one."""
         with ui.element("div").classes("two fill"):
             self.cards = ui.element("section").classes("scroll").props('aria-label="what is missing"')
             with ui.element("section").classes("column"):
@@ -31,6 +33,8 @@ class DiagnosePanel:
             draw()
 
     def hear(self, topic: Topic) -> None:
+        if topic == "job":
+            self._allow()
         if topic in ("session", "model", "diagnosis"):
             self._cards()
         if topic in ("session", "model"):
@@ -39,9 +43,18 @@ class DiagnosePanel:
         if topic in ("session", "model", "calibration"):
             self._calibration()
 
+    def _allow(self) -> None:
+        for button in self.acts:
+            button.set_enabled(not self.bench.searching)
+
     # Cards.
 
     def _cards(self) -> None:
+        self.acts = []
+        self._draw_cards()
+        self._allow()
+
+    def _draw_cards(self) -> None:
         self.cards.clear()
         with self.cards:
             found = self.bench.diagnosis
@@ -77,6 +90,7 @@ class DiagnosePanel:
                     "Look again" if fits else "Find what is missing", icon="search", on_click=self.bench.diagnose, color=None
                 )
                 look.props("flat no-caps" if fits else "unelevated no-caps").classes("" if fits else "primary")
+                self.acts.append(look)
                 if fits:
                     onward = ui.button(
                         "Take it to the device", icon="memory", on_click=lambda: self.tab.go("calibrate"), color=None
@@ -130,6 +144,7 @@ class DiagnosePanel:
                     act = partial(self.bench.add, judged["effect"], card.title)
                     button = ui.button("Add to the model", icon="add", on_click=act, color=None)
                     button.props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "")
+                    self.acts.append(button)
                 ui.label(card.equation).classes("equation")
 
     def _unknown(self, found: DiagnosisView) -> None:
@@ -153,10 +168,12 @@ class DiagnosePanel:
                     "Find a formula and keep it", icon="functions", on_click=lambda: self.bench.keep(called.value), color=None
                 )
                 keep.props("unelevated no-caps").classes("primary")
+                self.acts.append(keep)
             ui.label("or, if you can guess its form, write it down:").classes("small dim")
             with ui.row().classes("tight").style("width: 100%; flex-wrap: nowrap"):
                 formula = ui.input(placeholder="mine: k*rate**2").props('outlined dense aria-label="formula"').classes("grow")
-                ui.button("Try and add", on_click=lambda: self._try(formula.value), color=None).props("outline no-caps")
+                attempt = ui.button("Try and add", on_click=lambda: self._try(formula.value), color=None)
+                self.acts.append(attempt.props("outline no-caps"))
             ui.label(
                 "Names: rate (true rate), t (time in the run), power_on_s, temp_c, theta (table angle), ax, ay, az. "
                 "Whatever else is a parameter to be fitted."

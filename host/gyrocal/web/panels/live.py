@@ -232,7 +232,7 @@ class LivePanel:
                         ui.label("✓" if stage == "done" else str(number))
                         ui.label(text)
             if self.live.status.get("replays"):
-                ui.label("This simulated device turns and flips by itself.").classes("dim small")
+                ui.label("This simulated device turns and flips by itself, after some seconds at rest.").classes("dim small")
 
     # Recording.
 
