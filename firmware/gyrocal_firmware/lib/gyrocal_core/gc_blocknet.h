@@ -47,6 +47,13 @@ typedef struct {
     bool clipped; /* a block was beyond the training range */
 } gc_blocknet_answer_t;
 
+/* What a face says of u. */
+typedef struct {
+    float mean;
+    float precision;
+    bool clipped;
+} gc_blocknet_face_t;
+
 /* Samples of each run that stage 0, 1 or 2 takes: those of the first 2, 4 or 6 s. */
 uint32_t gc_blocknet_samples(const gc_blocknet_t *net, unsigned stage);
 
@@ -54,9 +61,14 @@ uint32_t gc_blocknet_samples(const gc_blocknet_t *net, unsigned stage);
  * at most GC_BLOCKNET_BLOCKS. */
 uint32_t gc_blocknet_means(const gc_blocknet_t *net, const int16_t *counts, uint32_t n, double lsb_dps, double w_dps, float *means);
 
-/* up, down: the first 8 (stage + 1) block means of each run. w_up_dps, w_down_dps: the true rates about the sensed axis:
- * +table_dps and -table_dps within 3 %.
+/* means: the first 8 (stage + 1) block means of a face, 0 up or 1 down. w_dps: its true rate about the sensed axis:
+ * +table_dps or -table_dps within 3 %.
  * Returns 0, GC_E_NET_RATE, GC_E_NET_WINDOW (a stage or size that there is not) or GC_E_NET_INPUT (a NaN). */
+int gc_blocknet_face(const gc_blocknet_t *net, const float *means, unsigned stage, unsigned face, float w_dps,
+                     gc_blocknet_face_t *out);
+void gc_blocknet_merge(const gc_blocknet_t *net, const gc_blocknet_face_t *up, const gc_blocknet_face_t *down,
+                       gc_blocknet_answer_t *answer);
+/* Both faces at once. */
 int gc_blocknet_run(const gc_blocknet_t *net, const float *up, const float *down, unsigned stage, float w_up_dps,
                     float w_down_dps, gc_blocknet_answer_t *answer);
 

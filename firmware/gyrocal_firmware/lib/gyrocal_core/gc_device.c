@@ -373,18 +373,33 @@ static int run_windows(gc_device_t *d, uint32_t windows, gc_answer_t *answer) {
     return GC_OK;
 }
 
-static int run_blocks(gc_device_t *d, unsigned k, gc_answer_t *answer) {
+static int run_face(gc_device_t *d, unsigned k, unsigned slot, gc_blocknet_face_t *face) {
     const gc_blocknet_t *net = d->config.net->blocks;
-    const uint32_t n = gc_blocknet_samples(net, k);
-    const gc_run_t *up = &d->run[GC_SLOT_POSITIVE];
-    const gc_run_t *down = &d->run[GC_SLOT_NEGATIVE];
-    (void)gc_blocknet_means(net, d->windows.run[GC_SLOT_POSITIVE].counts, n, up->lsb_dps, up->w_dps, d->cnn_up);
-    (void)gc_blocknet_means(net, d->windows.run[GC_SLOT_NEGATIVE].counts, n, down->lsb_dps, down->w_dps, d->cnn_down);
-    gc_blocknet_answer_t found;
-    const int error = gc_blocknet_run(net, d->cnn_up, d->cnn_down, k, (float)up->w_dps, (float)down->w_dps, &found);
+    const gc_run_t *run = &d->run[slot];
+    float means[GC_BLOCKNET_BLOCKS];
+    (void)gc_blocknet_means(net, d->windows.run[slot].counts, gc_blocknet_samples(net, k), run->lsb_dps, run->w_dps, means);
+    return gc_blocknet_face(net, means, k, slot == GC_SLOT_POSITIVE ? 0u : 1u, (float)run->w_dps, face);
+}
+
+/* Network gyrocal's answer: one face, and the other with the next sample or at once. */
+static int run_blocks(gc_device_t *d, unsigned k, bool to_the_end, bool *done, gc_answer_t *answer) {
+    int error = GC_OK;
+    if (!d->cnn_half) {
+        error = run_face(d, k, GC_SLOT_POSITIVE, &d->cnn_face);
+        d->cnn_half = error == GC_OK;
+        if (error != GC_OK || !to_the_end) {
+            *done = false;
+            return error;
+        }
+    }
+    d->cnn_half = false;
+    gc_blocknet_face_t other;
+    error = run_face(d, k, GC_SLOT_NEGATIVE, &other);
     if (error != GC_OK) {
         return error;
     }
+    gc_blocknet_answer_t found;
+    gc_blocknet_merge(d->config.net->blocks, &d->cnn_face, &other, &found);
     if (found.clipped && !d->range_told) {
         d->range_told = true;
         tell_error(d, GC_E_NET_RANGE);
@@ -397,7 +412,7 @@ static int run_blocks(gc_device_t *d, unsigned k, gc_answer_t *answer) {
 }
 
 /* The network's answers that are due: those whose baseline is there and whose samples are there in both runs. */
-static void answer_by_cnn(gc_device_t *d) {
+static void answer_by_cnn(gc_device_t *d, bool to_the_end) {
     const gc_run_t *up = &d->run[GC_SLOT_POSITIVE];
     const gc_run_t *down = &d->run[GC_SLOT_NEGATIVE];
     const gc_cnn_net_t *net = d->config.net;
@@ -425,7 +440,11 @@ static void answer_by_cnn(gc_device_t *d) {
                 error = solve_baseline(d, k, &answer); /* its misfit is that of the data */
             }
             if (error == GC_OK) {
-                error = net->blocks != NULL ? run_blocks(d, k, &answer) : run_windows(d, n / net->window, &answer);
+                bool done = true;
+                error = net->blocks != NULL ? run_blocks(d, k, to_the_end, &done, &answer) : run_windows(d, n / net->window, &answer);
+                if (error == GC_OK && !done) {
+                    return;
+                }
             }
             if (error == GC_OK) {
                 tell_answer(d, GC_METHOD_CNN, checkpoint_s(k), n, pair_temp_c(d, k), &answer);
@@ -516,7 +535,7 @@ static void judge_direction(gc_device_t *d, gc_run_t *run) {
 }
 
 /* Answers at the checkpoints completed since `before`. What takes long comes in the samples after them: the model's where there
-   are alternatives, a part a sample, then the network's. */
+   are alternatives, a part a sample, then the network's, a face a sample. */
 static void answer(gc_device_t *d, unsigned before) {
     gc_run_t *run = &d->run[d->slot];
     for (unsigned k = before; k < run->baseline.checkpoints; k++) {
@@ -537,7 +556,7 @@ static void answer(gc_device_t *d, unsigned before) {
     if (d->solving) {
         go_on_with_model(d, false);
     } else {
-        answer_by_cnn(d);
+        answer_by_cnn(d, false);
     }
 }
 
@@ -566,6 +585,7 @@ static void start_run(gc_device_t *d, int face, bool automatic) {
         d->cnn_off = false;
         d->range_told = false;
         d->cnn_next = 0;
+        d->cnn_half = false;
         d->cnn_windows = 0;
         d->cnn_sum[0] = 0.0;
         d->cnn_sum[1] = 0.0;
@@ -736,7 +756,7 @@ static void stop_run(gc_device_t *d) {
     gc_baseline_end(&run->baseline);
     answer(d, before);
     go_on_with_model(d, true); /* what was put off */
-    answer(d, run->baseline.checkpoints);
+    answer_by_cnn(d, true);
     if (has_stuck_bit(run)) {
         tell_error(d, GC_E_STUCK_BIT);
     }

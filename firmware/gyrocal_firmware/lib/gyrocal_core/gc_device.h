@@ -159,6 +159,8 @@ typedef struct {
     bool cnn_off; /* an error was told for this pair */
     unsigned cnn_next, cnn_windows;
     double cnn_sum[2];
+    bool cnn_half; /* of network gyrocal's next answer one face is done: */
+    gc_blocknet_face_t cnn_face;
     float cnn_up[GC_MAX_CNN_WINDOW], cnn_down[GC_MAX_CNN_WINDOW], cnn_scratch[GC_MAX_CNN_SCRATCH];
 
     gc_sentence_t sentence;
