@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
 
 import numpy as np
 
-from gyrocal.web.decimate import zigzag
+from gyrocal.web.decimate import Array, quarters, zigzag
 
 SHOWN_S = 10.0
 STRETCHES = 180
 KEPT = 1 << 15
-
-Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class Samples:
@@ -47,7 +44,9 @@ class Samples:
             return 0.0, [[] for _ in range(7)]
         stretch = np.floor(rows[:, 0] * (STRETCHES / SHOWN_S)).astype(np.int64)
         starts = np.flatnonzero(np.diff(stretch, prepend=stretch[0] - 1))
-        t = rows[starts, 0].round(3)
+        width_s = SHOWN_S / STRETCHES
+        t = (stretch[starts] * width_s).round(3)
+        twice = quarters(t, t + width_s).round(3)
         low, high = np.fmin.reduceat(rows[:, 1:], starts), np.fmax.reduceat(rows[:, 1:], starts)
         curves = []
         for i in range(7):
@@ -55,11 +54,11 @@ class Samples:
                 values = (low[:, i] + high[:, i]) / 2
                 curves.append(_points(t, values))
             else:
-                curves.append(_points(np.repeat(t, 2), zigzag(low[:, i], high[:, i], int(stretch[0]))))
+                curves.append(_points(twice, zigzag(low[:, i], high[:, i], int(stretch[0]))))
         return float(rows[-1, 0]), curves
 
 
-def _points(t: Array, values: np.ndarray[Any, Any]) -> list[list[float | None]]:
+def _points(t: Array, values: Array) -> list[list[float | None]]:
     pairs: list[list[float | None]] = np.column_stack([t, values.round(5)]).tolist()
     for i in np.flatnonzero(np.isnan(values)).tolist():
         pairs[i][1] = None

@@ -83,8 +83,6 @@ class DiagnosePanel:
             ui.label("The model fits: what is left over is noise." if fits else "The model does not fit yet.").classes("big")
             if len(bars) > 1:
                 ui.label(f"The excess error went from {bars[0].after:.2f} to {bars[-1].after:.2f} mdps.")
-            if self.bench.step.view.remark:
-                ui.label(self.bench.step.view.remark).classes("dim")
             with ui.row().style("margin-top: 8px"):
                 look = ui.button(
                     "Look again" if fits else "Find what is missing", icon="search", on_click=self.bench.diagnose, color=None
