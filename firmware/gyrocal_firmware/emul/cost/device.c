@@ -1,5 +1,5 @@
-/* One sample through the whole device: bus, driver, baseline, estimator with eight effect columns, $RAW; its largest is a
-   face of the network's answer after 6 s, a sample or two after those by baseline and model. The bus and the board take no time. */
+/* One sample through the whole device: bus, driver, baseline, estimator with eight effect columns, $RAW; its largest is an answer
+   after 6 s, by baseline and model or a face of the network's. The bus and the board take no time. */
 #include "cost.h"
 #include "eight_columns.h"
 #include "weights.h"
