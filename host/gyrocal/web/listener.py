@@ -207,7 +207,7 @@ class Listener:
 def _sensor_status(sensor: Sensor) -> dict[str, Any]:
     return {
         "state": sensor.state, "face": sensor.face, "hello": sensor.hello, "rate_hz": sensor.rate_hz(),
-        "results": list(sensor.results.values()),
+        "missed": sensor.missed, "results": list(sensor.results.values()),
     }  # fmt: skip
 
 

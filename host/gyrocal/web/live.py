@@ -47,7 +47,7 @@ class Live:
         return bool(self.status.get("connected"))
 
     def sensor(self, imu: int) -> dict[str, Any]:
-        """What one sensor has said: state, face, hello, rate_hz, results; empty where it has not yet spoken."""
+        """What one sensor has said: state, face, hello, rate_hz, missed, results; empty where it has not yet spoken."""
         found: dict[str, Any] = self.status.get("sensors", {}).get(imu, {})
         return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import secrets
 import socket
 import threading
@@ -110,6 +111,7 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     if browser:
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # it starts while this does
 
+    gc.disable()  # what is imported is no garbage
     from nicegui import app, ui
 
     from gyrocal.web import page
@@ -120,6 +122,8 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     opening: list[asyncio.Task[None]] = []
 
     async def start() -> None:
+        gc.freeze()
+        gc.enable()
         bench.append(Workbench(roots, page.changed.emit))
         page.serve(bench[0])
         if device is not None:

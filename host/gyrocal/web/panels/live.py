@@ -169,8 +169,10 @@ class LivePanel:
         status = self.live.status
         if self.live.port and "good" in status:
             lost, bad = status["lost"], status["bad"]
-            rate_hz = self.live.sensor(self.imu).get("rate_hz", 0.0)
-            self.counts.text = f"{rate_hz:.0f} samples a second, {lost} lost, {bad} bad, {status['restarts']} restarts"
+            sensor = self.live.sensor(self.imu)
+            missed = f", {sensor['missed']} never taken" if sensor.get("missed") else ""
+            rate = f"{sensor.get('rate_hz', 0.0):.0f} samples a second"
+            self.counts.text = f"{rate}, {lost} lost, {bad} bad, {status['restarts']} restarts{missed}"
             run = (status.get("recording") or {}).get("run")
             if run is not None and status["recording"]["going"]:
                 told = f"{run['seconds']:.1f} s, {run['samples']} samples, {run['lost']} lost"
