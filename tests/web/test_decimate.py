@@ -113,6 +113,9 @@ def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:
     np.savez(tmp_path / "points.npz", run=np.zeros(1))
     entries = [RunView(f"{i:03d}.csv", f"s{i:03d}", "up", "z", 78.0, 1, i * rows, rows, rows / rate_hz) for i in range(runs)]
     traces = Traces(SessionView(tmp_path, "", "z", rate_hz, entries, tmp_path))
+    alone = Timeline(traces, list(enumerate(entries)), ("x", "y", "z"), LIGHT)  # before there is a model
+    assert [series["name"] for series in alone.series((0.0, 100.0))] == ["x measured", "y measured", "z measured"]
+    assert len(alone.options((0.0, 100.0), "s")["grid"]) == 1
     traces.take(ModelView("", {}, "", [], [], tmp_path, [], {}, {}))
     line = Timeline(traces, list(enumerate(entries)), ("x", "y", "z"), LIGHT)
     took = []
