@@ -125,7 +125,7 @@ def blocks(p: Palette, bars: Sequence[Bar]) -> list[Block]:
 def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
     """Excess error step by step down to the floor (zero); the last bar is what is left."""
     drawn = blocks(p, bars)
-    wrapped = {"color": p.ink, "interval": 0, "width": max(64, 420 // len(drawn)), "overflow": "break"}
+    wrapped = {"color": p.ink, "interval": 0, "lineHeight": 13, "width": max(64, 420 // len(drawn)), "overflow": "break"}
     shown = [
         {
             "value": b.high - b.low,

@@ -37,6 +37,8 @@ class Step:
     effect: str = ""
     title: str = "model at first"
     removed: bool = False
+    formula: str = ""
+    """Of an effect that is no one's of the library."""
 
 
 class Workbench:
@@ -136,14 +138,14 @@ class Workbench:
                 self._diagnoses[source] = self.diagnosed = found
                 self.changed("diagnosis")
 
-    async def add(self, effect: str, title: str) -> None:
-        """Add an effect (or a formula) to the model; undo takes it back."""
+    async def add(self, effect: str, title: str, formula: str = "") -> None:
+        """Add an effect (its id, or a formula) to the model; undo takes it back."""
         with self._telling():
             if self.session is None or self.step is None:
                 return
             before, view = await self.jobs.run(f"Adding {title.lower()}", "add", self.session.path, self.step.source, effect)
             self.before = before
-            await self._take(Step(view.toml, view, effect, title))
+            await self._take(Step(view.toml, view, effect, title, formula=formula))
 
     async def keep(self, name: str) -> None:
         """Find a formula for what is unknown, and add it as an effect of that name."""
@@ -151,7 +153,7 @@ class Workbench:
             if self.session is None or self.step is None:
                 return
             formula, view = await self.jobs.run("Looking for a formula", "keep", self.session.path, self.step.source, name)
-            await self._take(Step(view.toml, view, name, formula))
+            await self._take(Step(view.toml, view, name, name, formula=formula))
 
     async def remove(self, effect: str, title: str) -> None:
         """Take an effect out of the model: one that was tried before, or one to be fitted."""

@@ -103,6 +103,8 @@ class DiagnosePanel:
     def _added(self) -> None:
         """What was added last, as it was found."""
         step, found = self.bench.step, self.bench.diagnosed
+        if step is not None and step.formula and not step.removed:
+            self._formula(step.title, step.formula)
         if step is None or found is None or step.removed:
             return
         for card in found.cards:
@@ -145,6 +147,15 @@ class DiagnosePanel:
                     self.acts.append(button)
                 ui.label(card.equation).classes("equation")
 
+    def _formula(self, name: str, formula: str) -> None:
+        with ui.element("article").classes("card"):
+            with ui.element("div").classes("head"):
+                ui.html(f"<h2>{html.escape(name)}</h2>", sanitize=False)
+                ui.space()
+                ui.label("in the model now").classes("badge good")
+            ui.label("An effect of your own:").classes("small")
+            ui.label(formula.removeprefix(f"{name}: ")).classes("equation")
+
     def _unknown(self, found: DiagnosisView) -> None:
         u = found.unknown
         assert u is not None
@@ -180,7 +191,7 @@ class DiagnosePanel:
     async def _try(self, text: str) -> None:
         if text and text.strip():
             name = text.partition(":")[0].strip() if ":" in text else "formula"
-            await self.bench.add(text.strip(), name)
+            await self.bench.add(text.strip(), name, text.strip())
 
     def _rest(self, found: DiagnosisView) -> None:
         looked = [c for c in found.cards if c.judged["decision"] == "reject"]
