@@ -201,7 +201,7 @@ def first_page(folder: Path, browser: Any) -> float:
 
 
 def frames_per_second(url: str, browser: Any, seconds: float, *, diagnosing: bool) -> float:
-    """Frames of the live page that the browser draws."""
+    """Frames of the live page that the browser draws, as long as the diagnosis lasts."""
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     if diagnosing:
         page.goto(f"{url}diagnose")
@@ -214,12 +214,16 @@ def frames_per_second(url: str, browser: Any, seconds: float, *, diagnosing: boo
         f"() => {{ window.frames_drawn = 0; const c = {CHART}, set = c.setOption.bind(c);"
         " c.setOption = (...what) => { window.frames_drawn++; return set(...what); }; }"
     )
-    page.wait_for_timeout(1e3 * seconds)
-    drawn = int(page.evaluate("() => window.frames_drawn"))
-    if diagnosing:
-        page.get_by_role("button", name="Stop").click()
+    stop, began = page.get_by_role("button", name="Stop"), time.monotonic()
+    going = True
+    while going:
+        page.wait_for_timeout(250)
+        drawn, lasted_s = int(page.evaluate("() => window.frames_drawn")), time.monotonic() - began
+        going = lasted_s < seconds and (stop.is_visible() or not diagnosing)
+    if stop.is_visible():
+        stop.click()
     page.close()
-    return drawn / seconds
+    return drawn / lasted_s
 
 
 async def newest(session: Path, port: str, seconds: float) -> dict[str, np.ndarray[Any, Any]]:

@@ -178,7 +178,8 @@ def test_the_keyboard_is_enough(served: Any, look: Callable[..., Any]) -> None:
 
 
 def test_long_work_can_be_stopped(served: Any, look: Callable[..., Any]) -> None:
-    page = look(f"{served.url}compare")
+    page = look(f"{served.url}start")
+    page.get_by_role("button", name="hidden").click()
     figures(page)
     page.get_by_role("button", name="What is missing?").click()
     page.get_by_role("status").filter(has_text=re.compile("Looking for what is missing: .+")).wait_for()
