@@ -14,6 +14,7 @@ from gyrocal.web.state import Topic, Workbench
 
 PANELS = {"live": "Live", "compare": "Compare", "diagnose": "Diagnose", "calibrate": "Calibrate & export"}
 """A file of ``panels`` each; they are imported when they are shown, or when the first page is there."""
+DRAWN_S = 1.0
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
 
@@ -134,7 +135,8 @@ def register() -> None:
         ui.page(f"/{view}")(at(view))
 
     async def prepare() -> None:
-        """The first page is there: what the next ones need."""
+        """The first page is there: what the next ones need, when it has been drawn."""
+        await asyncio.sleep(DRAWN_S)
         _bench[0].jobs.prepare()
         await asyncio.to_thread(lambda: [_panel(view) for view in PANELS])
 
