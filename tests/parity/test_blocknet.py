@@ -13,7 +13,7 @@ from gyrocal.core import CoreBlockNetwork
 from gyrocal.errors import InputError
 from gyrocal.network import STAGES_S, BlockNetwork
 from gyrocal.simulate import BIAS_MEAN_DPS, SCALE_MEAN, paper_windows
-from gyrocal.verify import TOLERANCE, block_means, verify
+from gyrocal.verify import TOLERANCE, block_means, held_to, verify
 from parity.surgery import WEIGHTS, with_largest_negated
 
 DATA = Path(str(files("gyrocal"))) / "data"
@@ -30,6 +30,13 @@ def test_c_gives_the_numbers_of_the_quantised_graph() -> None:
     found = verify(INT8, seed=1, n=3000)
     assert found["windows"] == 9000
     assert found["max_diff_of_range"] <= TOLERANCE
+
+
+def test_an_output_that_hardly_varies_is_granted_rounding_and_no_more() -> None:
+    reference = np.column_stack([np.linspace(-1, 1, 9), 0.03 + 1e-7 * np.arange(9)])
+    granted = TOLERANCE * held_to(reference)
+    assert granted[0] == pytest.approx(2 * TOLERANCE)
+    assert granted[1] == pytest.approx(4 * np.finfo(np.float32).eps * reference[-1, 1])
 
 
 @pytest.mark.parametrize("name", [*ARRAYS, "gc_blocks_straight"])
