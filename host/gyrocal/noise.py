@@ -27,12 +27,12 @@ class Noise:
 class Summed:
     """Columns of runs that share their blocks' times, summed as far as no noise level matters: :meth:`normal_equations`.
 
-    ``gram`` [runs, q, q] over all blocks; ``sums`` [runs, q, k] over cells of time in which drift is taken to be constant,
+    ``gram`` [runs, q, q] over all blocks; ``means`` [runs, q, k] over cells of time in which drift is taken to be constant,
     ``t_s`` [k] their mean times, ``n`` [k] the samples in them; ``blocks``, ``log_n``: number of blocks and sum of log n.
     """
 
     gram: Array
-    sums: Array
+    means: Array
     t_s: Array
     n: Array
     blocks: int
@@ -44,16 +44,17 @@ class Summed:
 
         ``cell_s`` = 0: every block is a cell of its own, and the normal equations are exact.
         """
-        weighted = columns * n
-        gram = weighted @ columns.swapaxes(-1, -2)
         blocks, log_n = t_s.size, float(np.log(n).sum())
+        even = np.ptp(n) == 0
+        weighted = columns if even else columns * n
+        gram = weighted @ columns.swapaxes(-1, -2) * (n[0] if even else 1.0)
         cell = np.floor((t_s - t_s[0]) / cell_s) if cell_s > 0 else np.arange(blocks)
         start = np.flatnonzero(np.concatenate([[True], np.diff(cell) > 0]))
-        if start.size < blocks:
-            total = np.add.reduceat(n, start)
-            t_s, n = np.add.reduceat(t_s * n, start) / total, total
-            weighted = np.add.reduceat(weighted, start, axis=-1)
-        return Summed(gram, weighted, t_s, n, blocks, log_n)
+        if start.size == blocks:
+            return Summed(gram, columns, t_s, n, blocks, log_n)
+        total = np.add.reduceat(n, start)
+        means = np.add.reduceat(weighted, start, axis=-1) * ((n[0] if even else 1.0) / total)
+        return Summed(gram, means, np.add.reduceat(t_s * n, start) / total, total, blocks, log_n)
 
     def normal_equations(self, noise: Noise) -> tuple[Array, float]:
         """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one, V the noise's covariance.
@@ -77,9 +78,11 @@ class Summed:
         diagonal[1:] += 1 / driven
         diagonal[:-1] += phi**2 / driven
         pivots, factors, _ = dpttrf(diagonal, -phi / driven)
-        drift = dpttrs(pivots, factors, self.sums.reshape(-1, self.t_s.size).T)[0].T.reshape(self.sums.shape)
+        even = np.ptp(self.n) == 0
+        sums, scale = (self.means, float(self.n[0])) if even else (self.means * self.n, 1.0)
+        drift = dpttrs(pivots, factors, sums.reshape(-1, self.t_s.size).T)[0].T.reshape(sums.shape)
         logdet += float(np.log(variance) + np.log(driven).sum() + np.log(pivots).sum())
-        return gram - precision**2 * (self.sums @ drift.swapaxes(-1, -2)), logdet
+        return gram - (scale * precision) ** 2 * (sums @ drift.swapaxes(-1, -2)), logdet
 
 
 def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:
