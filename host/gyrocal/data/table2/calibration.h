@@ -3,13 +3,13 @@
  * Parameters, in this order, with the mean and standard deviation of their priors:
  *   table_ripple (each run its own): 0 +- 0.00109
  *   table_ripple (each run its own): 0 +- 0.00109
- *   spin_up, tau_s 0.838 (each run its own: one of 6): 6.81285e-05 +- 0.00157
- *   spin_up, tau_s 1.16 (each run its own: one of 6): 6.81285e-05 +- 0.00157
- *   spin_up, tau_s 1.6 (each run its own: one of 6): 6.81285e-05 +- 0.00157
- *   spin_up, tau_s 2.22 (each run its own: one of 6): 6.81285e-05 +- 0.00157
- *   spin_up, tau_s 3.07 (each run its own: one of 6): 6.81285e-05 +- 0.00157
- *   spin_up, tau_s 4.24 (each run its own: one of 6): 6.81285e-05 +- 0.00157
- *   bias_dps: -0.0590638 +- 0.0402
+ *   spin_up, tau_s 0.838 (each run its own: one of 6): 6.81217e-05 +- 0.00157
+ *   spin_up, tau_s 1.16 (each run its own: one of 6): 6.81217e-05 +- 0.00157
+ *   spin_up, tau_s 1.6 (each run its own: one of 6): 6.81217e-05 +- 0.00157
+ *   spin_up, tau_s 2.22 (each run its own: one of 6): 6.81217e-05 +- 0.00157
+ *   spin_up, tau_s 3.07 (each run its own: one of 6): 6.81217e-05 +- 0.00157
+ *   spin_up, tau_s 4.24 (each run its own: one of 6): 6.81217e-05 +- 0.00157
+ *   bias_dps: -0.0590637 +- 0.0402
  *   scale: 0.00399416 +- 0.000396
  */
 #ifndef GYROCAL_CALIBRATION_H
@@ -23,27 +23,27 @@ GC_EFFECT(spin_up);
 static const gc_effect_column_t gyrocal_columns[] = {
     {gc_effect_table_ripple, {1.0f, 0.0f, 0.0f, 0.0f}},
     {gc_effect_table_ripple, {1.0f, 1.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {0.838345554f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {1.15941413f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {1.60344516f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {2.21753067f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {3.0667979f, 0.0f, 0.0f, 0.0f}},
-    {gc_effect_spin_up, {4.24131649f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {0.838351799f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {1.15941103f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {1.60342464f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {2.21747983f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {3.06669655f, 0.0f, 0.0f, 0.0f}},
+    {gc_effect_spin_up, {4.24113339f, 0.0f, 0.0f, 0.0f}},
 };
 
-static const double gyrocal_prior_mean[] = {0.0, 0.0, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, 6.8128525499999996e-05, -0.059063797100000003, 0.0039941622099999999};
+static const double gyrocal_prior_mean[] = {0.0, 0.0, 6.8121662300000006e-05, 6.8121662300000006e-05, 6.8121662300000006e-05, 6.8121662300000006e-05, 6.8121662300000006e-05, 6.8121662300000006e-05, -0.059063746899999998, 0.0039941635699999997};
 
 static const double gyrocal_prior_sqrt_information[] = {
-    919.16503898919495, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 919.16503898919495, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 638.47737280759338, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 24.851580047797839, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2526.6892420773302,
+    917.65444008791656, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 917.65444008791656, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 635.51264578408006, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 635.51264578408006, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 635.51264578408006, 0.0, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 635.51264578408006, 0.0, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 635.51264578408006, 0.0, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 635.51264578408006, 0.0, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 24.87769672224837, 0.0,
+    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2522.9541160131407,
 };
 
 static const gc_calibration_t gc_calibration = {
@@ -55,9 +55,9 @@ static const gc_calibration_t gc_calibration = {
     .n_alternatives = 6,
     .n_shared_columns = 0,
     .columns = gyrocal_columns,
-    .white_sd_dps = 0.0443625815f,
-    .ou_sd_dps = 0.00147617916f,
-    .ou_tau_s = 11.9913263f,
+    .white_sd_dps = 0.0443624656f,
+    .ou_sd_dps = 0.00147544925f,
+    .ou_tau_s = 11.9548576f,
     .prior_mean = gyrocal_prior_mean,
     .prior_sqrt_information = gyrocal_prior_sqrt_information,
 };
