@@ -13,6 +13,9 @@ import numpy as np
 
 from gyrocal.session import Array
 
+AT_ONCE = 2**17
+"""Numbers that are solved for at once, about: they stay in the processor's cache."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -80,9 +83,13 @@ class Summed:
         pivots, factors, _ = dpttrf(diagonal, -phi / driven)
         even = np.ptp(self.n) == 0
         sums, scale = (self.means, float(self.n[0])) if even else (self.means * self.n, 1.0)
-        drift = dpttrs(pivots, factors, sums.reshape(-1, self.t_s.size).T)[0].T.reshape(sums.shape)
+        runs = max(1, AT_ONCE // (sums.shape[1] * self.t_s.size))
+        for first in range(0, len(sums), runs):
+            some = sums[first : first + runs]
+            drift = dpttrs(pivots, factors, some.reshape(-1, self.t_s.size).T)[0].T.reshape(some.shape)
+            gram[first : first + runs] -= (scale * precision) ** 2 * (some @ drift.swapaxes(-1, -2))
         logdet += float(np.log(variance) + np.log(driven).sum() + np.log(pivots).sum())
-        return gram - (scale * precision) ** 2 * (sums @ drift.swapaxes(-1, -2)), logdet
+        return gram, logdet
 
 
 def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:
