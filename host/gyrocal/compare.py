@@ -7,8 +7,8 @@ what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effec
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -113,14 +113,16 @@ def compare(
         raise InputError(f"--heldout-day {only_day}: no such day, or it cannot be left out; the session's days: {days}")
     if progress is not None:
         progress("judging on held-out data")
-    held = list(heldout.predictions(fitted, folds))
-    residuals = {axis: _residuals(fitted, axis) for axis in fitted.axes}
-    spectra = {axis: spectrum_of(fitted, list(r.values())) for axis, r in residuals.items()}
+    squares = _squares(heldout.predictions(fitted, folds))
+    spectra, white = {}, {}
+    for axis in fitted.axes:
+        residuals = _residuals(fitted, axis)
+        spectra[axis] = spectrum_of(fitted, list(residuals.values()))
+        white[axis] = _white_power(fitted, axis, residuals, spectra[axis])
     where = find_misfit(session, fitted, spectra, progress)
-    white = {axis: _white_power(fitted, axis, residuals[axis], spectra[axis]) for axis in fitted.axes}
     floors = floor_from or {axis: _floor(fitted, axis, where, white[axis]) for axis in fitted.axes}
-    per_axis = {axis: _level([p for p in held if AXES[p.axis] == axis], floors[axis]) for axis in fitted.axes}
-    pooled = _level(held, float(np.sqrt(np.mean([f**2 for f in floors.values()]))))
+    per_axis = {axis: _level(squares[[AXES.index(axis)]], floors[axis]) for axis in fitted.axes}
+    pooled = _level(squares, float(np.sqrt(np.mean([f**2 for f in floors.values()]))))
     return Comparison(fitted, pooled, per_axis, where, _kind(session, folds), spectra, white)
 
 
@@ -139,12 +141,11 @@ def _floor(fitted: Fit, axis: str, where: list[Finding], white_power: float) -> 
 def _residuals(fitted: Fit, axis: str) -> dict[int, Array]:
     """Residuals in sample of each run [n], deg/s, single readings that stand out brought back."""
     out = {}
-    for p in heldout.fitted(fitted):
-        if AXES[p.axis] == axis:
-            residual = p.residual_dps
-            rows, apart_dps = outliers(residual)
-            residual[rows] -= apart_dps
-            out[p.run.index] = residual
+    for p in heldout.fitted(replace(fitted, axes={axis: fitted.axes[axis]})):
+        residual = p.residual_dps
+        rows, apart_dps = outliers(residual)
+        residual[rows] -= apart_dps
+        out[p.run.index] = residual
     return out
 
 
@@ -166,11 +167,19 @@ def spectrum_of(fitted: Fit, residuals: list[Array]) -> Spectrum:
     return spectrum(residuals, fitted.session.sample_rate_hz)
 
 
-def _level(held: list[Prediction], floor: float) -> Level:
-    if not held:
+def _squares(held: Iterable[Prediction]) -> Array:
+    """Of each axis the sum of squared residuals, dps^2, and the number of samples, shape [3, 2]."""
+    out = np.zeros((len(AXES), 2))
+    for p in held:
+        out[p.axis] += float(np.sum(p.residual_dps**2)), p.modelled_dps.size
+    return out
+
+
+def _level(squares: Array, floor: float) -> Level:
+    total, samples = squares.sum(axis=0)
+    if samples == 0:
         return Level(None, floor, None)
-    total = sum(float(np.sum(p.residual_dps**2)) for p in held)
-    rms = float(np.sqrt(total / sum(p.residual_dps.size for p in held)))
+    rms = float(np.sqrt(total / samples))
     return Level(rms, floor, float(np.sqrt(max(0.0, rms**2 - floor**2))))
 
 
