@@ -159,6 +159,8 @@ def _candidates_on(
 ) -> list[Candidate]:
     current = comparison.fit.axes[axis]
     present = {t.effect_id for t in current.terms}
+    folds = heldout.folds(comparison.fit)
+    before = _mean_square(comparison, axis, current, folds) if folds else None
     out = []
     for kind in [*base.effects().values(), *own]:
         if kind.id in present or kind.id in BASE or kind.id in RANDOM:
@@ -169,12 +171,17 @@ def _candidates_on(
         if lacking is not None:
             out.append(Candidate(kind, axis, "not_measurable", next_measurement=f"needs {lacking}"))
         else:
-            out.append(_judge(comparison, current, axis, kind))
+            out.append(_judge(comparison, current, axis, kind, before))
     return out
 
 
-def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) -> Candidate:
-    """Fit one candidate beside the model, noise and all; measure what it gains in and out of sample."""
+def _judge(
+    comparison: Comparison, current: AxisFit, axis: str, kind: Effect, before: float | None = None
+) -> Candidate:  # fmt: skip
+    """Fit one candidate beside the model, noise and all; measure what it gains in and out of sample.
+
+    ``before``: mean square of the model's own held-out residuals, dps^2, where it is known already.
+    """
     from scipy.stats import chi2
 
     found = kind.detect([b.run for b in current.design.blocks], current.design.axis)
@@ -188,7 +195,7 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
             return Candidate(kind, axis, "reject")
         cell_s = current.design.cell_s or BLOCK_S
         design = Design(by_sample(comparison.fit.blocks), AXES.index(axis), current.design.terms, cell_s)
-        current = fit_noise(design, start=current)
+        current, before = fit_noise(design, start=current), None
     tried = choose_variant(current, Term.of(kind, axis))
     if not _measurable(current, tried):
         return Candidate(kind, axis, "not_measurable", next_measurement=kind.measure_next)
@@ -203,7 +210,7 @@ def _judge(comparison: Comparison, current: AxisFit, axis: str, kind: Effect) ->
     folds = heldout.folds(comparison.fit)
     gains = held_out_gain(current, fitted, folds)
     signal = _signal(fitted)
-    explained, enough = _explained(comparison, axis, current, fitted, folds, signal)
+    explained, enough = _explained(comparison, axis, current, fitted, folds, signal, before)
     total = float(np.sum(gains)) if gains.size else None
     se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
     return Candidate(
@@ -316,8 +323,9 @@ def _signal(fitted: AxisFit) -> Array:
 
 
 def _explained(
-    comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold], signal: Array
-) -> tuple[float | None, bool]:
+    comparison: Comparison, axis: str, current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold], signal: Array,
+    before: float | None = None,
+) -> tuple[float | None, bool]:  # fmt: skip
     """1 - (excess after / excess before)^2 on this axis, held out, the floor the richer model's in both; and is it a tenth?
 
     A few power cycles say little of the spread of their offsets, so the floor has an error of its own, and the offset of a
@@ -326,7 +334,8 @@ def _explained(
     """
     if not folds:
         return None, False
-    before, after = (_mean_square(comparison, axis, f, folds) for f in (current, fitted))
+    before = _mean_square(comparison, axis, current, folds) if before is None else before
+    after = _mean_square(comparison, axis, fitted, folds)
     floor = comparison.white_power[axis] + fitted.slow_power
     sure = floor + 2 * _floor_error(fitted)
     samples = sum(len(b.run) for b in fitted.design.blocks)
