@@ -113,7 +113,7 @@ def compare(
         raise InputError(f"--heldout-day {only_day}: no such day, or it cannot be left out; the session's days: {days}")
     if progress is not None:
         progress("judging on held-out data")
-    squares = _squares(heldout.predictions(fitted, folds))
+    squares = squares_of(heldout.predictions(fitted, folds))
     spectra, white = {}, {}
     for axis in fitted.axes:
         residuals = _residuals(fitted, axis)
@@ -167,7 +167,7 @@ def spectrum_of(fitted: Fit, residuals: list[Array]) -> Spectrum:
     return spectrum(residuals, fitted.session.sample_rate_hz)
 
 
-def _squares(held: Iterable[Prediction]) -> Array:
+def squares_of(held: Iterable[Prediction]) -> Array:
     """Of each axis the sum of squared residuals, dps^2, and the number of samples, shape [3, 2]."""
     out = np.zeros((len(AXES), 2))
     for p in held:

@@ -39,6 +39,12 @@ class Layout:
     """Fixed columns that also vary, at random, from scenario to scenario."""
 
     @property
+    def random(self) -> np.ndarray[Any, np.dtype[np.intp]]:
+        """Columns of ``[y | fixed | run]`` whose coefficients are random in one run: its own, and its power cycle's."""
+        own = 1 + len(self.fixed) + np.arange(len(self.run))
+        return np.concatenate([own, np.array(self.scenario) + 1]).astype(np.intp)
+
+    @property
     def n_groups(self) -> int:
         return max(self.run_group, default=-1) + 1
 
@@ -82,7 +88,7 @@ class Design:
             known = [(t, m) for t, m in zip(like.terms, like.means[i], strict=True)]
         out: list[Array | None] = []
         for term in self.terms:
-            same = next((m for t, m in known if t == term and t.effect is term.effect and t.of_run is term.of_run), None)
+            same = next((m for t, m in known if t == term and t.effect is term.effect), None)
             if same is None and term.effect_id != "colored_noise":
                 columns = self._columns(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
@@ -220,6 +226,12 @@ class Design:
     @property
     def n_blocks(self) -> np.ndarray[Any, np.dtype[np.intp]]:
         return np.array([b.t_s.size for b in self.blocks], dtype=np.intp)
+
+    @cached_property
+    def extent_s(self) -> tuple[float, float]:
+        """Longest run and shortest step from block to block, s."""
+        longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size)
+        return longest_s, min((float(np.median(np.diff(b.t_s))) for b in self.blocks if b.t_s.size > 1), default=1.0)
 
     @cached_property
     def column_rms(self) -> Array:

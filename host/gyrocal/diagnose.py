@@ -17,7 +17,7 @@ import numpy as np
 
 from gyrocal import heldout
 from gyrocal.blocks import BLOCK_S, by_sample
-from gyrocal.compare import Comparison, compare
+from gyrocal.compare import Comparison, compare, squares_of
 from gyrocal.design import Design
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
@@ -358,11 +358,8 @@ def _floor_error(fitted: AxisFit) -> float:
 
 def _mean_square(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> float:
     alone = replace(comparison.fit, axes={axis: fitted})
-    total, count = 0.0, 0
-    for p in heldout.predictions(alone, folds):
-        total += float(np.sum(p.residual_dps**2))
-        count += p.residual_dps.size
-    return total / max(count, 1)
+    total, count = squares_of(heldout.predictions(alone, folds)).sum(axis=0)
+    return float(total / max(count, 1))
 
 
 def _q_values(candidates: list[Candidate]) -> list[Candidate]:

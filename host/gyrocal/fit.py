@@ -115,10 +115,7 @@ class AxisFit:
         layout = self.design.layout
         if not layout.run:
             return np.zeros(0)
-        p = len(layout.fixed)
-        extra = np.array(layout.scenario, dtype=np.intp) + 1
-        random = np.concatenate([np.arange(1 + p, self.grams.shape[-1]), extra]).astype(np.intp)
-        sd = np.concatenate([spreads.run[list(layout.run_group)], spreads.scenario])
+        random, sd = layout.random, spreads.of(layout)
         residual = np.concatenate([[1.0], -beta, np.zeros(len(layout.run))])
         gram = self.grams[run]
         m = np.eye(random.size) + sd[:, None] * gram[np.ix_(random, random)] * sd
@@ -197,7 +194,7 @@ def _drift_cell_s(current: AxisFit) -> float:
     The drift's spectral density at the highest frequency that such cells hold, pi / cell_s, against that of the white noise.
     """
     noise, n = current.noise, float(np.median(np.concatenate([b.n for b in current.design.blocks])))
-    block_s = _extent_s(current.design)[1]
+    block_s = current.design.extent_s[1]
     white = noise.white_sd_dps**2 * block_s / n
     drift = 2 * noise.ou_sd_dps**2 / (np.pi**2 * noise.ou_tau_s)
     cell_s = float(np.sqrt(NEGLIGIBLE_DRIFT * white / drift)) if drift > 0 else LONGEST_CELL_S
@@ -303,15 +300,9 @@ def white_start(design: Design) -> float:
     return float(max(np.sqrt(np.mean(jumps**2) / 2) if jumps.size else 0.0, LEAST_WHITE_DPS))
 
 
-def _extent_s(design: Design) -> tuple[float, float]:
-    """Longest run and shortest step from block to block, s."""
-    longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in design.blocks if b.t_s.size)
-    return longest_s, min((float(np.median(np.diff(b.t_s))) for b in design.blocks if b.t_s.size > 1), default=1.0)
-
-
 def _drifts(design: Design) -> bool:
     """Has the model a drift, and are the runs long enough to show one?"""
-    longest_s, block_s = _extent_s(design)
+    longest_s, block_s = design.extent_s
     return any(t.effect_id == "colored_noise" for t in design.terms) and longest_s > 10 * block_s
 
 
@@ -325,7 +316,7 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     """REML of white level, drift and spreads together."""
     white0 = white_start(design)
     n = int(design.n_blocks.sum())
-    longest_s, block_s = _extent_s(design)
+    longest_s, block_s = design.extent_s
     drift = _drifts(design)
     slow_s = max(SLOW_S, 5 * block_s)
     if start is None:
@@ -398,11 +389,9 @@ def refine(current: AxisFit) -> AxisFit:
         bounds = [np.log(term.effect.bounds(name)) for name in names]
         x0 = np.array([np.clip(np.log(term.values[n]), *b) for n, b in zip(names, bounds, strict=True)])
 
-        def at(x: Array, i: int = i, names: list[str] = names, term: Term = term, base: AxisFit = base) -> AxisFit:
-            values = {**term.values, **dict(zip(names, map(float, np.exp(x)), strict=True))}
-            terms = list(base.design.terms)
-            terms[i] = replace(term, values=values)
-            return with_noise(base.design.changed(terms), base.noise, base.spreads)
+        def at(x: Array, i: int = i, names: list[str] = names, base: AxisFit = base) -> AxisFit:
+            values = dict(zip(names, map(float, np.exp(x)), strict=True))
+            return with_noise(_with_values(base, i, values), base.noise, base.spreads)
 
         runs = [b.run for b in current.design.blocks]
         steps = [term.effect.step(name, term.values, runs) for name in names]
@@ -467,10 +456,7 @@ def _each_run(current: AxisFit, design: Design) -> Array:
     """Log-likelihood of each run [runs] by itself under another design, shared parameters, noise and spreads as fitted."""
     layout, spreads = design.layout, current.spreads
     grams, logdet = design.grams(current.noise)
-    p = len(layout.fixed)
-    random = np.concatenate([np.arange(1 + p, grams.shape[-1]), np.array(layout.scenario, dtype=np.intp) + 1]).astype(np.intp)
-    sd = np.concatenate([spreads.run[list(layout.run_group)], spreads.scenario])
-    integrated = integrate(grams, random, np.arange(1 + p), sd)
+    integrated = integrate(grams, layout.random, np.arange(1 + len(layout.fixed)), spreads.of(layout))
     residual = np.concatenate([[1.0], -current.solution.beta])
     chi2 = np.einsum("i,rij,j->r", residual, integrated.grams, residual)
     return np.asarray(-0.5 * (logdet + integrated.logdet + chi2))
@@ -596,11 +582,8 @@ def _nonlinear_errors(current: AxisFit, i: int) -> Values:
         step = term.effect.step(name, term.values, runs) / 6
         ends = []
         for sign in (-step, step):
-            terms = list(current.design.terms)
-            terms[i] = replace(term, values={**term.values, name: term.values[name] * float(np.exp(sign))})
-            ends.append(
-                with_noise(current.design.changed(terms), current.noise, current.spreads).loglik
-            )
+            moved = _with_values(current, i, {name: term.values[name] * float(np.exp(sign))})
+            ends.append(with_noise(moved, current.noise, current.spreads).loglik)
         curvature = (2 * current.loglik - ends[0] - ends[1]) / step**2
         errors[name] = float(term.values[name] / np.sqrt(curvature)) if curvature > 0 else float("nan")
     return errors

@@ -37,7 +37,7 @@ class Term:
     se: Values = field(default_factory=dict)
     own: Effect | None = field(default=None, repr=False, compare=False)
     """An effect that is not in the library: a user's, or a probe of the comparison."""
-    of_run: Mapping[int, Values] = field(default_factory=dict, repr=False, compare=False)
+    of_run: Mapping[int, Values] = field(default_factory=dict, repr=False)
     """Nonlinear parameters that a fit has found to be a run's own, by the run's index."""
 
     @staticmethod

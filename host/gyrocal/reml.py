@@ -32,6 +32,10 @@ class Spreads:
     run: Array
     scenario: Array
 
+    def of(self, layout: Layout) -> Array:
+        """Of each of the layout's :attr:`~Layout.random` columns."""
+        return np.concatenate([self.run[list(layout.run_group)], self.scenario])
+
 
 @dataclass(frozen=True)
 class Solution:
