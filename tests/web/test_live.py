@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.device import SimulatedDevice, replay
+from gyrocal.device import SimulatedDevice, TcpOutlet, replay
 from gyrocal.session import Session
 from gyrocal.simulate import simulate
+from gyrocal.wire import PROTOCOL, encode
 
 
 @pytest.fixture(scope="module")
@@ -88,12 +90,14 @@ def test_each_sensor_of_a_board_has_its_own(
 ) -> None:
     require_tool("cc")
     parts = [simulate(None, "paper", [], seed, scenarios=1, seconds=12)[0] for seed in (7, 8)]
-    with SimulatedDevice(parts, 2.0, symlink=tmp_path / "board") as device:
-        page = look(f"{serve(tmp_path, '--port', device.port).url}live")
-        board, first = page.locator("[aria-label='sensors of the board']"), re.compile("sensor 0: ")
-        board.get_by_role("button", name=first, pressed=True).wait_for()
-        board.get_by_role("button", name=re.compile("sensor 1: recording up")).click()
-        board.get_by_role("button", name=re.compile("sensor 1: "), pressed=True).wait_for()
+    link = tmp_path / "board"
+    page = look(f"{serve(tmp_path, '--port', str(link)).url}live")
+    board, second = page.locator("[aria-label='sensors of the board']"), re.compile("sensor 1: ")
+    with SimulatedDevice(parts, 2.0, symlink=link):
+        board.get_by_role("button", name=re.compile("sensor 0: "), pressed=True).wait_for()
+        board.get_by_role("button", name=re.compile("sensor 1: recording up")).wait_for()
+        board.get_by_role("button", name=second).click()
+        board.get_by_role("button", name=second, pressed=True).wait_for()
         page.get_by_role("button", name="Record", exact=True).click()
         page.get_by_text("Unplugged: waiting for it to come back").wait_for()
         shown = [row.split("\t") for row in page.locator("[aria-label=results] tbody tr").all_inner_texts()]
@@ -102,6 +106,27 @@ def test_each_sensor_of_a_board_has_its_own(
     recorded = Session.open(tmp_path / "recorded")
     theirs = [np.abs(recorded.runs[-1].gyro_dps[-100:] - part.runs[-1].gyro_dps[-100:]).max() for part in parts]
     assert theirs[1] < 0.00876 < theirs[0]
+
+
+def test_the_first_sensor_is_shown_whichever_speaks_first(
+    serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path
+) -> None:
+    board = TcpOutlet("127.0.0.1:0")
+    page = look(f"{serve(tmp_path, '--port', board.name).url}live")
+    while not board.connected():
+        time.sleep(0.05)
+    for imu in (1, 0):
+        hello = encode("ACK", 0, 0, imu, {"cmd": "hello"}) + encode(
+            "HEL", 1, 0, imu, {"proto": PROTOCOL, "sensor": f"part {imu}"}
+        )
+        assert board.write(hello) == len(hello)
+        page.locator("[aria-label=connection]").get_by_text(f"part {imu}").wait_for()
+    sensors = page.locator("[aria-label='sensors of the board']")
+    sensors.get_by_role("button", name=re.compile("sensor 0: "), pressed=True).wait_for()
+    second = re.compile("sensor 1: ")
+    sensors.get_by_role("button", name=second).click()
+    sensors.get_by_role("button", name=second, pressed=True).wait_for()
+    board.close()
 
 
 def test_a_port_that_is_none(served: Any, look: Callable[..., Any], tmp_path: Path) -> None:

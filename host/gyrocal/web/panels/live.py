@@ -37,7 +37,8 @@ class LivePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench, self.live = tab, tab.bench, tab.bench.live
         self.imu = 0
-        """The sensor that is shown."""
+        """The sensor that is shown: the chosen one, else the board's first, whichever spoke first."""
+        self._chosen: int | None = None
         self.shown: dict[Callable[[], None], Any] = {}
         """What each part was drawn from."""
         self.chips: dict[int, ui.button] = {}
@@ -66,14 +67,14 @@ class LivePanel:
         if topic != "device":
             return
         live, status = self.live, self.live.status
-        there = status.get("sensors", {})
-        if there and self.imu not in there:
-            self.imu = min(there)
+        there: dict[int, Any] = status.get("sensors", {})
+        if there:
+            self._show_sensor(min(there, key=lambda imu: (imu != self._chosen, imu)))
         sensor, going = live.sensor(self.imu), status.get("recording") or {}
         hello, results = sensor.get("hello") or {}, sensor.get("results") or []
         states = {imu: self._sensor_words(imu) for imu in there} if len(there) > 1 else {}
         parts: dict[Callable[[], None], Any] = {
-            self._connection: (live.port, live.ended, live.connected, status.get("problem"), bool(hello), self._complaint()),
+            self._connection: (live.port, live.ended, self._state_words(), self._part_words(), self._complaint()),
             self._sensors: (states, self.imu),
             self._guide: (self.imu, bool(hello), sensor.get("state"), sensor.get("face"), status.get("replays"), bool(results)),
             self._recording: (
@@ -108,13 +109,17 @@ class LivePanel:
                 ui.element("span").classes(f"light {'good' if up else 'bad'}")
                 with ui.element("div"):
                     ui.label(self._state_words()).props('role="status"')
-                    hello = self.live.sensor(self.imu).get("hello") or {}
-                    if hello:
-                        sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
-                        ui.label(f"{sensor}, {rate} Hz, ±{scale} deg/s").classes("dim small")
+                    if part := self._part_words():
+                        ui.label(part).classes("dim small")
             self.counts = ui.label().classes("dim small")
             if complaint := self._complaint():
                 ui.label(f"It says: {complaint}").classes("worry small")
+
+    def _part_words(self) -> str:
+        """The part and how it is set; empty where it has not yet told."""
+        hello = self.live.sensor(self.imu).get("hello") or {}
+        sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
+        return f"{sensor}, {rate} Hz, ±{scale} deg/s" if hello else ""
 
     def _complaint(self) -> str:
         """The device's latest error; a misfit stands with the results."""
@@ -202,9 +207,13 @@ class LivePanel:
         return f"{sensor.get('state')} {sensor.get('face')}".strip() + fit
 
     def _look_at(self, imu: int) -> None:
-        self.imu = imu
-        self._sent = (0, 0.0)
+        self._chosen = imu
         self.hear("device")
+
+    def _show_sensor(self, imu: int) -> None:
+        if imu != self.imu:
+            self.imu = imu
+            self._sent = (0, 0.0)
 
     # What to do.
 
