@@ -45,6 +45,8 @@ class Blocks:
         """Block means of per-sample columns [n_samples, k], shape [m, k]."""
         if not self.start.size:
             return np.zeros((0, columns.shape[1]))
+        if self.start.size == len(self.run):  # each sample a block
+            return columns
         stop = int(self.start[-1] + self.n[-1])
         sums = np.add.reduceat(columns[:stop], self._edges, axis=0)[self._picked]
         return sums / self.n[:, None]
@@ -85,7 +87,7 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     y = residual_dps(run)
     if not run.rate_is_mean:
         for axis in range(3):
-            rows_out, apart_dps = outliers(y[:, axis])
+            rows_out, apart_dps = outliers(y[:, axis], run.step_dps[axis])
             y[rows_out, axis] -= apart_dps
     size = n if run.rate_is_mean else min(n, max(1, round(block_s * run.sample_rate_hz)))
     period_s = float(np.median(np.diff(run.t_s)))

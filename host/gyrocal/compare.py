@@ -8,7 +8,8 @@ what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effec
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,13 @@ from gyrocal.outliers import outliers
 from gyrocal.probes import Finding, beside, probe, slow_probes, too_much_power
 from gyrocal.session import AXES, Array, Session
 from gyrocal.spectrum import Spectrum, spectrum
-from gyrocal.threads import one_thread
+from gyrocal.threads import each, one_thread
 
 ALARM = 0.01
 """Chance of crying misfit on a session that holds none, all tests together (the contract allows 0.02)."""
+
+SHEPPARD = 1 / 12
+"""Variance, counts^2, that rounding to whole counts adds."""
 
 LEAST_BLOCKS = 40
 """With fewer tenths of a second there is nothing to judge a model by."""
@@ -113,12 +117,17 @@ def compare(
         raise InputError(f"--heldout-day {only_day}: no such day, or it cannot be left out; the session's days: {days}")
     if progress is not None:
         progress("judging on held-out data")
-    squares = squares_of(heldout.predictions(fitted, folds))
-    spectra, white = {}, {}
-    for axis in fitted.axes:
+
+    def measured(axis: str) -> tuple[Array, Spectrum, float]:
+        squares = squares_of(heldout.predictions(fitted.on(axis), folds))
         residuals = _residuals(fitted, axis)
-        spectra[axis] = spectrum_of(fitted, list(residuals.values()))
-        white[axis] = _white_power(fitted, axis, residuals, spectra[axis])
+        lines = spectrum(list(residuals.values()), session.sample_rate_hz)
+        return squares, lines, _white_power(fitted, axis, residuals, lines)
+
+    found = dict(zip(fitted.axes, each(measured, fitted.axes, session.rows), strict=True))
+    squares = np.sum([of for of, _, _ in found.values()], axis=0)
+    spectra = {axis: lines for axis, (_, lines, _) in found.items()}
+    white = {axis: power for axis, (_, _, power) in found.items()}
     where = find_misfit(session, fitted, spectra, progress)
     floors = floor_from or {axis: _floor(fitted, axis, where, white[axis]) for axis in fitted.axes}
     per_axis = {axis: _level(squares[[AXES.index(axis)]], floors[axis]) for axis in fitted.axes}
@@ -141,9 +150,9 @@ def _floor(fitted: Fit, axis: str, where: list[Finding], white_power: float) -> 
 def _residuals(fitted: Fit, axis: str) -> dict[int, Array]:
     """Residuals in sample of each run [n], deg/s, single readings that stand out brought back."""
     out = {}
-    for p in heldout.fitted(replace(fitted, axes={axis: fitted.axes[axis]})):
+    for p in heldout.fitted(fitted.on(axis)):
         residual = p.residual_dps
-        rows, apart_dps = outliers(residual)
+        rows, apart_dps = outliers(residual, p.run.step_dps[p.axis])
         residual[rows] -= apart_dps
         out[p.run.index] = residual
     return out
@@ -161,10 +170,6 @@ def _white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spe
     if count < 10:  # a sample a block: the fit's own white level
         return fitted.axes[axis].noise.white_sd_dps ** 2
     return max(total / count - spectrum.line_power(1e-3), LEAST_WHITE_DPS**2)
-
-
-def spectrum_of(fitted: Fit, residuals: list[Array]) -> Spectrum:
-    return spectrum(residuals, fitted.session.sample_rate_hz)
 
 
 def squares_of(held: Iterable[Prediction]) -> Array:
@@ -200,44 +205,45 @@ def find_misfit(
     """Every probe on every axis; those that noise explains with less than its share of :data:`ALARM`, strongest first."""
     if sum(b.t_s.size for b in fitted.blocks) < LEAST_BLOCKS:
         return []
-    tests = [
-        (axis, against, kind)
-        for axis in fitted.axes
-        for against, kinds in slow_probes(session, AXES.index(axis))
-        for kind in kinds
-    ]
-    share = ALARM / (len(tests) + 4 * len(fitted.axes))
-    found: list[Finding] = []
-    for axis, against, kind in tests:
-        if progress is not None:
-            progress(f"looking at {axis} against {against.replace('_', ' ')}")
-        finding = probe(fitted.axes[axis], axis, against, kind, share)
-        if finding is not None and finding.chance < share:
-            found.append(finding)
-    for axis, lines in spectra.items():
-        peak = lines.peak()
-        if peak is not None and peak[2] < share:
-            frequency_hz, amplitude_dps, chance = peak
-            strength = float(
-                np.sqrt(lines.segments * lines.samples / 2)
-                * amplitude_dps
-                / np.sqrt(np.median(lines.level) * fitted.session.sample_rate_hz / 2)
-            )
-            note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
-            found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
-        bump = lines.bump()
-        if bump is not None and bump[4] < share:
-            note = f"{bump[2] * 1e3:.3g} mdps that wander between {bump[0]:.3g} and {bump[1]:.3g} Hz"
-            found.append(Finding(axis, "frequency", bump[3], bump[4], bump[2], note))
-        known_step_dps = fitted.model.value("quantization", axis, "lsb_dps")
-        known_outliers = fitted.model.value("bias_jumps", axis, "outliers")
-        more = [
-            too_much_power(fitted.axes[axis], axis, share),
-            reading_fault(session, axis, share, known_step_dps),
-            None if known_outliers else single_readings(session, axis),
-        ]
-        found += [finding for finding in more if finding is not None]
-    return sorted(found, key=lambda f: -f.strength)
+    probes = {axis: slow_probes(session, AXES.index(axis)) for axis in fitted.axes}
+    tests = sum(len(kinds) for on_axis in probes.values() for _, kinds in on_axis)
+    share = ALARM / (tests + 4 * len(fitted.axes))
+
+    def on(axis: str) -> list[Finding]:
+        found = []
+        for against, kind in ((against, kind) for against, kinds in probes[axis] for kind in kinds):
+            if progress is not None:
+                progress(f"looking at {axis} against {against.replace('_', ' ')}")
+            finding = probe(fitted.axes[axis], axis, against, kind, share)
+            if finding is not None and finding.chance < share:
+                found.append(finding)
+        return found + _beyond_noise(session, fitted, axis, spectra[axis], share)
+
+    return sorted(chain.from_iterable(each(on, fitted.axes, session.rows)), key=lambda f: -f.strength)
+
+
+def _beyond_noise(session: Session, fitted: Fit, axis: str, lines: Spectrum, share: float) -> list[Finding]:
+    """What no slow probe sees: lines and bumps of the spectrum, power beyond noise, faults of the reading."""
+    found: list[Finding | None] = []
+    peak = lines.peak()
+    if peak is not None and peak[2] < share:
+        frequency_hz, amplitude_dps, chance = peak
+        strength = float(
+            np.sqrt(lines.segments * lines.samples / 2)
+            * amplitude_dps
+            / np.sqrt(np.median(lines.level) * session.sample_rate_hz / 2)
+        )
+        note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
+        found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
+    bump = lines.bump()
+    if bump is not None and bump[4] < share:
+        note = f"{bump[2] * 1e3:.3g} mdps that wander between {bump[0]:.3g} and {bump[1]:.3g} Hz"
+        found.append(Finding(axis, "frequency", bump[3], bump[4], bump[2], note))
+    found.append(too_much_power(fitted.axes[axis], axis, share))
+    found.append(reading_fault(session, axis, share, fitted.model.value("quantization", axis, "lsb_dps")))
+    if not fitted.model.value("bias_jumps", axis, "outliers"):
+        found.append(single_readings(session, axis))
+    return [finding for finding in found if finding is not None]
 
 
 def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: float = 0.0) -> Finding | None:
@@ -273,14 +279,20 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
 
 
 def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> float:
-    """The chance that a bit of the code keeps its state in all readings, by the noise about each run's mean."""
+    """The chance that a bit of the code keeps its state in all readings, by the noise about each run's mean.
+
+    Of noise below a count the codes do not tell enough: such a run says nothing.
+    """
     from scipy.stats import norm
 
     log_chance = 0.0
     for g in readings:
-        mean, sd = float(g.mean()) / lsb_dps, float(np.sqrt(np.mean(np.diff(g) ** 2) / 2)) / lsb_dps
+        mean, variance = float(g.mean()) / lsb_dps, float(np.mean(np.diff(g) ** 2)) / 2 / lsb_dps**2 - SHEPPARD
+        if variance < 1.0:
+            continue
+        sd = float(np.sqrt(variance))
         cells = np.arange(np.floor((mean - 6 * sd) / 2**bit), np.ceil((mean + 6 * sd) / 2**bit) + 1)
-        edges = norm.cdf((np.append(cells, cells[-1] + 1) * 2**bit - 0.5 - mean) / max(sd, 1e-9))
+        edges = norm.cdf((np.append(cells, cells[-1] + 1) * 2**bit - 0.5 - mean) / sd)
         kept = float(np.diff(edges)[cells.astype(np.int64) % 2 == int(state)].sum())
         log_chance += g.size * float(np.log(min(1.0, max(kept, 1e-300))))
     return float(np.exp(max(log_chance, -700.0)))
@@ -293,7 +305,7 @@ def single_readings(session: Session, axis: str) -> Finding | None:
     if not steady:
         return None
     readings = [residual_dps(r)[:, i] for r in steady]
-    apart = np.concatenate([outliers(y)[1] for y in readings])
+    apart = np.concatenate([outliers(y, r.step_dps[i])[1] for y, r in zip(readings, steady, strict=True)])
     white = np.median(np.concatenate([np.abs(np.diff(y)) for y in readings])) / (0.6745 * np.sqrt(2))
     samples = sum(y.size for y in readings)
     if apart.size < 2 or float(apart @ apart) < 0.01 * white**2 * samples:

@@ -6,6 +6,7 @@ block means run by run; a column that says nothing beside the others is left out
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -49,16 +50,6 @@ class Layout:
         return max(self.run_group, default=-1) + 1
 
 
-@dataclass(frozen=True)
-class Stack:
-    """Runs that share their blocks' times, side by side: their indices, ``columns`` [r, q, m], ``t_s`` [m], ``n`` [m]."""
-
-    index: list[int]
-    columns: Array
-    t_s: Array
-    n: Array
-
-
 class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
 
@@ -75,7 +66,8 @@ class Design:
         runs = [b.run for b in blocks]
         self.scopes = [term.effect.scope_in(runs) for term in terms]
         self.means = [self._means(i, like) for i in range(len(self.blocks))]
-        self.layout, self.stacks = self._build()
+        self.alike = self._alike(like)
+        self.layout, self._summed = self._build()
 
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms; what stays the same is not computed again."""
@@ -90,7 +82,7 @@ class Design:
         for term in self.terms:
             same = next((m for t, m in known if t == term and t.effect is term.effect), None)
             if same is None and term.effect_id != "colored_noise":
-                columns = self._columns(term, self.blocks[i])
+                columns = self._at_samples(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
             out.append(same)
         return out
@@ -105,7 +97,7 @@ class Design:
                 b = b.select(whole) if not whole.all() else b
         return b
 
-    def _build(self) -> tuple[Layout, list[Stack]]:
+    def _build(self) -> tuple[Layout, list[Summed]]:
         fixed: list[tuple[int, int]] = []
         run: list[tuple[int, int]] = []
         group: list[int] = []
@@ -123,14 +115,17 @@ class Design:
                 run += [(i, j) for j in range(k)]
                 group += [n_groups + g for g in kind.groups(term.values)]
                 n_groups = max(group) + 1
-        matrices = [self._matrix(i, fixed, run) for i in range(len(self.blocks))]
-        kept = self._identified(matrices, fixed)
-        fixed = [f for f, keep in zip(fixed, kept, strict=True) if keep]
-        columns = [0, *(1 + j for j, keep in enumerate(kept) if keep), *range(1 + kept.size, 1 + kept.size + len(run))]
-        matrices = [m[:, columns] for m in matrices]
+        fixed = [f for f in fixed if self._says_anything(f)]
+        summed = [
+            Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.n, self.cell_s)
+            for index, b in ((index, self.blocks[index[0]]) for index in self.alike)
+        ]
+        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), len(fixed))
+        if not kept.all():
+            rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
+            fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
         scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect_id, random_ids)]
-        layout = Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario))
-        return layout, self._stack(matrices)
+        return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
 
     def _varies(self, effect_id: str, ids: set[str]) -> bool:
         if "turn_on_bias" not in ids:
@@ -146,78 +141,66 @@ class Design:
             rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
         return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
 
-    def _matrix(self, i: int, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
-        means = self.means[i]
-        columns = [self.blocks[i].y_dps[:, self.axis]]
-        for term, j in (*fixed, *run):
-            found = means[term]
-            assert found is not None
-            columns.append(found[:, j])
-        return np.column_stack(columns)
-
     def sample_columns(self, b: Blocks) -> dict[int, Array]:
         """Each term's columns at every sample of a run, by the term's index."""
         return {
-            i: self._columns(term, b) for i, term in enumerate(self.terms) if term.effect_id != "colored_noise"
+            i: self._at_samples(term, b) for i, term in enumerate(self.terms) if term.effect_id != "colored_noise"
         }
 
-    def _columns(self, term: Term, b: Blocks) -> Array:
+    def _at_samples(self, term: Term, b: Blocks) -> Array:
         return term.effect.columns(b.run, self.axis, term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0))
 
-    def _identified(self, matrices: Sequence[Array], fixed: Sequence[tuple[int, int]]) -> Mask:
-        """Keep a column only if something of it is left when the ones before it are taken out."""
-        p = len(fixed)
-        gram = sum(
-            m[:, 1 : 1 + p].T @ (m[:, 1 : 1 + p] * b.n[:, None]) for m, b in zip(matrices, self.blocks, strict=True)
-        )
-        gram = np.atleast_2d(np.asarray(gram))
+    def _says_anything(self, column: tuple[int, int]) -> bool:
+        term, j = column
+        return any(m is not None and bool(m[:, j].any()) for m in (means[term] for means in self.means))
+
+    @staticmethod
+    def _identified(gram: Array, p: int) -> Mask:
+        """Keep a shared column [p] only if something of it is left when the ones before it are taken out."""
         keep = np.zeros(p, dtype=bool)
-        for j in range(p):
-            norm = gram[j, j]
-            if norm <= 0:
-                continue
-            rest = norm
+        for j in range(1, 1 + p):
+            rest = norm = gram[j, j]
             if keep.any():
-                others = np.flatnonzero(keep)
+                others = 1 + np.flatnonzero(keep)
                 solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, j], rcond=None)[0]
                 rest = norm - gram[others, j] @ solved
-            keep[j] = rest > UNIDENTIFIED * norm
+            keep[j - 1] = rest > UNIDENTIFIED * norm
         return keep
 
-    def _stack(self, matrices: Sequence[Array]) -> list[Stack]:
-        stacks: dict[Any, list[int]] = {}
+    def _alike(self, like: Design | None) -> list[list[int]]:
+        """Indices of runs that share their blocks' times."""
+        if like is not None and len(like.blocks) == len(self.blocks) and all(map(operator.is_, like.blocks, self.blocks)):
+            return like.alike
+        together: dict[Any, list[int]] = {}
         for i, b in enumerate(self.blocks):
             if not b.t_s.size:
                 continue
             even = b.t_s.size > 2 and np.ptp(b.n) == 0 and _off_grid_s(b.t_s) <= 1e-3 * SLOW_S
             key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
-            stacks.setdefault(key, []).append(i)
-        out = []
-        for index in stacks.values():
-            first = self.blocks[index[0]]
-            columns = np.stack([np.ascontiguousarray(matrices[i].T) for i in index])
-            out.append(Stack(index, columns, first.t_s, first.n))
-        return out
+            together.setdefault(key, []).append(i)
+        return list(together.values())
 
-    def block(self, i: int) -> tuple[Array, Array]:
-        """``[y | fixed | run]`` of one run, shape [q, m], and the samples in each block [m]."""
-        for stack in self.stacks:
-            if i in stack.index:
-                return stack.columns[stack.index.index(i)], stack.n
-        return np.zeros((1 + len(self.layout.fixed) + len(self.layout.run), 0)), np.zeros(0)
+    def columns(self, i: int) -> Array:
+        """``[y | fixed | run]`` of one run, shape [q, m]."""
+        return self._columns(i, self.layout.fixed, self.layout.run)
+
+    def _columns(self, i: int, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
+        out = np.empty((1 + len(fixed) + len(run), self.blocks[i].t_s.size))
+        out[0] = self.blocks[i].y_dps[:, self.axis]
+        for row, (term, j) in zip(out[1:], (*fixed, *run), strict=True):
+            means = self.means[i][term]
+            assert means is not None
+            row[:] = means[:, j]
+        return out
 
     def grams(self, noise: Noise) -> tuple[Array, Array]:
         """Whitened normal equations of each run, shape [runs, q, q], and log-determinants [runs]."""
         q = 1 + len(self.layout.fixed) + len(self.layout.run)
         grams = np.zeros((len(self.blocks), q, q))
         logdet = np.zeros(len(self.blocks))
-        for stack, summed in zip(self.stacks, self._summed, strict=True):
-            grams[stack.index], logdet[stack.index] = summed.normal_equations(noise)
+        for index, summed in zip(self.alike, self._summed, strict=True):
+            grams[index], logdet[index] = summed.normal_equations(noise)
         return grams, logdet
-
-    @cached_property
-    def _summed(self) -> list[Summed]:
-        return [Summed.of(stack.columns, stack.t_s, stack.n, self.cell_s) for stack in self.stacks]
 
     @property
     def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:
@@ -235,11 +218,10 @@ class Design:
 
     @cached_property
     def column_rms(self) -> Array:
-        """Root mean square of each column [q] over all blocks: the natural scale of its coefficient."""
-        total = np.zeros(1 + len(self.layout.fixed) + len(self.layout.run))
-        for stack in self.stacks:
-            total += (stack.columns**2).sum(axis=(0, 2))
-        return np.sqrt(total / max(1, int(self.n_blocks.sum()))) + 1e-300
+        """Root mean square of each column [q] over all samples: the natural scale of its coefficient."""
+        squares = sum(np.diagonal(s.gram, axis1=1, axis2=2).sum(axis=0) for s in self._summed)
+        samples = sum(float(b.n.sum()) for b in self.blocks)
+        return np.asarray(np.sqrt(squares / max(1.0, samples)) + 1e-300)
 
 
 def _off_grid_s(t_s: Array) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,7 +37,7 @@ from gyrocal.formula import effect_or_formula
 from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.reml import Spreads
 from gyrocal.session import AXES, Array, Session
-from gyrocal.threads import one_thread
+from gyrocal.threads import each, one_thread
 
 FDR = 0.05
 FAMILY_ALARM = 0.01
@@ -133,9 +134,11 @@ def diagnose(
     """Rank every effect of the library, and the ``formulas`` given, on every axis as the one that the model lacks."""
     own = [effect_or_formula(text) for text in formulas]
     comparison = compare(session, model, progress=progress)
-    judged = [
-        candidate for axis in comparison.fit.axes for candidate in _candidates_on(session, comparison, axis, own, progress)
-    ]
+
+    def on(axis: str) -> list[Candidate]:
+        return _candidates_on(session, comparison, axis, own, progress)
+
+    judged = list(chain.from_iterable(each(on, comparison.fit.axes, session.rows)))
     judged = _decide(_q_values(judged), comparison)
     order = {"add": 0, "suggest": 1, "reject": 2, "not_measurable": 3}
     judged = _groups(judged)
@@ -256,7 +259,7 @@ def _judge_reading(
 
 def _run_powers(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> dict[str, float]:
     """Sum of squares of each run's held-out residuals, dps^2; in sample where nothing can be held out."""
-    alone = replace(comparison.fit, axes={axis: fitted})
+    alone = comparison.fit.on(axis, fitted)
     powers: dict[str, float] = {}
     for p in heldout.predictions(alone, folds) if folds else heldout.fitted(alone):
         powers[p.run.file] = powers.get(p.run.file, 0.0) + float(np.sum(p.residual_dps**2))
@@ -305,8 +308,8 @@ def _signal(fitted: AxisFit) -> Array:
     layout = fitted.design.layout
     p = len(layout.fixed)
     parts, rests = [], []
-    for i, _ in enumerate(fitted.design.blocks):
-        matrix, n = fitted.design.block(i)
+    for i, b in enumerate(fitted.design.blocks):
+        matrix, n = fitted.design.columns(i), b.n
         u = fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
         weight = np.sqrt(n)
         part = sum(
@@ -357,8 +360,7 @@ def _floor_error(fitted: AxisFit) -> float:
 
 
 def _mean_square(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> float:
-    alone = replace(comparison.fit, axes={axis: fitted})
-    total, count = squares_of(heldout.predictions(alone, folds)).sum(axis=0)
+    total, count = squares_of(heldout.predictions(comparison.fit.on(axis, fitted), folds)).sum(axis=0)
     return float(total / max(count, 1))
 
 
@@ -490,7 +492,11 @@ def add(
         for a in before.fit.axes
         if start.term(kind.id, a) is None and kind.missing(session.runs, AXES.index(a)) is None
     ]
-    judged = {a: _judge(before, before.fit.axes[a], a, kind) for a in axes}
+
+    def on(axis: str) -> Candidate:
+        return _judge(before, before.fit.axes[axis], axis, kind)
+
+    judged = dict(zip(axes, each(on, axes, session.rows), strict=True))
     looks = len(base.effects()) * len(judged)  # it was asked for by name, but on which axis it is has to be as sure
     chosen = [a for a, c in judged.items() if c.decision != "not_measurable" and _proven(c, looks)]
     if not chosen:  # nothing proven: on the axis that gains most, so that the person sees whether it helps
@@ -507,10 +513,7 @@ def add(
         before = replace(before, note=f"{kind.id} was not added: {reason}")
     richer = start
     for axis in chosen:
-        structure = dict.fromkeys(kind.used(judged[axis].values), 0.0) | {
-            n: judged[axis].values[n] for n in kind.nonlinear if n in judged[axis].values
-        }
-        richer = richer.with_term(Term.of(kind, axis, structure))
+        richer = richer.with_term(Term.of(kind, axis, kind.structure(judged[axis].values)))
     after = compare(session, richer, only_day=only_day, progress=progress)
     before = compare_again(before, after)
     return before, after, after.fit.model

@@ -97,7 +97,7 @@ def calibration_of(
     priors = {"bias": (0.0, np.inf), "scale": (0.0, np.inf)}
     for term in model.on(axis):
         kind = term.effect
-        if kind.id in ("turn_on_bias", "colored_noise"):
+        if kind.id in ("turn_on_bias", "colored_noise") or kind.at_reading(term.values):
             continue
         if kind.id in priors:
             priors[kind.id] = _base_prior(model, axis, kind.id)

@@ -31,7 +31,7 @@ from gyrocal.reml import (
     unknown_spreads,
 )
 from gyrocal.session import AXES, Array, Session
-from gyrocal.threads import one_thread
+from gyrocal.threads import each, one_thread
 
 Progress = Callable[[str], None]
 
@@ -146,6 +146,10 @@ class Fit:
     def loglik(self) -> float:
         return sum(a.loglik for a in self.axes.values())
 
+    def on(self, axis: str, fitted: AxisFit | None = None) -> Fit:
+        """One axis alone, as it is or ``fitted`` otherwise."""
+        return replace(self, axes={axis: fitted or self.axes[axis]})
+
 
 @one_thread
 def fit(
@@ -154,22 +158,21 @@ def fit(
 ) -> Fit:  # fmt: skip
     """Fit a model's terms and noise to a session; the model returned carries values and standard errors."""
     reduced = reduce_session(session) if blocks is None else blocks
-    fitted: dict[str, AxisFit] = {}
-    for axis in axes:
-        if not model.on(axis):
-            continue
+
+    def on(axis: str) -> AxisFit:
         if progress is not None:
             progress(f"fitting {axis}")
-        fitted[axis] = fit_axis(reduced, AXES.index(axis), model.on(axis), white_sd_dps=model.white_sd_dps.get(axis))
+        return fit_axis(reduced, AXES.index(axis), model.on(axis))
+
+    covered = [axis for axis in axes if model.on(axis)]
+    fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))
     terms = {(t.effect_id, t.axis): t for a in fitted.values() for t in a.terms}
     white = {axis: a.noise.white_sd_dps for axis, a in fitted.items()}
     result = Model(model.name, tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms), white)
     return Fit(session, reduced, result, fitted)
 
 
-def fit_axis(
-    blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], *, white_sd_dps: float | None = None
-) -> AxisFit:
+def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term]) -> AxisFit:
     """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML."""
     terms = [_prepared(t, blocks, axis) for t in terms]
     if any(t.effect.fast for t in terms):
@@ -492,7 +495,7 @@ def finish(current: AxisFit) -> AxisFit:
         if term.effect_id == "colored_noise":
             terms.append(replace(term, values={"sd_dps": current.noise.ou_sd_dps, "tau_s": current.noise.ou_tau_s}))
             continue
-        values: Values = {n: term.values[n] for n in kind.nonlinear if n in term.values}
+        values: Values = {n: v for n, v in kind.structure(term.values).items() if n not in kind.linear}
         se: Values = {}
         if term.of_run:
             values |= {n: v for n, v in term.values.items() if n in term.se}

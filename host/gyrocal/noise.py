@@ -7,7 +7,9 @@ white noise, it may be taken as constant for a while, and another noise level co
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -42,22 +44,30 @@ class Summed:
     log_n: float
 
     @staticmethod
-    def of(columns: Array, t_s: Array, n: Array, cell_s: float = 0.0) -> Summed:
-        """``columns`` [runs, q, m]: q columns of m block means at times ``t_s`` [m] of ``n`` [m] samples each.
+    def of(columns: Iterable[Array], t_s: Array, n: Array, cell_s: float = 0.0) -> Summed:
+        """``columns`` [q, m] of each run: q columns of m block means at times ``t_s`` [m] of ``n`` [m] samples each.
 
         ``cell_s`` = 0: every block is a cell of its own, and the normal equations are exact.
         """
         blocks, log_n = t_s.size, float(np.log(n).sum())
         even = np.ptp(n) == 0
-        weighted = columns if even else columns * n
-        gram = weighted @ columns.swapaxes(-1, -2) * (n[0] if even else 1.0)
         cell = np.floor((t_s - t_s[0]) / cell_s) if cell_s > 0 else np.arange(blocks)
         start = np.flatnonzero(np.concatenate([[True], np.diff(cell) > 0]))
-        if start.size == blocks:
-            return Summed(gram, columns, t_s, n, blocks, log_n)
-        total = np.add.reduceat(n, start)
-        means = np.add.reduceat(weighted, start, axis=-1) * ((n[0] if even else 1.0) / total)
-        return Summed(gram, means, np.add.reduceat(t_s * n, start) / total, total, blocks, log_n)
+        exact = start.size == blocks
+        total = n if exact else np.add.reduceat(n, start)
+        grams, means = [], []
+        for one in columns:
+            weighted = one if even else one * n
+            grams.append(weighted @ one.T * (n[0] if even else 1.0))
+            means.append(
+                one if exact else np.add.reduceat(weighted, start, axis=-1) * ((n[0] if even else 1.0) / total)
+            )
+        centre_s = t_s if exact else np.add.reduceat(t_s * n, start) / total
+        return Summed(np.stack(grams), np.stack(means), centre_s, total, blocks, log_n)
+
+    def of_columns(self, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Summed:
+        """The same with some of the columns alone."""
+        return replace(self, gram=self.gram[:, rows][:, :, rows], means=self.means.take(rows, axis=1))
 
     def normal_equations(self, noise: Noise) -> tuple[Array, float]:
         """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one, V the noise's covariance.
@@ -80,7 +90,9 @@ class Summed:
         diagonal[0] += 1 / variance
         diagonal[1:] += 1 / driven
         diagonal[:-1] += phi**2 / driven
-        pivots, factors, _ = dpttrf(diagonal, -phi / driven)
+        coupling = np.zeros(max(1, phi.size))  # LAPACK wants one even where there is a single cell
+        coupling[: phi.size] = -phi / driven
+        pivots, factors, _ = dpttrf(diagonal, coupling)
         even = np.ptp(self.n) == 0
         sums, scale = (self.means, float(self.n[0])) if even else (self.means * self.n, 1.0)
         runs = max(1, AT_ONCE // (sums.shape[1] * self.t_s.size))

@@ -22,16 +22,19 @@ MOST = 0.05
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
 
-def outliers(y_dps: Array) -> tuple[Index, Array]:
-    """Rows [k] of readings [n] that stand out, and by how much [k], deg/s."""
+def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
+    """Rows [k] of readings [n] that stand out, and by how much [k], deg/s; ``step_dps``: one count, 0 = as good as none."""
     from scipy.ndimage import median_filter
+    from scipy.stats import norm
 
     nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
     if y_dps.size < 3 * NEIGHBOURS:
         return nothing
     apart = y_dps - median_filter(y_dps, NEIGHBOURS, mode="nearest")
     size = np.abs(apart)
-    # of coarse counts more than half may equal the median: then the mean says more than the median
-    spread = max(1.4826 * float(np.median(size)), 1.2533 * float(np.mean(np.minimum(size, 10 * np.median(size) or np.inf))))
-    rows = np.flatnonzero(size > STANDS_OUT * spread) if spread > 0 else nothing[0]
+    spread = 1.4826 * float(np.median(size))
+    moved = float(np.mean(size > step_dps / 2))
+    if step_dps > 0 and 0 < moved < 0.5:  # coarse counts: the noise that takes so many over the edge of a count at the least
+        spread = max(spread, step_dps / 2 / float(norm.isf(moved / 2)))
+    rows = np.flatnonzero(size > STANDS_OUT * spread + step_dps) if spread > 0 else nothing[0]
     return (rows, apart[rows]) if 0 < rows.size <= MOST * y_dps.size else nothing

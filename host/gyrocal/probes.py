@@ -256,10 +256,10 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
 
     noise, p = fit.noise, len(fit.design.layout.fixed)
     parts: list[tuple[Array, Array, Array, Array]] = []  # of each bin: frequency, sum of ratios, runs, power beyond noise
-    for stack in fit.design.stacks:
-        index, columns, t_s, n = stack.index, stack.columns, stack.t_s, stack.n
-        m = t_s.size
-        if m < 64 or np.ptp(n) > 0 or t_s[1] - t_s[0] < BLOCK_S / 2 or fit.design.blocks[index[0]].run.rate_is_mean:
+    for index in fit.design.alike:
+        first = fit.design.blocks[index[0]]
+        t_s, n, m = first.t_s, first.n, first.t_s.size
+        if m < 64 or np.ptp(n) > 0 or t_s[1] - t_s[0] < BLOCK_S / 2 or first.run.rate_is_mean:
             continue
         step_s = float(t_s[-1] - t_s[0]) / (m - 1)
         window = hann(m, sym=False)
@@ -268,9 +268,10 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
         covariance[0] += noise.white_sd_dps**2 / float(n[0])
         tapered = covariance * fftconvolve(window, window[::-1])[m - 1 :]
         expected = 2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0]
-        u = np.stack([fit.run_coefficients(i, fit.solution.beta, fit.spreads) for i in index])
-        residual = columns[:, 0] - np.einsum("p,rpm->rm", fit.solution.beta, columns[:, 1 : 1 + p])
-        residual = residual - np.einsum("rk,rkm->rm", u, columns[:, 1 + p :])
+        residual = np.empty((len(index), m))
+        for row, i in zip(residual, index, strict=True):
+            columns, u = fit.design.columns(i), fit.run_coefficients(i, fit.solution.beta, fit.spreads)
+            row[:] = columns[0] - fit.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]
         power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
         ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
         frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
@@ -317,4 +318,4 @@ def _wald(fit: AxisFit, columns: Sequence[int]) -> float:
 
 
 def _part(fit: AxisFit, i: int, columns: Sequence[int]) -> Array:
-    return fit.solution.beta[list(columns)] @ fit.design.block(i)[0][[1 + c for c in columns]]
+    return fit.solution.beta[list(columns)] @ fit.design.columns(i)[[1 + c for c in columns]]

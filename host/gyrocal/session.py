@@ -138,6 +138,13 @@ class Run:
         """Measured rates, shape [n, 3], deg/s."""
         return self.table.select("gx_dps", "gy_dps", "gz_dps").to_numpy()
 
+    @cached_property
+    def step_dps(self) -> Array:
+        """What the readings step by, shape [3], deg/s: the least by which successive ones differ; 0 where all are the same."""
+        steps = np.abs(np.diff(self.gyro_dps, axis=0))
+        least = np.min(steps, axis=0, where=steps > 0, initial=np.inf)
+        return np.where(np.isfinite(least), least, 0.0)
+
     def column(self, name: str) -> Array | None:
         """An optional column, shape [n]; missing cells are NaN. None where the file lacks it or holds no value."""
         if name not in self.table.columns or self.table[name].null_count() == self.table.height:
@@ -240,6 +247,11 @@ class Session:
             self.sample_rate_hz, tuple(runs), self.axis, self.sensor, self.full_scale_dps, self.lsb_dps,
             self.latitude_deg, self.path,
         )  # fmt: skip
+
+    @property
+    def rows(self) -> int:
+        """Samples of all runs."""
+        return sum(map(len, self.runs))
 
     @property
     def scenarios(self) -> list[str]:

@@ -1,13 +1,21 @@
-"""Small matrices and many threads do not go together: linear algebra on one thread is several times faster here."""
+"""Threads where they pay: one an axis of a large session, none within linear algebra.
+
+The matrices here are small, and libraries that share them out over threads are several times slower than one thread.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from concurrent.futures import ThreadPoolExecutor
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
+
+MANY_ROWS = 1_000_000
+"""With fewer, most of the time is Python's own, and its threads wait for each other."""
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
@@ -21,3 +29,11 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return limited
+
+
+def each(work: Callable[[T], R], items: Collection[T], rows: int) -> list[R]:
+    """``work`` on each item, in their order; side by side where it is on many ``rows``."""
+    if rows < MANY_ROWS or not items:
+        return [work(item) for item in items]
+    with ThreadPoolExecutor(len(items)) as pool:
+        return list(pool.map(work, items))

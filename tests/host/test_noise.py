@@ -35,6 +35,14 @@ def test_normal_equations_are_those_of_the_dense_covariance(noise: Noise, gap: b
     assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
 
 
+def test_a_run_of_one_block_is_one_equation() -> None:
+    columns, noise = np.array([[[2.0], [1.0]]]), Noise(0.04, 0.003, 20.0)
+    gram, logdet = normal_equations(columns, np.zeros(1), np.full(1, 2000.0), noise)
+    variance = dense(np.zeros(1), np.full(1, 2000.0), noise)[0, 0]
+    np.testing.assert_allclose(gram[0], columns[0] @ columns[0].T / variance)
+    assert logdet == pytest.approx(np.log(variance))
+
+
 def test_drift_that_is_slow_against_the_white_noise_may_stand_still_for_a_while() -> None:
     """Cells of a second, in which this drift has a hundredth of the white noise's density and less."""
     rng = np.random.default_rng(5)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gyrocal.calibrate import calibrate
 from gyrocal.compare import compare
 from gyrocal.diagnose import add, diagnose
 from gyrocal.fit import fit
@@ -16,7 +17,17 @@ def test_noise_has_none_however_coarse_its_counts(count_dps: float) -> None:
     y_dps = np.random.default_rng(1).normal(0.3, 0.044, 500_000)
     if count_dps:
         y_dps = np.round(y_dps / count_dps) * count_dps
-    assert outliers(y_dps)[0].size == 0
+    assert outliers(y_dps, count_dps)[0].size == 0
+
+
+@pytest.mark.parametrize("sd_counts", [0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 0.8])
+def test_noise_below_a_count_has_none_wherever_between_two_counts_it_lies(sd_counts: float) -> None:
+    rng = np.random.default_rng(4)
+    for mean in (0.0, 0.2, 0.35, 0.45, 0.49, 0.5, rng.normal(0, 0.3, 100_000).cumsum() / 300):
+        codes = np.round(rng.normal(mean, sd_counts, 100_000))
+        assert outliers(codes, 1.0)[0].size == 0
+        codes[5_000] += 12
+        assert outliers(codes, 1.0)[0].tolist() == [5_000]
 
 
 def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slope() -> None:
@@ -26,7 +37,7 @@ def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slo
     rows = np.sort(rng.choice(t_s.size, 40, replace=False))
     size_dps = rng.choice((-1.0, 1.0), 40) * rng.uniform(1, 5, 40)
     y_dps[rows] += size_dps
-    found, apart_dps = outliers(y_dps)
+    found, apart_dps = outliers(y_dps, 0.0)
     np.testing.assert_array_equal(found, rows)
     np.testing.assert_allclose(apart_dps, size_dps, atol=0.25)
 
@@ -55,3 +66,4 @@ def test_they_are_shown_named_and_explained() -> None:
     assert after.pooled.excess_dps < 0.1 * before.pooled.excess_dps
     assert after.verdict == "adequate"
     assert diagnose(session, model).verdict == "adequate"
+    assert calibrate(session, [6.0], ["model"], model=model)  # a fault of single readings is no column of the calibration

@@ -117,6 +117,10 @@ class Effect(ABC):
         """The linear parameters in use."""
         return tuple(name for name in self.linear if name in values)
 
+    def structure(self, values: Mapping[str, float]) -> Values:
+        """What of fitted values a fit begins with: the nonlinear ones, and the names of the linear ones in use."""
+        return dict.fromkeys(self.used(values), 0.0) | {n: values[n] for n in self.nonlinear if n in values}
+
     def coefficients(self, values: Mapping[str, float]) -> Array:
         """Linear coefficients [k] from values; their mean over runs where these differ."""
         return np.array([values[name] for name in self.used(values)])

@@ -51,7 +51,8 @@ def outliers_of(run: Run, axis: int) -> Array:
     """By how much single readings stand out, shape [n], deg/s; zero for all others."""
     out = np.zeros(len(run))
     if not run.rate_is_mean:
-        rows, apart_dps = outliers(run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0))
+        about = run.rate_dps if axis == run.axis_index else 0.0
+        rows, apart_dps = outliers(run.gyro_dps[:, axis] - about, run.step_dps[axis])
         out[rows] = apart_dps
     return out
 
@@ -85,6 +86,10 @@ class BiasJumps(Effect):
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
         return () if self.at_reading(values) else super().used(values)
+
+    def structure(self, values: Mapping[str, float]) -> Values:
+        """How often it jumps is counted, not fitted; single readings are looked for anew."""
+        return {} if self.at_reading(values) else super().structure(values) | {"n": values.get("n", 0.0)}
 
     def at_reading(self, values: Mapping[str, float]) -> bool:
         """Outliers are faults of single readings; steps are not."""
@@ -147,7 +152,7 @@ class BiasJumps(Effect):
         return np.full(len(self.groups(values)), values["size_dps"])
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {"n": values.get("n", 0.0), "size_dps": float(spread[0])} if spread.size else {}
+        return {"size_dps": float(spread[0])} if spread.size else {}
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Jumps evenly spaced from the first to the end of the run, there and back; which way first is drawn."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, table_angle_rad
+from gyrocal.effects.base import Effect, Parameter, Values, stack, table_angle_rad
 from gyrocal.session import Array, Run
 
 ORDERS = (1, 2, 3, 4)
@@ -53,10 +53,13 @@ class TableRipple(Effect):
         return single + growing
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        angle = table_angle_rad(run)
-        rate = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
-        waves = [rate * wave(k * angle) for k in self.orders(values) for wave in (np.cos, np.sin)]
-        return np.column_stack(waves)
+        orders, columns = self.orders(values), []
+        turned = np.exp(1j * table_angle_rad(run))
+        wave = (run.rate_dps if axis == run.axis_index else np.zeros(len(run))).astype(complex)
+        for k in range(1, max(orders, default=0) + 1):
+            wave = wave * turned
+            columns += [wave.real, wave.imag] if k in orders else []
+        return stack(*columns)
 
     def orders(self, values: Mapping[str, float]) -> list[int]:
         """The orders in use: those whose amplitude is named."""
