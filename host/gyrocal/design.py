@@ -23,6 +23,8 @@ Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 UNIDENTIFIED = 1e-7
 """A column with less of its (whitened, squared) norm left after the others cannot be told from them."""
+LEAST_DPS = 1e-9
+"""Root mean square of a column, per unit of its coefficient: less is nothing."""
 SLOW_S = 4.0
 """Drift is slower than this: a bias wanders over many seconds. Anything faster is a signal for the tests of whiteness."""
 LEAST_SCENARIOS = 3
@@ -120,7 +122,9 @@ class Design:
             Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.n, self.cell_s)
             for index, b in ((index, self.blocks[index[0]]) for index in self.alike)
         ]
-        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), len(fixed))
+        # where two columns say the same, the bias stays: power cycles have an offset of their own
+        order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect_id != "bias")
+        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, LEAST_DPS**2 * self._samples)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
@@ -155,16 +159,19 @@ class Design:
         return any(m is not None and bool(m[:, j].any()) for m in (means[term] for means in self.means))
 
     @staticmethod
-    def _identified(gram: Array, p: int) -> Mask:
-        """Keep a shared column [p] only if something of it is left when the ones before it are taken out."""
-        keep = np.zeros(p, dtype=bool)
-        for j in range(1, 1 + p):
-            rest = norm = gram[j, j]
+    def _identified(gram: Array, order: Sequence[int], least: float) -> Mask:
+        """Keep a shared column [p] only if something of it is left when those kept before it, in that order, are taken out.
+
+        ``least``: of a column's squared norm; less is nothing (a transient that is long over).
+        """
+        keep = np.zeros(len(order), dtype=bool)
+        for j in order:
+            rest = norm = gram[1 + j, 1 + j]
             if keep.any():
                 others = 1 + np.flatnonzero(keep)
-                solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, j], rcond=None)[0]
-                rest = norm - gram[others, j] @ solved
-            keep[j - 1] = rest > UNIDENTIFIED * norm
+                solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, 1 + j], rcond=None)[0]
+                rest = norm - gram[others, 1 + j] @ solved
+            keep[j] = rest > UNIDENTIFIED * norm and norm > least
         return keep
 
     def _alike(self, like: Design | None) -> list[list[int]]:
@@ -220,8 +227,11 @@ class Design:
     def column_rms(self) -> Array:
         """Root mean square of each column [q] over all samples: the natural scale of its coefficient."""
         squares = sum(np.diagonal(s.gram, axis1=1, axis2=2).sum(axis=0) for s in self._summed)
-        samples = sum(float(b.n.sum()) for b in self.blocks)
-        return np.asarray(np.sqrt(squares / max(1.0, samples)) + 1e-300)
+        return np.asarray(np.sqrt(squares / self._samples) + 1e-300)
+
+    @property
+    def _samples(self) -> float:
+        return max(1.0, sum(float(b.n.sum()) for b in self.blocks))
 
 
 def _off_grid_s(t_s: Array) -> float:

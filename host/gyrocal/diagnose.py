@@ -18,7 +18,7 @@ import numpy as np
 
 from gyrocal import heldout
 from gyrocal.blocks import BLOCK_S, by_sample
-from gyrocal.compare import Comparison, compare, squares_of
+from gyrocal.compare import Comparison, compare
 from gyrocal.design import Design
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
@@ -28,8 +28,7 @@ from gyrocal.fit import (
     choose_variant,
     finish,
     fit_noise,
-    null_loglik,
-    profile_loglik,
+    likelihood_ratio,
     refine,
     with_noise,
 )
@@ -48,11 +47,15 @@ SIMILAR_SHAPE = 0.7
 SAME_SHAPE = 0.97
 PARAMETER_GAIN = 2.0
 """Held-out log-likelihood that one more parameter must gain where the shapes are the same."""
+LEAST_MEAN = 2.0
+"""Standard errors that the mean over the runs must be, where an effect has one."""
 UNEVEN = 0.5
 """Median over rms of a wave's size in each run: noise alone has 0.83, a wave in half of the runs and fewer next to nothing."""
 NOISY_COLUMNS = 0.01
 """Of a large gain, what measured columns (an accelerometer's) lose by their own noise against computed ones."""
 LEAST_EXPLAINED = 0.10
+MOST_EXPLAINED = 0.5
+"""An effect that explains more than this of the excess is what is most wrong, whatever shows it best."""
 LEAST_OF_FINDING = 0.25
 """Of the log-likelihood that the strongest probe gains: a cause gains about as much, its shadows less."""
 RANGE_FACTOR = 10.0
@@ -163,7 +166,7 @@ def _candidates_on(
     current = comparison.fit.axes[axis]
     present = {t.effect_id for t in current.terms}
     folds = heldout.folds(comparison.fit)
-    before = _mean_square(comparison, axis, current, folds) if folds else None
+    before = _mean_squares(comparison, axis, current, folds)[0] if folds else None
     out = []
     for kind in [*base.effects().values(), *own]:
         if kind.id in present or kind.id in BASE or kind.id in RANDOM:
@@ -185,8 +188,6 @@ def _judge(
 
     ``before``: mean square of the model's own held-out residuals, dps^2, where it is known already.
     """
-    from scipy.stats import chi2
-
     found = kind.detect([b.run for b in current.design.blocks], current.design.axis)
     if found is not None:
         return _judge_reading(comparison, current, axis, kind, found)
@@ -208,8 +209,7 @@ def _judge(
     spreads = fitted.design.layout.n_groups - current.design.layout.n_groups
     nonlinear = len(kind.nonlinear)
     looks = kind.looks([b.run for b in current.design.blocks], current.design.axis)
-    gain_ml = max(0.0, 2 * (profile_loglik(fitted) - null_loglik(current, fitted)))
-    chance = min(1.0, looks * float(chi2.sf(gain_ml, max(1, count + spreads + nonlinear))))
+    chance = min(1.0, looks * likelihood_ratio(current, fitted, max(1, count + spreads + nonlinear))[1])
     folds = heldout.folds(comparison.fit)
     gains = held_out_gain(current, fitted, folds)
     signal = _signal(fitted)
@@ -219,7 +219,8 @@ def _judge(
     return Candidate(
         kind, axis, "reject", term.values, term.se, gain=total, gain_se=se, chance=chance,
         parameters=count + spreads + nonlinear, next_measurement=kind.measure_next,
-        signal=signal, unit_gains=gains, explained=explained, enough=enough and not (kind.same_size and _uneven(fitted)),
+        signal=signal, unit_gains=gains, explained=explained,
+        enough=enough and not (kind.same_size and _uneven(fitted)) and not (kind.common_mean and _without_mean(term)),
     )  # fmt: skip
 
 
@@ -233,6 +234,12 @@ def _uneven(fitted: AxisFit) -> bool:
     runs = range(len(fitted.design.blocks))
     square = [float(np.sum(fitted.run_coefficients(i, fitted.solution.beta, free)[own] ** 2)) for i in runs]
     return float(np.median(square)) < UNEVEN**2 * float(np.mean(square))
+
+
+def _without_mean(term: Term) -> bool:
+    """Is nothing left of what an effect should do alike in all runs?"""
+    mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.used(term.values) if n in term.values]
+    return all(size < LEAST_MEAN * se for size, se in mean)
 
 
 def _judge_reading(
@@ -333,35 +340,60 @@ def _explained(
 
     A few power cycles say little of the spread of their offsets, so the floor has an error of its own, and the offset of a
     held-out cycle moves its excess by more than a small effect does. The second answer grants both: it asks whether the
-    candidate's own power, or the fall of the excess, is a tenth of what is left beyond two standard errors of the floor.
+    candidate's own power, or the fall of the excess, is a tenth of what is left beyond two standard errors of the floor; or
+    whether its power is a tenth of that within power cycles, their offsets left out of both.
     """
     if not folds:
         return None, False
-    before = _mean_square(comparison, axis, current, folds) if before is None else before
-    after = _mean_square(comparison, axis, fitted, folds)
-    floor = comparison.white_power[axis] + fitted.slow_power
-    sure = floor + 2 * _floor_error(fitted)
+    before = _mean_squares(comparison, axis, current, folds)[0] if before is None else before
+    after, after_within = _mean_squares(comparison, axis, fitted, folds)
+    white, drift = comparison.white_power[axis], fitted.noise.ou_sd_dps**2
+    floor = white + fitted.slow_power
     samples = sum(len(b.run) for b in fitted.design.blocks)
-    power = float(signal @ signal) / samples
-    enough = power >= LEAST_EXPLAINED * (power + max(after - sure, 0.0)) and power > 0
-    enough = enough or (before - after >= LEAST_EXPLAINED * max(before - sure, 0.0) and before > after)
+    of_cycles, of_drift = _floor_errors(fitted)
+    sure = floor + 2 * float(np.hypot(of_cycles, of_drift))
+    sure_within = white + drift + 2 * float(np.hypot(white * np.sqrt(2 / samples), of_drift))
+    enough = before - after >= LEAST_EXPLAINED * max(before - sure, 0.0) and before > after
+    for power, left in (
+        (float(signal @ signal), after - sure),
+        (_within_cycles(fitted, signal), after_within - sure_within),
+    ):
+        power /= samples
+        enough = enough or (power >= LEAST_EXPLAINED * (power + max(left, 0.0)) and power > 0)
     if before <= floor:
         return None, enough
     return float(1 - max(0.0, after - floor) / (before - floor)), enough
 
 
-def _floor_error(fitted: AxisFit) -> float:
-    """Standard error of the floor's square, dps^2: so many power cycles, so much time for drift to turn over."""
+def _within_cycles(fitted: AxisFit, signal: Array) -> float:
+    """Sum of squares of a signal [blocks], as :func:`_signal` gives it, about its mean in each power cycle."""
+    if not signal.size:  # a fault of the reading has none
+        return 0.0
+    weight = np.sqrt(np.concatenate([b.n for b in fitted.design.blocks]))
+    cycle = np.repeat(np.unique(fitted.design.scenarios, return_inverse=True)[1], fitted.design.n_blocks)
+    mean = np.bincount(cycle, signal * weight) / np.bincount(cycle, weight**2)
+    return float(np.sum((signal - mean[cycle] * weight) ** 2))
+
+
+def _floor_errors(fitted: AxisFit) -> tuple[float, float]:
+    """Standard errors of the floor's squares, dps^2: so many power cycles, so much time for drift to turn over."""
     cycles = len(np.unique(fitted.design.scenarios))
     seconds = sum(b.run.duration_s for b in fitted.design.blocks)
     turns = len(fitted.design.blocks) + seconds / (2 * fitted.noise.ou_tau_s)
-    of_cycles = fitted.slow_power - fitted.noise.ou_sd_dps**2
-    return float(np.hypot(of_cycles * np.sqrt(2 / cycles), fitted.noise.ou_sd_dps**2 * np.sqrt(2 / turns)))
+    drift = fitted.noise.ou_sd_dps**2
+    return float((fitted.slow_power - drift) * np.sqrt(2 / cycles)), float(drift * np.sqrt(2 / turns))
 
 
-def _mean_square(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> float:
-    total, count = squares_of(heldout.predictions(comparison.fit.on(axis, fitted), folds)).sum(axis=0)
-    return float(total / max(count, 1))
+def _mean_squares(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> tuple[float, float]:
+    """Mean square of held-out residuals, dps^2, and of what is left of them about the mean of each power cycle."""
+    sums: dict[str, Array] = {}
+    for p in heldout.predictions(comparison.fit.on(axis, fitted), folds):
+        residual = p.residual_dps
+        of = np.array([residual @ residual, residual.sum(), residual.size])
+        sums[p.run.scenario] = sums.get(p.run.scenario, np.zeros(3)) + of
+    squares, totals, counts = np.array(list(sums.values())).reshape(-1, 3).T
+    samples = max(float(counts.sum()), 1.0)
+    return float(squares.sum()) / samples, float((squares - totals**2 / counts).sum()) / samples
 
 
 def _q_values(candidates: list[Candidate]) -> list[Candidate]:
@@ -389,7 +421,7 @@ def _decide(candidates: list[Candidate], comparison: Comparison) -> list[Candida
 
 def _meets(c: Candidate, comparison: Comparison) -> bool:
     """Does the candidate go at what is most wrong with the axis? One that picks crumbs beside it is not what is missing."""
-    if c.effect.at_reading(c.values):
+    if c.effect.at_reading(c.values) or (c.explained or 0.0) > MOST_EXPLAINED:
         return True
     found = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != "reading"]
     return (c.gain or 0.0) >= LEAST_OF_FINDING * max(found, default=0.0)

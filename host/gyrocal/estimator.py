@@ -55,6 +55,8 @@ class Calibration:
     """(mean, sd) of the priors; sd infinite = flat."""
     noise: Noise
     alternatives: int = 0
+    faults: tuple[tuple[Effect, Values], ...] = ()
+    """Faults of the reading: what they leave of a block no longer says what the sensor felt."""
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -94,10 +96,14 @@ def calibration_of(
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
     spread_terms: list[tuple[Term, Column]] = []
+    faults: list[tuple[Effect, Values]] = []
     priors = {"bias": (0.0, np.inf), "scale": (0.0, np.inf)}
     for term in model.on(axis):
         kind = term.effect
-        if kind.id in ("turn_on_bias", "colored_noise") or kind.at_reading(term.values):
+        if kind.id in ("turn_on_bias", "colored_noise"):
+            continue
+        if kind.at_reading(term.values):
+            faults += [(kind, term.values)] if term.values else []
             continue
         if kind.id in priors:
             priors[kind.id] = _base_prior(model, axis, kind.id)
@@ -134,7 +140,7 @@ def calibration_of(
     noise = Noise(white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0))
     return Calibration(
         model.name, axis, (*run_columns, *each), tuple(shared_columns), priors["bias"], priors["scale"], noise,
-        len(each),
+        len(each), tuple(faults),
     )  # fmt: skip
 
 
@@ -178,7 +184,10 @@ def run_blocks(run: Run, calibration: Calibration) -> tuple[Array, Array, Array]
     label = np.zeros(len(run), dtype=np.int64) if run.rate_is_mean else run.t_us // BLOCK_US
     blocks, first, count = np.unique(label, return_index=True, return_counts=True)
     means = np.add.reduceat(columns, first, axis=0) / count[:, None]
-    full = run.rate_is_mean | (2e6 * count >= run.sample_rate_hz * BLOCK_US)
+    full = np.asarray(run.rate_is_mean | (2e6 * count >= run.sample_rate_hz * BLOCK_US))
+    for kind, values in calibration.faults:
+        usable = kind.usable(run, axis, values)
+        full = full if usable is None else full & np.logical_and.reduceat(usable, first)
     return means[full].T, blocks[full] * BLOCK_US * 1e-6, count[full].astype(float)
 
 
@@ -297,7 +306,9 @@ def _likeliest(equations: Array, logdet: Array, most: int, prior: Array) -> tupl
 def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
     """Scale and bias from runs that share them; None where the runs do not fix both."""
     k, a = len(calibration.run_columns), calibration.alternatives
-    blocks = [run_blocks(run, calibration) for run in runs]
+    blocks = [b for b in (run_blocks(run, calibration) for run in runs) if b[2].size]
+    if not blocks:
+        return None
     grams = [normal_equations(means[None], t_s, count, calibration.noise)[0] for means, t_s, count in blocks]
     found = posterior(calibration, grams)
     if not np.isfinite(found.scale[0]):
@@ -306,7 +317,7 @@ def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
     shared_norm = sum(np.diag(gram[0])[k:-1] for gram in grams)
     absent = int(np.count_nonzero((shared_norm == 0) & flat[k:]))
     # each alternative has a prior and is a parameter; of the others, those with a prior count as data
-    dof = sum(count.size for _, _, count in blocks) - len(runs) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
+    dof = sum(count.size for _, _, count in blocks) - len(blocks) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
     return Answer(
         float(found.scale[0]), float(found.scale_se[0]), float(found.bias_dps[0]), float(found.bias_se_dps[0]),
         float(np.sqrt(found.chi2[0] / dof)) if dof > 0 else None,

@@ -48,6 +48,12 @@ APART_GRID, APART_RATIO, APART_ROUNDS = 25, 6.0, 5
 """Values of a parameter that may be each run's own, from a sixth of the common one (in the middle) to six times it."""
 APART_SETTLED = 0.1
 """Of its standard error: the common value has moved by less."""
+FREE = 1e3
+"""Of a spread, or what one power cycle knows of it: wide enough to say nothing."""
+ORDER_CHANCE = 0.01
+"""Chance that noise gains as much as a richer structure of the same effect does: above it, the simpler one is taken."""
+LEAST_CHANCE = 0.05
+"""More is no finding, whatever the test."""
 APART_GAIN = 5.0
 """Log-likelihood that its spread must gain."""
 
@@ -103,12 +109,19 @@ class AxisFit:
         )  # fmt: skip
 
     def spreads_without(self, held_out: Mask) -> Spreads:
-        """Spreads estimated again from the runs that are not held out."""
+        """Spreads of what runs have of their own, estimated again from the runs that are not held out.
+
+        The spread of power cycles is noise and stays as fitted, as white noise and drift do: a few cycles that happen to agree
+        would have none, and foretell the next with a certainty that nobody has.
+        """
+        if not self.spreads.run.size:
+            return self.spreads
         kept = ~held_out
-        return fit_spreads(
+        again = fit_spreads(
             self.design, self.grams[kept], self.logdet[kept], self.design.scenarios[kept],
             int(self.design.n_blocks[kept].sum()), self.spreads,
         )  # fmt: skip
+        return Spreads(again.run, self.spreads.scenario)
 
     def run_coefficients(self, run: int, beta: Array, spreads: Spreads) -> Array:
         """Posterior mean of a run's own random coefficients [k], given shared ``beta``; its scenario's offset is free too."""
@@ -220,10 +233,13 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
 
 
 def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
-    """The variant with the best BIC at a given noise; what is independent of one another is runs, not blocks."""
+    """The variant with the best BIC at a given noise; what is independent of one another is runs, not blocks.
+
+    A simpler one that is part of it is taken where noise may well gain what it lacks.
+    """
     runs = [b.run for b in current.design.blocks]
     count = len(runs)
-    best: tuple[float, Values] | None = None
+    tried: list[tuple[float, int, Values, AxisFit]] = []
     variants = term.effect.variants(runs, current.design.axis)
     if len(variants) == 1:
         return variants[0]
@@ -232,17 +248,48 @@ def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
         design = current.design.changed(terms)
         trial = with_noise(design, noise, carry_spreads(current, design))
         parameters = len(trial.design.layout.fixed) + trial.design.layout.n_groups + len(term.effect.nonlinear)
-        score = profile_loglik(trial) - 0.5 * np.log(count) * parameters
-        if best is None or score > best[0]:
-            best = (score, values)
-    if best is None:
+        tried.append((profile_loglik(trial) - 0.5 * np.log(count) * parameters, parameters, values, trial))
+    if not tried:
         raise InputError(f"effect {term.effect_id}: nothing to try on this session")
-    return best[1]
+    _, most, best, richest = max(tried, key=lambda t: t[0])
+    for _, parameters, values, trial in sorted(tried, key=lambda t: t[1]):
+        nested = parameters < most and values.keys() < best.keys()
+        if nested and likelihood_ratio(trial, richest, most - parameters)[1] > ORDER_CHANCE:
+            return values
+    return best
 
 
-def null_loglik(current: AxisFit, fitted: AxisFit) -> float:
-    """Profile log-likelihood without the candidate: at the model's own noise or the candidate's, whichever suits it."""
-    return max(profile_loglik(current), profile_loglik(with_noise(current.design, fitted.noise, current.spreads)))
+def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, float]:
+    """Twice the log-likelihood that a richer model's parameters gain, and the chance that noise gains as much.
+
+    Both at their own noise, the poorer one also at the richer one's, whichever suits it. Chi-square takes the spread of power
+    cycles for known, and a few cycles say little of it: what differs from cycle to cycle alone has to pass an F test of as many
+    values as there are cycles. What shows within them has to pass chi-square with each cycle's own offset left free. The better
+    of the two counts, twice, for there were two.
+    """
+    from scipy.stats import chi2, f
+
+    poorer = [current]
+    if fitted.noise != current.noise:
+        poorer.append(with_noise(current.design, fitted.noise, current.spreads))
+    statistic = max(0.0, 2 * (profile_loglik(fitted) - max(map(profile_loglik, poorer))))
+    chance = float(chi2.sf(statistic, parameters))
+    layout, cycles = current.design.layout, np.unique(current.design.scenarios).size
+    if not layout.scenario or chance > LEAST_CHANCE:
+        return statistic, chance
+    known = SpreadScale.of(current.design, current.grams).unit[current.spreads.run.size :]
+    free = FREE * np.maximum(current.spreads.scenario, known)
+    within = 2 * (_of_free_cycles(fitted, free) - max(_of_free_cycles(one, free) for one in poorer))
+    left = cycles - len(layout.fixed) - parameters
+    ratio = float(np.expm1(min(statistic / cycles, 500.0))) * left / parameters
+    between = float(f.sf(ratio, parameters, left)) if left > 0 else 1.0
+    return statistic, max(chance, min(1.0, 2 * min(float(chi2.sf(within, parameters)), between)))
+
+
+def _of_free_cycles(fitted: AxisFit, scenario_sd: Array) -> float:
+    """Profile log-likelihood with the offset (and scale) of each power cycle free: what runs say by themselves."""
+    everything = np.ones(len(fitted.design.blocks), dtype=bool)
+    return profile_loglik(replace(fitted, solution=fitted.subset(everything, Spreads(fitted.spreads.run, scenario_sd))))
 
 
 def profile_loglik(fitted: AxisFit) -> float:

@@ -111,7 +111,7 @@ class Step:
 
 
 def steps(axis: AxisFit, all_folds: list[Fold]) -> Iterator[Step]:
-    """Leave each fold out in turn: shared parameters and spreads from the rest, noise as fitted."""
+    """Leave each fold out in turn: shared parameters and the spreads of runs' own from the rest, noise as fitted."""
     for fold in all_folds:
         if fold.time is None:
             held = np.zeros(len(axis.design.blocks), dtype=bool)

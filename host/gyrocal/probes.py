@@ -16,7 +16,7 @@ from gyrocal.blocks import BLOCK_S
 from gyrocal.design import SLOW_S
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.quantities import rate_slope_dps_s, rate_varies
-from gyrocal.fit import AxisFit, carry_spreads, fit_noise, null_loglik, profile_loglik, with_noise
+from gyrocal.fit import AxisFit, carry_spreads, fit_noise, likelihood_ratio, with_noise
 from gyrocal.model import Term
 from gyrocal.noise import Noise
 from gyrocal.session import Array, Run, Session
@@ -160,11 +160,9 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
         edges = quantile_edges(pooled, 0.05, min(8, steps_between))
         if edges.size:
             probes.append(("temperature", steps(_temperature, edges)))
-    rates = np.unique([float(np.mean(r.rate_dps)) if r.axis_index == axis else 0.0 for r in runs])
-    apart = np.diff(rates) > 0.1 * float(np.abs(rates).max(initial=0.0))  # "78 dps, give or take" is one rate
-    edges = ((rates[1:] + rates[:-1]) / 2)[apart]
-    if 2 <= edges.size <= steps_between:
-        probes.append(("rate", [Steps(lambda r: r.rate_dps if r.axis_index == axis else np.zeros(len(r)), edges)]))
+    edges = _rate_edges(runs, axis, steps_between)
+    if edges.size:
+        probes.append(("rate", [Steps(lambda r: _rate(r, runs, axis), edges)]))
     if rate_varies(runs, axis):
         probes.append(("rate", [Linear(lambda r: _rate_slope(r, axis), 2)]))
     if all(r.acc_g is not None and np.all(np.isfinite(r.acc_g)) for r in runs):
@@ -175,6 +173,24 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
         else:
             probes.append(("table_angle", [Wave(k) for k in range(1, ORDERS + 1)]))
     return probes
+
+
+def _rate(run: Run, runs: Sequence[Run], axis: int) -> Array:
+    """The table's rate where it turns about one axis in all runs (that may show on any axis), else the rate about this axis."""
+    alone = len({r.axis_index for r in runs}) == 1
+    return run.rate_dps if alone or run.axis_index == axis else np.zeros(len(run))
+
+
+def _rate_edges(runs: Sequence[Run], axis: int, most: int) -> Array:
+    """Between the rates that runs were made at, or of a rate that varies; none where they are too few or too many to judge."""
+    rates = [_rate(r, runs, axis) for r in runs]
+    largest = max(float(np.abs(rate).max(initial=0.0)) for rate in rates)
+    if rate_varies(runs, runs[0].axis_index) and len({r.axis_index for r in runs}) == 1:
+        return quantile_edges(np.concatenate(rates), 0.02 * largest, 8)
+    means = np.unique([float(np.mean(rate)) for rate in rates])
+    apart = np.diff(means) > 0.1 * largest  # "78 dps, give or take" is one rate
+    edges = ((means[1:] + means[:-1]) / 2)[apart]
+    return edges if 2 <= edges.size <= most else np.zeros(0)
 
 
 def _temperature(run: Run) -> Array:
@@ -231,15 +247,15 @@ def probe(current: AxisFit, axis: str, against: str, kind: Effect, alarm: float)
         return None
     white = Noise(current.noise.white_sd_dps)
     statistic = _wald(with_noise(design, white, current.spreads), columns)
-    if chi2.sf(statistic, len(columns)) < alarm:
+    chance = float(chi2.sf(statistic, len(columns)))
+    if chance < alarm:
         # Wald's statistic trusts a noise that the probe may just have emptied; the likelihood ratio does not
         fitted = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
-        statistic = max(0.0, 2 * (profile_loglik(fitted) - null_loglik(current, fitted)))
+        statistic, chance = likelihood_ratio(current, fitted, len(columns))
     fit = with_noise(design, current.noise, current.spreads)
     parts = [_part(fit, i, columns) for i in range(len(design.blocks))]
     amplitude = float(np.std(np.concatenate(parts)) * np.sqrt(2))
     strength = float(np.sqrt(max(0.0, statistic - len(columns))))
-    chance = float(chi2.sf(statistic, len(columns)))
     return Finding(axis, against, strength, chance, amplitude, _where(kind, fit, columns, amplitude), kind)
 
 

@@ -6,7 +6,6 @@ A session is a folder with ``session.toml`` and one table a run (CSV or Parquet)
 
 from __future__ import annotations
 
-import math
 import shutil
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -166,12 +165,14 @@ class Run:
     def rate_dps(self) -> Array:
         """True rate about the run's axis in the sensor's sign, shape [n], deg/s.
 
-        From ``rate_ref_dps`` where the file has it, else the table's rate; for a run known by its angle alone, the mean
+        From ``rate_ref_dps`` where the file has it (cells that are missing lie on the line between those that are there: an
+        encoder may be slower than the gyroscope), else the table's rate; for a run known by its angle alone, the mean
         rate ``turn_deg / duration`` (only its integral is meaningful; see :attr:`rate_is_mean`).
         """
         reference = self.column("rate_ref_dps")
         if reference is not None:
-            return reference
+            known = np.isfinite(reference)
+            return reference if known.all() else np.interp(self.t_s, self.t_s[known], reference[known])
         if self.table_rate_dps is not None:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
         assert self.turn_deg is not None
@@ -469,9 +470,5 @@ def _check_rate_known(run: Run) -> None:
         raise InputError(
             f"{where}: t_s has {measured_hz:.4g} samples a second, session.toml says sample_rate_hz = {run.sample_rate_hz:g}"
         )
-    reference = run.column("rate_ref_dps")
-    if reference is not None and not all(map(math.isfinite, reference)):
-        row = int(np.flatnonzero(~np.isfinite(reference))[0])
-        raise InputError(f"{where}: row {row + 2}: rate_ref_dps is empty; the true rate is needed at every sample")
-    if reference is None and run.table_rate_dps is None and run.turn_deg is None:
+    if run.column("rate_ref_dps") is None and run.table_rate_dps is None and run.turn_deg is None:
         raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")

@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from gyrocal import heldout
 from gyrocal.diagnose import Candidate, Diagnosis, add, diagnose
 from gyrocal.effects import base
-from gyrocal.fit import Fit, fit, null_loglik, profile_loglik
+from gyrocal.fit import Fit, fit, likelihood_ratio
 from gyrocal.model import Model, Term
 from gyrocal.session import AXES, Session
 
@@ -184,7 +184,7 @@ def _oracle(session: Session, truth: Truth) -> Answer:
     gain, parameters = 0.0, 0
     for axis in {term.axis for term in terms}:
         before, after = without.axes[axis], fitted.axes[axis]
-        gain += 2 * (profile_loglik(after) - null_loglik(before, after))
+        gain += likelihood_ratio(before, after, 1)[0]
         old, new = before.design.layout, after.design.layout
         parameters += len(new.fixed) - len(old.fixed) + new.n_groups - old.n_groups
     parameters += sum(len(term.effect.nonlinear) for term in terms)

@@ -97,7 +97,7 @@ def test_parity_and_degree_in_the_rate(effect_id: str, make_run: MakeRun) -> Non
 
 def test_only_misalignment_sees_the_rate_of_another_axis(make_run: MakeRun) -> None:
     run = make_run(np.arange(100) / 10, table_rate_dps=78.0, axis="x", face="down")
-    ids = ("scale", "scale_nonlinearity", "scale_asymmetry", "centripetal", "spin_up", "scale_temperature")
+    ids = ("scale", "scale_nonlinearity", "scale_asymmetry", "spin_up", "scale_temperature")
     for effect_id in ids:
         kind = effect(effect_id)
         assert not np.any(kind.term(run, 2, kind.draw({}, np.random.default_rng(0))))
@@ -106,6 +106,14 @@ def test_only_misalignment_sees_the_rate_of_another_axis(make_run: MakeRun) -> N
     np.testing.assert_allclose(kind.term(run, 2, {"m": 0.004}), 0.004 * -78.0)
     np.testing.assert_allclose(kind.term(run, 2, {"m_x": 0.004, "m_y": 0.1}), 0.004 * -78.0)
     assert not np.any(kind.term(run, 0, {"m": 0.004}))
+
+
+def test_the_pull_off_the_axis_is_alike_on_every_axis_and_in_both_directions(make_run: MakeRun) -> None:
+    kind, k = effect("centripetal"), 2e-6
+    for rate_dps in (78.0, -78.0):
+        run = make_run(np.arange(100) / 10, table_rate_dps=rate_dps, axis="x", face="down")
+        for axis in range(3):
+            np.testing.assert_allclose(kind.term(run, axis, {"k": k}), k * 78.0**2)
 
 
 def test_warmup_between_its_limits(make_run: MakeRun) -> None:

@@ -42,6 +42,17 @@ def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slo
     np.testing.assert_allclose(apart_dps, size_dps, atol=0.25)
 
 
+@pytest.mark.parametrize("white_dps", [0.001, 0.004, 0.02])
+@pytest.mark.parametrize("frequency_hz", [0.2, 1.0, 2.0])
+def test_a_swing_s_scale_error_is_no_outlier(white_dps: float, frequency_hz: float) -> None:
+    """0.6 deg/s of amplitude, which moves by more than the noise from one sample to the next."""
+    t_s = np.arange(40_000) / 104
+    y_dps = 0.6 * np.sin(2 * np.pi * frequency_hz * t_s) + np.random.default_rng(7).normal(0, white_dps, t_s.size)
+    assert outliers(y_dps, 0.0)[0].size == 0
+    y_dps[[9_000, 20_001]] += 2.0, -2.0
+    assert outliers(y_dps, 0.0)[0].tolist() == [9_000, 20_001]
+
+
 def test_a_fit_does_not_feel_them() -> None:
     model = Model.builtin("default")
     clean, spoilt = (

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from gyrocal.calibrate import calibrate
 from gyrocal.compare import _never, reading_fault
+from gyrocal.model import Model, Term
 from gyrocal.session import Run, Session
 from gyrocal.simulate import simulate
 
@@ -43,3 +45,22 @@ def test_a_stuck_bit_is_seen_and_a_sound_reading_is_not_blamed(bit: int, state: 
     found = reading_fault(stuck(session, bit, state), "x", 1e-3)
     assert found is not None
     assert found.note.startswith(f"bit {bit} of the reading is {state}")
+
+
+def test_a_calibration_leaves_clipped_readings_out() -> None:
+    """A range of less than the table swings by: what reads the limit says nothing of the scale."""
+    session = simulate(None, "swing", [], 3, scenarios=2, seconds=20)[0]
+    full_scale_dps = 0.8 * min(float(np.abs(r.gyro_dps[:, 2]).max()) for r in session.runs)
+    clipped = session.with_runs(
+        Run(
+            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, r.sample_rate_hz,
+            frame=r.table.with_columns(gz_dps=np.clip(r.gyro_dps[:, 2], -full_scale_dps, full_scale_dps)),
+        )
+        for r in session.runs
+    )  # fmt: skip
+    model = Model.builtin("paper").with_term(Term("saturation", "z", {"full_scale_dps": full_scale_dps}))
+    for spoilt, sound in zip(*(calibrate(s, [20.0], ["model"], model=model) for s in (clipped, session)), strict=True):
+        assert abs(spoilt.scale - sound.scale) < 4 * spoilt.scale_se
+        assert sound.scale_se < spoilt.scale_se
+    blind = calibrate(clipped, [20.0], ["model"], model=Model.builtin("paper"))[0]
+    assert abs(blind.scale - sound.scale) > 100 * blind.scale_se

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gyrocal.errors import InputError
-from gyrocal.session import Run, Session, read_table
+from gyrocal.session import Run, Session, read_table, write_table
+from gyrocal.simulate import simulate
 
 
 def make_run(n: int = 50, **columns: object) -> Run:
@@ -166,3 +167,17 @@ def test_first_seconds_are_counted_in_whole_microseconds() -> None:
     assert len(run.first(0.2)) == 29  # 0.2 s at 145 Hz: samples 0..28, the 29th at exactly 0.2
     assert run.first(0.4) is None  # 50 samples last 0.345 s
     assert len(run.first(0.345)) == 50  # complete: the last sample and one and a half periods reach it
+
+
+def test_a_slower_encoder_leaves_cells_empty(tmp_path: Path) -> None:
+    """The rate between two that are known lies on their line; before the first and after the last it is theirs."""
+    session, _ = simulate(tmp_path / "s", "swing", [], 1, scenarios=1, seconds=5)
+    run = session.runs[0]
+    frame = run.table
+    rate = frame["rate_ref_dps"].to_numpy()
+    seldom = pl.Series("rate_ref_dps", [float(r) if i % 4 == 2 else None for i, r in enumerate(rate)], dtype=pl.Float64)
+    write_table(frame.with_columns(seldom), tmp_path / "s" / run.file)
+    again = Session.open(tmp_path / "s").runs[0].rate_dps
+    np.testing.assert_array_equal(again[2::4], rate[2::4])
+    np.testing.assert_allclose(again[4:-4], rate[4:-4], atol=0.05)
+    assert (again[:2] == rate[2]).all()

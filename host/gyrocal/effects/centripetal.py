@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Effect, Parameter, stack
-from gyrocal.effects.quantities import TURNING, rate_about, turns
+from gyrocal.effects.quantities import TURNING_AT_ALL, turns
 from gyrocal.session import Array, Run
 
 
@@ -14,10 +14,11 @@ class Centripetal(Effect):
     title = "Centripetal acceleration"
     cause = (
         "Off the table's axis the sensor is pulled inwards by w^2 times its distance, and its sensitivity to "
-        "acceleration turns that into a rate. At 0.1 m and 150 dps that is 0.07 g. The error grows with the "
-        "square of the rate, alike in both directions."
+        "acceleration turns that into a rate, on any of its axes. At 0.1 m and 150 dps that is 0.07 g. The error "
+        "grows with the square of the rate, alike in both directions; so does what a table's vibration leaves when "
+        "the sensor rectifies it."
     )
-    equation = "k·w^2"
+    equation = "k·w^2, with w the table's rate, about whichever axis"
     looks_like = (
         "scale_asymmetry, where there is only rest and one speed; bias, at one speed; g_sensitivity, if "
         "acceleration is recorded"
@@ -32,7 +33,7 @@ class Centripetal(Effect):
     on_device = True
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if turns(runs, axis) else TURNING
+        return None if any(turns(runs, table_axis) for table_axis in range(3)) else TURNING_AT_ALL
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return stack(rate_about(run, axis) ** 2)
+        return stack(run.rate_dps**2)

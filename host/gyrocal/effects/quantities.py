@@ -16,6 +16,7 @@ REFERENCE_C = 25.0
 """Bias and scale are stated at this temperature."""
 
 TURNING = "a run in which the table turns about this axis at a known rate"
+TURNING_AT_ALL = "a run in which the table turns at a known rate"
 VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
 MOVING_TEMPERATURE = "a temp_c column in every run, moving by 1 degC or more over the session"
 
