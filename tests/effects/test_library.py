@@ -122,8 +122,11 @@ def test_effects_that_need_a_column_say_which(make_run: MakeRun) -> None:
     assert "another axis" in (effect("misalignment").missing([bare], 2) or "")
     assert effect("misalignment").missing([bare], 0) is None
     still = make_run(np.arange(300) / 10, table_rate_dps=0.0)
-    for effect_id in ("scale_nonlinearity", "scale_asymmetry", "centripetal", "scale_temperature"):
+    for effect_id in ("scale_nonlinearity", "scale_asymmetry", "scale_temperature"):
         assert "turns about this axis" in (effect(effect_id).missing([still], 2) or "")
+    assert "table turns at a known rate" in (effect("centripetal").missing([still], 2) or "")
+    turning = make_run(np.arange(300) / 10, table_rate_dps=78.0, axis="x")
+    assert effect("centripetal").missing([turning], 2) is None
 
 
 def test_what_is_needed_is_enough(rich_run: Run) -> None:
