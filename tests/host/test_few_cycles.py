@@ -66,7 +66,7 @@ def test_an_effect_that_many_cycles_show_is_found_and_has_no_more_orders_than_th
 
 
 def pulled(rate_dps: np.ndarray, temp_c: np.ndarray) -> np.ndarray:
-    return np.outer(4e-6 * rate_dps**2, [1.0, 0.0, 0.0])
+    return np.outer(8e-6 * rate_dps**2, [1.0, 0.0, 0.0])
 
 
 def test_the_table_s_rate_is_held_against_the_other_axes_too() -> None:
@@ -75,7 +75,7 @@ def test_the_table_s_rate_is_held_against_the_other_axes_too() -> None:
     assert ("x", "rate") in {(f.axis, f.against) for f in found.comparison.where}
     assert found.best is not None
     assert (found.best.effect.id, found.best.axis) == ("centripetal", "x")
-    assert abs(found.best.values["k"] - 4e-6) < 4 * found.best.se["k"]
+    assert abs(found.best.values["k"] - 8e-6) < 4 * found.best.se["k"]
 
 
 def test_cycles_that_happen_to_agree_do_not_foretell_the_next() -> None:
