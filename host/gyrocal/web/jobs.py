@@ -150,13 +150,14 @@ def work(link: Connection, scratch: Path) -> None:
     from gyrocal.web.bench import Bench
 
     bench = Bench(scratch)
-    said = 0.0
+    said, saying = 0.0, threading.Lock()
 
     def progress(text: str) -> None:
         nonlocal said
-        if time.monotonic() - said > 0.05:
-            said = time.monotonic()
-            link.send(("progress", text))
+        with saying:  # a large session's axes are worked on side by side
+            if time.monotonic() - said > 0.05:
+                said = time.monotonic()
+                link.send(("progress", text))
 
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
