@@ -294,6 +294,8 @@ def _of_free_cycles(fitted: AxisFit, scenario_sd: Array) -> float:
 
 def profile_loglik(fitted: AxisFit) -> float:
     """Log-likelihood at the fitted noise, shared parameters at their best: comparable between models (REML's is not)."""
+    if not np.isfinite(fitted.loglik):  # nothing that could be solved
+        return -np.inf
     chol = np.linalg.slogdet(np.linalg.inv(fitted.solution.cov))[1] if fitted.solution.beta.size else 0.0
     return fitted.loglik + 0.5 * float(chol) - 0.5 * fitted.solution.beta.size * float(np.log(2 * np.pi))
 
