@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -48,6 +49,33 @@ def test_results_errors_and_a_stop(tmp_path: Path) -> None:
             again = await jobs.run("open", "open", folder)  # a new worker, as good as the old
             assert again.rows == opened.rows
             assert again.traces != opened.traces
+        finally:
+            jobs.close()
+
+    finish(story())
+
+
+def test_a_stop_that_comes_with_the_answer_leaves_a_worker_that_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "s"
+    simulate(folder, scenarios=1, seconds=5)
+
+    async def story() -> None:
+        jobs = Jobs(tmp_path / "scratch", lambda: None)
+        converse = jobs._converse
+
+        async def stopped_at_the_end(*asked: Any) -> Any:
+            answer = await converse(*asked)
+            jobs.cancel()
+            return answer
+
+        try:
+            with monkeypatch.context() as late:
+                late.setattr(jobs, "_converse", stopped_at_the_end)
+                with pytest.raises(Cancelled, match="open: stopped"):
+                    await jobs.run("open", "open", folder)
+            assert (await jobs.run("open", "open", folder)).rows == 2 * 725
         finally:
             jobs.close()
 

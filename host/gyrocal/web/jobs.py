@@ -77,17 +77,22 @@ class Jobs:
                 raise Cancelled  # what runs says that it was stopped; what waits says nothing
             self.current, self._cancelled = Job(title, method), False
             self._changed()
+            answer = None
             try:
                 self.prepare()
-                return await self._converse(method, args)
+                answer = await self._converse(method, args)
             except (EOFError, OSError):
-                self._end()
-                if self._cancelled:
-                    raise Cancelled(f"{title}: stopped") from None
-                raise GyrocalError(f"{title}: the worker died; is there enough memory?") from None
+                if not self._cancelled:
+                    self._end()
+                    raise GyrocalError(f"{title}: the worker died; is there enough memory?") from None
             finally:
+                if self._cancelled:  # it was killed, whether or not its answer was on its way
+                    self._end()
                 self.current = None
                 self._changed()
+            if self._cancelled:
+                raise Cancelled(f"{title}: stopped")
+            return answer
 
     async def _converse(self, method: str, args: tuple[Any, ...]) -> Any:
         self._link.send((method, args))
