@@ -15,7 +15,7 @@ import numpy as np
 from gyrocal.blocks import BLOCK_S
 from gyrocal.design import SLOW_S
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
-from gyrocal.effects.quantities import rate_slope_dps_s, rate_varies
+from gyrocal.effects.quantities import rate_about, rate_slope_dps_s, rate_varies
 from gyrocal.fit import AxisFit, carry_spreads, fit_noise, likelihood_ratio, with_noise
 from gyrocal.model import Term
 from gyrocal.noise import Noise
@@ -175,17 +175,20 @@ def slow_probes(session: Session, axis: int) -> list[tuple[str, list[Effect]]]:
     return probes
 
 
+def _one_axis(runs: Sequence[Run]) -> bool:
+    return len({r.axis_index for r in runs}) == 1
+
+
 def _rate(run: Run, runs: Sequence[Run], axis: int) -> Array:
     """The table's rate where it turns about one axis in all runs (that may show on any axis), else the rate about this axis."""
-    alone = len({r.axis_index for r in runs}) == 1
-    return run.rate_dps if alone or run.axis_index == axis else np.zeros(len(run))
+    return run.rate_dps if _one_axis(runs) else rate_about(run, axis)
 
 
 def _rate_edges(runs: Sequence[Run], axis: int, most: int) -> Array:
     """Between the rates that runs were made at, or of a rate that varies; none where they are too few or too many to judge."""
     rates = [_rate(r, runs, axis) for r in runs]
     largest = max(float(np.abs(rate).max(initial=0.0)) for rate in rates)
-    if rate_varies(runs, runs[0].axis_index) and len({r.axis_index for r in runs}) == 1:
+    if _one_axis(runs) and rate_varies(runs, runs[0].axis_index):
         return quantile_edges(np.concatenate(rates), 0.02 * largest, 8)
     means = np.unique([float(np.mean(rate)) for rate in rates])
     apart = np.diff(means) > 0.1 * largest  # "78 dps, give or take" is one rate

@@ -1,5 +1,7 @@
 """A table that swings fast: what lags moves by more than the noise from one sample to the next, and is no single reading."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -47,13 +49,7 @@ def test_without_one_nothing_is_missing() -> None:
 def test_bursts_shorter_than_the_estimator_s_blocks_are_fitted_all_together() -> None:
     """60 ms of readings every 3 s: no quarter of a second is whole, so no power cycle has an answer by itself."""
     session = simulate(None, "paper", [], 1, scenarios=2, seconds=12)[0]
-    bursts = session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, r.sample_rate_hz,
-            frame=r.table.filter(r.table["t_s"] % 3.0 < 0.06),
-        )
-        for r in session.runs
-    )  # fmt: skip
+    bursts = session.with_runs(replace(r, frame=r.table.filter(r.table["t_s"] % 3.0 < 0.06)) for r in session.runs)
     whole = calibrate(session, [6.0], ["model"])[0]
     (found,) = calibrate(bursts, [6.0], ["model"])
     assert found.scenario == "all"

@@ -1,5 +1,7 @@
 """Faults that show in the reading's own code: a stuck bit, told from a bit that noise never reaches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,12 +54,9 @@ def test_a_calibration_leaves_clipped_readings_out() -> None:
     session = simulate(None, "swing", [], 3, scenarios=2, seconds=20)[0]
     full_scale_dps = 0.8 * min(float(np.abs(r.gyro_dps[:, 2]).max()) for r in session.runs)
     clipped = session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, r.sample_rate_hz,
-            frame=r.table.with_columns(gz_dps=np.clip(r.gyro_dps[:, 2], -full_scale_dps, full_scale_dps)),
-        )
+        replace(r, frame=r.table.with_columns(gz_dps=np.clip(r.gyro_dps[:, 2], -full_scale_dps, full_scale_dps)))
         for r in session.runs
-    )  # fmt: skip
+    )
     model = Model.builtin("paper").with_term(Term("saturation", "z", {"full_scale_dps": full_scale_dps}))
     for spoilt, sound in zip(*(calibrate(s, [20.0], ["model"], model=model) for s in (clipped, session)), strict=True):
         assert abs(spoilt.scale - sound.scale) < 4 * spoilt.scale_se
