@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from gyrocal.effects.base import effects
-from gyrocal.session import Run
+from gyrocal.recording.session import Run
 from gyrocal_firmware import CORE
 
 from .conftest import Build, run

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.session import Run, Session
+from gyrocal.recording.session import Run, Session
 
 LSB_DPS = 0.00875
 

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gyrocal import device
 from gyrocal.cli import main
-from gyrocal.monitor import Event, Monitor
-from gyrocal.port import Link
-from gyrocal.session import Session
+from gyrocal.device import simulated as device
+from gyrocal.device.monitor import Event, Monitor
+from gyrocal.device.port import Link
+from gyrocal.recording.session import Session
 
 from .conftest import make_session
 from .fake import FakeDevice

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import device
 from gyrocal.cli import main
+from gyrocal.device import simulated as device
+from gyrocal.device.port import Link
+from gyrocal.device.record import Recorder, Report, Wanted
 from gyrocal.errors import DeviceError, InputError
-from gyrocal.port import Link
-from gyrocal.record import Recorder, Report, Wanted
-from gyrocal.session import Session
+from gyrocal.recording.session import Session
 
 from .conftest import make_session
 from .fake import FakeDevice
@@ -165,7 +165,7 @@ def test_a_session_of_another_rate_or_no_session_is_left_alone(tmp_path: Path) -
 def test_a_device_that_fails_leaves_what_came(
     after, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gyrocal.record.SILENCE_S", 0.5)
+    monkeypatch.setattr("gyrocal.device.record.SILENCE_S", 0.5)
 
     def run(fake: FakeDevice) -> None:
         stream(list(range(20)))(fake)

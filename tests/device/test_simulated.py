@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import device, wire
 from gyrocal.cli import main
+from gyrocal.device import simulated as device
+from gyrocal.device import wire
+from gyrocal.device.port import Link, PortGone
+from gyrocal.device.wire import Sentence
 from gyrocal.errors import InputError
-from gyrocal.port import Link, PortGone
-from gyrocal.session import Session
-from gyrocal.wire import Sentence
+from gyrocal.recording.session import Session
 
 from .conftest import LSB_DPS, make_session
 

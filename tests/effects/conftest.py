@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from numpy.typing import NDArray
 
-from gyrocal.session import Run
+from gyrocal.recording.session import Run
 
 Array = NDArray[np.float64]
 MakeRun = Callable[..., Run]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gyrocal.core import build_core
+from gyrocal.core.library import build_core
 from gyrocal.effects.base import effect, effects
 from gyrocal_firmware import CORE
 

@@ -11,7 +11,7 @@ import pytest
 
 from gyrocal.cli import main
 from gyrocal.errors import InputError
-from gyrocal.session import Run, Session
+from gyrocal.recording.session import Run, Session
 
 
 @pytest.fixture(autouse=True)

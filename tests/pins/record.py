@@ -27,7 +27,7 @@ from threadpoolctl import threadpool_info
 
 from gyrocal.api import Run, Session, simulate
 from gyrocal.cli import main
-from gyrocal.device import replay
+from gyrocal.device.simulated import replay
 
 HERE = Path(__file__).resolve().parent
 SAME_MACHINE_REL = 1e-9
