@@ -19,7 +19,7 @@ from gyrocal.device.record import Recorder, Report, Wanted
 from gyrocal.errors import DeviceError, InputError
 from gyrocal.recording.session import Session
 
-from .conftest import make_session
+from .conftest import two_faces
 from .fake import FakeDevice
 
 UP = Wanted("up", 0.5, table_rate_dps=78.0)
@@ -63,7 +63,7 @@ def test_two_commands_make_a_calibration(
 ) -> None:
     """What lies in the port's buffers when a reader leaves is gone, so each run is longer than what is wanted of it."""
     require_tool("cc")
-    session, out = make_session(seconds=20.0, scenarios=1), tmp_path / "out"
+    session, out = two_faces(seconds=20.0, scenarios=1), tmp_path / "out"
     with device.SimulatedDevice(session) as simulated:
         for face in ("up", "down"):
             options = ["--port", simulated.port, "--face", face, "--rate", "78", "--seconds", "5", "--json"]

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import polars as pl
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from make_runs import make_run, make_session
 
 RATE_HZ, LAG_S = 104.0, 0.005
 
@@ -26,12 +26,10 @@ def swings(lag_s: float) -> Session:
         phase = rng.uniform(0, 6)
         gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
         gyro[:, 2] += 1.004 * swing_dps(t_s - lag_s, phase)
-        frame = pl.DataFrame({
-            "t_s": t_s, "gx_dps": gyro[:, 0], "gy_dps": gyro[:, 1], "gz_dps": gyro[:, 2],
-            "rate_ref_dps": swing_dps(t_s, phase),
-        })  # fmt: skip
-        runs.append(Run(cycle, f"{cycle}.csv", f"s{cycle}", "up", "z", None, None, 1 + cycle % 2, None, RATE_HZ, frame=frame))
-    return Session(RATE_HZ, tuple(runs))
+        runs.append(
+            make_run(t_s, gyro, scenario=f"s{cycle}", day=1 + cycle % 2, rate_hz=RATE_HZ, rate_ref_dps=swing_dps(t_s, phase))
+        )
+    return make_session(*runs)
 
 
 def test_a_lag_is_named_though_its_lines_in_the_spectrum_stand_out_more() -> None:

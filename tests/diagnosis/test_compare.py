@@ -1,5 +1,7 @@
 """Comparison: an honest null, a hidden effect seen against the right variable, the levels' own arithmetic."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -16,12 +18,8 @@ def session_with(effects: list[str], seed: int = 3, seconds: float = 20.0) -> Se
 def altered(session: Session, **columns: object) -> Session:
     """The session with columns recomputed: name -> function of the run."""
     return session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, r.sample_rate_hz,
-            frame=r.table.with_columns(pl.Series(name, f(r)) for name, f in columns.items()),
-        )
-        for r in session.runs
-    )  # fmt: skip
+        replace(r, frame=r.table.with_columns(pl.Series(name, f(r)) for name, f in columns.items())) for r in session.runs
+    )
 
 
 def test_a_session_without_effects_is_adequate() -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 import pytest
 from numpy.typing import NDArray
 
@@ -17,7 +16,8 @@ from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
 
 Array = NDArray[np.float64]
 RATES_DPS = (0.0, 40.0, -60.0, 90.0, -150.0)
@@ -36,9 +36,8 @@ def recording(signal: Callable[[dict[str, Array]], Array], encoder: bool = True,
         gyro = rng.normal(0, 0.02, (t_s.size, 3)) + rng.normal(0, 0.005, 3) - 0.05
         gyro[:, 2] += 1.004 * rate_dps + signal(quantities)
         columns = {"temp_c": temp_c + rng.normal(0, 0.02, t_s.size)} | ({"table_angle_deg": angle_deg} if encoder else {})
-        frame = pl.DataFrame({"t_s": t_s, **{f"g{a}_dps": gyro[:, k] for k, a in enumerate("xyz")}, **columns})
-        runs.append(Run(i, f"{i:03d}.csv", f"s{i}", "up", "z", rate_dps, None, 1 + i // 5, None, 50.0, frame=frame))
-    return Session(50.0, tuple(runs))
+        runs.append(make_run(t_s, gyro, table_rate_dps=rate_dps, scenario=f"s{i}", day=1 + i // 5, **columns))
+    return make_session(*runs)
 
 
 PLANTED = {

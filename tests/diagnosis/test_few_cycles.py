@@ -3,11 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-import polars as pl
 import pytest
 
 from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
 
 RATE_HZ, WHITE_DPS, TURN_ON_DPS = 52.0, 0.04, 0.02
 Extra = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -30,12 +30,13 @@ def pairs(seed: int, cycles: int, extra: Extra = nothing, rates_dps: tuple[float
             gyro = rng.normal(offset, WHITE_DPS, (t_s.size, 3)) + extra(rate, temp_c)
             gyro[:, 2] += 1.004 * rate
             noisy_c = np.round((temp_c + rng.normal(0, 0.02, t_s.size)) * 256) / 256
-            frame = pl.DataFrame(
-                {"t_s": t_s, "gx_dps": gyro[:, 0], "gy_dps": gyro[:, 1], "gz_dps": gyro[:, 2], "temp_c": noisy_c}
-            )
-            name = f"{len(runs):03d}.csv"
-            runs.append(Run(len(runs), name, f"s{cycle}", face, "z", table_dps, None, 1, None, RATE_HZ, frame=frame))
-    return Session(RATE_HZ, tuple(runs))
+            runs.append(
+                make_run(
+                    t_s, gyro, table_rate_dps=table_dps, face=face, scenario=f"s{cycle}", day=1, rate_hz=RATE_HZ,
+                    temp_c=noisy_c,
+                )
+            )  # fmt: skip
+    return make_session(*runs)
 
 
 def named(found: Diagnosis) -> list[tuple[str, str]]:

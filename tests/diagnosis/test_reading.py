@@ -31,13 +31,7 @@ def stuck(session: Session, bit: int, state: int) -> Session:
         codes = np.rint(run.gyro_dps[:, 0] / LSB_DPS).astype(int)
         return (codes | (1 << bit) if state else codes & ~(1 << bit)) * LSB_DPS
 
-    return session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, r.sample_rate_hz,
-            frame=r.table.with_columns(gx_dps=reading(r)), lsb_dps=r.lsb_dps,
-        )
-        for r in session.runs
-    )  # fmt: skip
+    return session.with_runs(replace(r, frame=r.table.with_columns(gx_dps=reading(r))) for r in session.runs)
 
 
 @pytest.mark.parametrize(("bit", "state"), [(0, 1), (2, 0), (3, 1), (3, 0)])

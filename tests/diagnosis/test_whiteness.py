@@ -1,5 +1,7 @@
 """The test of whiteness: quiet on noise of the model's kind, loud on what no term of the model makes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,18 +9,14 @@ from gyrocal.diagnosis.probes import too_much_power
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.spectrum import spectrum
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
 
 def with_signal(session: Session, signal_dps: np.ndarray) -> Session:
     return session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, r.sample_rate_hz,
-            frame=r.table.with_columns(gz_dps=r.gyro_dps[:, 2] + signal_dps[: len(r)]), lsb_dps=r.lsb_dps,
-        )
-        for r in session.runs
-    )  # fmt: skip
+        replace(r, frame=r.table.with_columns(gz_dps=r.gyro_dps[:, 2] + signal_dps[: len(r)])) for r in session.runs
+    )
 
 
 def test_its_chances_are_uniform_on_noise() -> None:

@@ -1,5 +1,6 @@
 """Users' own effects: a formula is parsed, never run; it and a file in a folder are equal to the built-in ones."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from gyrocal.effects import base
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
 
@@ -23,13 +24,7 @@ def session() -> Session:
 
 
 def with_signal(session: Session, signal) -> Session:
-    return session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, r.sample_rate_hz,
-            frame=r.table.with_columns(gz_dps=r.gyro_dps[:, 2] + signal(r)),
-        )
-        for r in session.runs
-    )  # fmt: skip
+    return session.with_runs(replace(r, frame=r.table.with_columns(gz_dps=r.gyro_dps[:, 2] + signal(r))) for r in session.runs)
 
 
 def test_columns_are_the_formula_s_value(session: Session) -> None:

@@ -1,5 +1,7 @@
 """The fit recovers what was planted, with honest errors; held-out judgement and its units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -8,7 +10,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import reduce_run, reduce_session
 from gyrocal.inference.fit import fit, fit_axis
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
 
@@ -25,7 +27,7 @@ def test_blocks_average_columns_as_they_average_readings() -> None:
     run = session.runs[0]
     t_s = np.delete(run.t_s, slice(200, 260))  # a gap
     frame = run.table.filter(~run.table["t_s"].is_in(run.t_s[200:260]))
-    gapped = Run(0, "g.csv", "s", "up", "z", 78.0, None, None, None, 145.0, frame=frame)
+    gapped = replace(run, frame=frame)
     b = reduce_run(gapped, 0)
     assert np.all(b.n == b.n[0])
     np.testing.assert_allclose(b.mean(t_s[:, None])[:, 0], b.t_s)
@@ -110,22 +112,7 @@ def test_what_is_held_out(scenarios: int, kind: str) -> None:
 
 def test_without_days_scenarios_are_held_out_and_short_single_runs_nothing() -> None:
     session, _ = planted([], scenarios=4, seconds=8.0)
-    undated = session.with_runs(
-        Run(
-            r.index,
-            r.file,
-            r.scenario,
-            r.face,
-            r.axis,
-            r.table_rate_dps,
-            None,
-            None,
-            r.power_on_s,
-            145.0,
-            frame=r.table,
-        )
-        for r in session.runs
-    )
+    undated = session.with_runs(replace(r, day=None) for r in session.runs)
     assert [f.label for f in heldout.folds(fit(undated, Model.builtin("default"), axes=["z"]))] == session.scenarios
     one = undated.with_runs(undated.runs[:2])
     assert heldout.folds(fit(one, Model.builtin("default"), axes=["z"])) == []
@@ -135,12 +122,8 @@ def test_held_out_predictions_never_saw_their_day() -> None:
     """Spoiling a day's readings changes what is predicted for the others, not for itself."""
     session, _ = planted([], scenarios=6, seconds=8.0)
     spoiled = session.with_runs(
-        r if r.day != 1 else Run(
-            r.index, r.file, r.scenario, r.face, r.axis, r.table_rate_dps, None, r.day, r.power_on_s, 145.0,
-            frame=r.table.with_columns(r.table["gz_dps"] + 0.5),
-        )
-        for r in session.runs
-    )  # fmt: skip
+        r if r.day != 1 else replace(r, frame=r.table.with_columns(r.table["gz_dps"] + 0.5)) for r in session.runs
+    )
     predicted = []
     for s in (session, spoiled):
         # the same noise and spreads in both, so that only the parameters' data differ

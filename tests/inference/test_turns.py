@@ -1,14 +1,14 @@
 """Runs known by their net angle alone (the sensor turned by hand, once about), among runs at rest."""
 
 import numpy as np
-import polars as pl
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
 
 RATE_HZ, WHITE_DPS, TURN_DEG = 104.0, 0.04, 360.0
 SCALE, BIAS_DPS = -0.0088, 0.07
@@ -28,11 +28,10 @@ def by_hand() -> Session:
             wander = 0.005 * np.sin(2 * np.pi * (t_s / 20 + rng.random()))
             gyro = rng.normal(0, WHITE_DPS, (t_s.size, 3))
             gyro[:, 2] += (1 + SCALE) * rate + bias + wander
-            frame = pl.DataFrame({"t_s": t_s, "gx_dps": gyro[:, 0], "gy_dps": gyro[:, 1], "gz_dps": gyro[:, 2]})
-            known = (None, turn_deg) if turn_deg else (0.0, None)
-            name = f"{len(runs):03d}.csv"
-            runs.append(Run(len(runs), name, f"s{cycle}", "up", "z", *known, None, None, RATE_HZ, frame=frame))
-    return Session(RATE_HZ, tuple(runs))
+            runs.append(
+                make_run(t_s, gyro, table_rate_dps=0.0, turn_deg=turn_deg or None, scenario=f"s{cycle}", rate_hz=RATE_HZ)
+            )
+    return make_session(*runs)
 
 
 def test_the_scale_is_found_from_angles_alone(by_hand: Session) -> None:

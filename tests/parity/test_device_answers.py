@@ -14,7 +14,7 @@ from gyrocal.device.record import Recorder
 from gyrocal.device.simulated import SimulatedDevice, replay
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
 ROUNDING = {"baseline": (1e-8, 1e-8), "model": (1e-7, 1e-7), "cnn": (1e-7, 1e-5)}
@@ -74,13 +74,7 @@ def test_standard_errors_agree_too(replayed: tuple[Session, list[dict]], model: 
 @pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
 def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
     session, said = replayed
-    turned = session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, "down" if r.face == "up" else "up", r.axis, r.table_rate_dps, None, r.day,
-            r.power_on_s, r.sample_rate_hz, frame=r.table,
-        )
-        for r in session.runs
-    )  # fmt: skip
+    turned = session.with_runs(replace(r, face="down" if r.face == "up" else "up", frame=r.table) for r in session.runs)
     scale, bias_dps = largest_difference(calibrate(turned, None, [method], model), said, method)
     assert scale > 100 * ROUNDING[method][0] or bias_dps > 100 * ROUNDING[method][1]
 
@@ -111,12 +105,7 @@ def test_a_gap_silences_the_network_on_both(tmp_path: Path, require_tool, capsys
     for run in whole.runs:
         gap_at = (0, 1, 289, 290, 579, 580, 869, 870)[run.index // 2] if run.index % 2 else 0
         table = run.table if gap_at == 0 else run.table[:gap_at].vstack(run.table[gap_at + 1 :])
-        runs.append(
-            Run(
-                run.index, run.file, run.scenario, run.face, run.axis, run.table_rate_dps, None, run.day,
-                run.power_on_s, run.sample_rate_hz, frame=table,
-            )
-        )  # fmt: skip
+        runs.append(replace(run, frame=table))
     session = whole.with_runs(runs)
     said = replay(session, stream="off")
     device = [s.real("seconds") for s in said if s.tag == "CAL" and s.fields["method"] == "cnn"]

@@ -17,6 +17,7 @@ import platform
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -69,14 +70,8 @@ def noisy_and_clipped(folder: Path) -> None:
         y_dps = np.round(np.clip(y_dps, -79.0, 79.0), 6)
         return run.table.with_columns(pl.Series(f"g{axis}_dps", y_dps[:, i]) for i, axis in enumerate("xyz"))
 
-    Session(145.0, tuple(with_table(run, disturbed(run)) for run in session.runs), full_scale_dps=79.0).save(folder)
-
-
-def with_table(run: Run, table: pl.DataFrame) -> Run:
-    return Run(
-        run.index, run.file, run.scenario, run.face, run.axis, run.table_rate_dps, None, run.day, run.power_on_s,
-        run.sample_rate_hz, frame=table,
-    )  # fmt: skip
+    runs = tuple(replace(run, frame=disturbed(run), lsb_dps=None) for run in session.runs)
+    Session(145.0, runs, full_scale_dps=79.0).save(folder)
 
 
 def known_turns(folder: Path) -> None:

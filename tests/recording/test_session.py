@@ -1,5 +1,6 @@
 """Sessions: what is written is read back; what is wrong is named in one line."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +12,19 @@ from hypothesis import strategies as st
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Run, Session, read_table, write_table
 from gyrocal.simulation.simulate import simulate
+from make_runs import make_run
 
 
-def make_run(n: int = 50, **columns: object) -> Run:
-    base = {"t_s": np.arange(n) / 100, "gx_dps": np.zeros(n), "gy_dps": np.zeros(n), "gz_dps": np.full(n, 78.25)}
-    frame = pl.DataFrame({**base, **columns})
-    return Run(0, "000_up.csv", "s000", "up", "z", 78.0, None, 1, 3.0, 100.0, frame=frame)
+def small_run(t_s: np.ndarray | None = None, gx_dps: np.ndarray | float = 0.0, **columns: np.ndarray) -> Run:
+    """Fifty samples at 100 Hz, or those at ``t_s``; day 1, power on for 3 s."""
+    gyro_dps = np.column_stack(np.broadcast_arrays(gx_dps, 0.0, np.full(50, 78.25)))
+    return make_run(np.arange(50) / 100 if t_s is None else t_s, gyro_dps, day=1, power_on_s=3.0, rate_hz=100.0, **columns)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    temp = pl.Series([None, *[25.0 + 0.01 * i for i in range(49)]])
-    return Session(100.0, (make_run(temp_c=temp),), sensor="LSM6DSO").save(tmp_path / "s").path  # type: ignore[return-value]
+    temp = np.array([np.nan, *[25.0 + 0.01 * i for i in range(49)]])
+    return Session(100.0, (small_run(temp_c=temp),), sensor="LSM6DSO").save(tmp_path / "s").path  # type: ignore[return-value]
 
 
 def edit(folder: Path, row: int, text: str) -> None:
@@ -36,7 +38,7 @@ def edit(folder: Path, row: int, text: str) -> None:
 @pytest.mark.parametrize("parquet", [False, True])
 def test_what_is_written_is_read_back(tmp_path: Path, parquet: bool) -> None:
     rng = np.random.default_rng(0)
-    run = make_run(gx_dps=rng.normal(size=50), temp_c=pl.Series([None, *rng.normal(25, 1, 49)]))
+    run = small_run(gx_dps=rng.normal(size=50), temp_c=np.array([np.nan, *rng.normal(25, 1, 49)]))
     saved = Session(100.0, (run,), "z", "part", 250.0, 0.00875, 32.8).save(tmp_path / "s", parquet=parquet)
     again = Session.open(saved.path or "")
     assert (again.sensor, again.full_scale_dps, again.lsb_dps, again.latitude_deg) == ("part", 250.0, 0.00875, 32.8)
@@ -55,8 +57,8 @@ def test_what_is_written_is_read_back(tmp_path: Path, parquet: bool) -> None:
 
 
 def test_the_face_signs_the_rate(tmp_path: Path) -> None:
-    run = make_run()
-    down = Run(0, "d.csv", "s", "down", "z", 78.0, None, None, None, 100.0, frame=run.table)
+    run = small_run()
+    down = replace(run, face="down")
     assert run.rate_dps[0] == 78.0
     assert down.rate_dps[0] == -78.0
 
@@ -163,7 +165,7 @@ def test_no_bytes_crash_the_reader(tmp_path_factory: pytest.TempPathFactory, con
 
 
 def test_first_seconds_are_counted_in_whole_microseconds() -> None:
-    run = make_run(t_s=np.round(np.arange(50) / 145, 6))
+    run = small_run(t_s=np.round(np.arange(50) / 145, 6))
     assert len(run.first(0.2)) == 29  # 0.2 s at 145 Hz: samples 0..28, the 29th at exactly 0.2
     assert run.first(0.4) is None  # 50 samples last 0.345 s
     assert len(run.first(0.345)) == 50  # complete: the last sample and one and a half periods reach it

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from device.fake import FakeDevice
-
 from gyrocal.device.record import Wanted
 from gyrocal.recording.session import Session
 from gyrocal.web.live import Live
