@@ -11,7 +11,7 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up; a file may import what stands in its own row or a row above it. Folders stand for their files.
 LAYERS = [
-    {"errors", "threads", "warning", "__init__"},
+    {"errors", "threads", "warning", "files", "__init__"},
     {"session", "output", "wire", "core", "network", "spectrum", "climate", "campaigns"},
     {"port"},
     {"outliers"},
@@ -19,7 +19,7 @@ LAYERS = [
     {"formula"},
     {"model", "blocks", "noise"},
     {"allan", "fit"},
-    {"heldout", "probes", "simulate", "estimator", "importer"},
+    {"heldout", "plausibility", "probes", "simulate", "estimator", "importer"},
     {"scenarios", "spreads", "device", "record", "monitor", "verify"},
     {"compare", "calibrate", "calibration_header", "core_estimator", "limit"},
     {"diagnose", "custom", "pictures"},

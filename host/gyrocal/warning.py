@@ -31,9 +31,7 @@ class Warning:
 
 def accepted(warnings: Iterable[Warning], accept: Sequence[str]) -> list[Warning]:
     """The warnings, those that ``accept`` names (``code`` or ``code:axis``) no longer blocking."""
-    return [
-        replace(w, blocking=w.blocking and w.code not in accept and f"{w.code}:{w.axis}" not in accept) for w in warnings
-    ]
+    return [replace(w, blocking=w.blocking and w.code not in accept and f"{w.code}:{w.axis}" not in accept) for w in warnings]
 
 
 def lines(warnings: Iterable[Warning]) -> list[str]:
