@@ -17,10 +17,12 @@ from gyrocal.diagnose import Candidate, Diagnosis, add, diagnose
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.fit import Fit, fit
 from gyrocal.model import Model, Term
+from gyrocal.plausibility import check
 from gyrocal.session import Run, Session
 from gyrocal.simulate import simulate
+from gyrocal.warning import Warning
 
 __all__ = [
     "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Fit", "GyrocalError", "InputError", "Model", "Run",
-    "Session", "Term", "add", "calibrate", "compare", "diagnose", "fit", "residual_table", "simulate",
+    "Session", "Term", "Warning", "add", "calibrate", "check", "compare", "diagnose", "fit", "residual_table", "simulate",
 ]  # fmt: skip

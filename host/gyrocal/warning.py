@@ -34,11 +34,18 @@ def accepted(warnings: Iterable[Warning], accept: Sequence[str]) -> list[Warning
     return [replace(w, blocking=w.blocking and w.code not in accept and f"{w.code}:{w.axis}" not in accept) for w in warnings]
 
 
+def by_weight(warnings: Iterable[Warning]) -> list[Warning]:
+    """The blocking ones first."""
+    return sorted(warnings, key=lambda w: not w.blocking)
+
+
+def line(warning: Warning) -> str:
+    """A warning in a line: where, what, and its code."""
+    parts = [part for part in (warning.file, f"axis {warning.axis}" if warning.axis else None) if part]
+    where = f"{', '.join(parts)}: " if parts else ""
+    return f"{where}{warning.text} ({warning.code})"
+
+
 def lines(warnings: Iterable[Warning]) -> list[str]:
     """One line of text a warning, the blocking ones first."""
-    return [f"{_where(w)}{w.text} [{w.code}]" for w in sorted(warnings, key=lambda w: not w.blocking)]
-
-
-def _where(warning: Warning) -> str:
-    parts = [part for part in (warning.file, f"axis {warning.axis}" if warning.axis else None) if part]
-    return f"{', '.join(parts)}: " if parts else ""
+    return [line(w) for w in by_weight(warnings)]

@@ -44,6 +44,7 @@ def run(
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
     power_on_s: Annotated[float | None, typer.Option(help="From power-on to the first sample, s.")] = None,
     append: Annotated[bool, typer.Option("--append", help="Add runs to a session that is there.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Make a session of somebody else's recording.
 
@@ -54,6 +55,9 @@ def run(
     --map gz_dps=gyr_z:rad/s --face up --rate 78
     """
     from gyrocal import importer
+    from gyrocal.output import emit
+    from gyrocal.plausibility import check
+    from gyrocal.report import print_warnings
 
     cuts = [importer.Cut.parse(text) for text in runs or ()]
     if sections is not None:
@@ -79,4 +83,12 @@ def run(
         append=append,
     )
     samples = sum(len(r) for r in session.runs)
+    warnings = check(session)
+    if as_json:
+        emit({
+            "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": {},
+            "warnings": [w.to_json() for w in warnings],
+        })  # fmt: skip
+        return
+    print_warnings(warnings)
     print(f"{out}: {len(session.runs)} runs, {samples} samples at {session.sample_rate_hz:g} Hz")

@@ -52,7 +52,7 @@ def _apart(rests: list[Mean]) -> list[Mean]:
 def _text(m: Mean, rests: list[Mean], axis: str) -> str:
     others = float(np.median([o.mean_dps for o in rests if o is not m]))
     return (
-        f"the run is said to be at rest, but {axis} reads {m.mean_dps:.4g} dps in the mean and {others:.4g} in the other rests. "
+        f"the run is said to be at rest, but {axis} reads {m.mean_dps:.4g} dps in the mean, {others:.4g} in the other rests. "
         "Give the true table_rate_dps, or record the rest again with the table still"
     )
 
