@@ -19,8 +19,8 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
     """All warnings of a session; ``model`` is the one in use, None: ``default``. Accepted ones no longer block."""
     dead = readings.constant(session)
     means = Means(session, skip={(w.axis, w.file) for w in dead} | readings.cut_off(session))
-    moved = rests.moved(means)
     lines = slopes.lines(means)
+    moved = rests.moved(means, lines)
     found = [
         *slopes.contradictions(means, lines),
         *slopes.sizes(means, lines, moved),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means, spread
+from gyrocal.plausibility.slopes import Lines
 from gyrocal.session import AXES, Run
 from gyrocal.warning import Warning
 
@@ -15,7 +16,7 @@ TURNED_DEG = 5.0
 WINDOW_S = 1.0
 
 
-def moved(means: Means) -> list[Warning]:
+def moved(means: Means, lines: Lines) -> list[Warning]:
     """``not_at_rest``, by the readings' means and by the direction of gravity."""
     out = []
     seen: set[str] = set()
@@ -27,7 +28,7 @@ def moved(means: Means) -> list[Warning]:
             seen.add(run.file)
     for axis in AXES:
         rests = [m for m in means.by_axis[axis] if _said_at_rest(m.run) and m.run.file not in seen]
-        out += [Warning("not_at_rest", axis, m.run.file, _text(m, rests, axis), True) for m in _apart(rests)]
+        out += [Warning("not_at_rest", axis, m.run.file, _text(m, rests, axis), True) for m in _apart(rests, _scatter_dps(lines, axis))]
     return out
 
 
@@ -35,9 +36,15 @@ def _said_at_rest(run: Run) -> bool:
     return not run.rate_is_mean and bool(np.all(run.rate_dps == 0.0))
 
 
-def _apart(rests: list[Mean]) -> list[Mean]:
+def _scatter_dps(lines: Lines, axis: str) -> float:
+    """By how much the runs about an axis scatter anyway."""
+    line = lines.get((axis, axis))
+    return 0.0 if line is None else line.scatter_dps
+
+
+def _apart(rests: list[Mean], scatter_dps: float) -> list[Mean]:
     """Rests whose mean is off the others'; of two that disagree the one farther from zero."""
-    if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > OFF_DPS:
+    if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > max(OFF_DPS, SPREADS * scatter_dps):
         return [max(rests, key=lambda m: abs(m.mean_dps))]
     values = np.array([m.mean_dps for m in rests])
     out = []

@@ -66,6 +66,8 @@ def _mean(run: Run, axis: int) -> Mean:
         y, rate = _aligned(y, rate, round(LONGEST_LAG_S * run.sample_rate_hz))
         slope, se, offset = _regression(y, rate)
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset)
+    if run.rate_is_mean:  # what varies is the turn itself
+        return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
     return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
 
 

@@ -47,10 +47,14 @@ class Slope:
 
 @dataclass(frozen=True)
 class Line:
-    """What the runs about an axis agree on. ``bias_dps`` is None where they show none; ``slopes`` are of turning runs."""
+    """What the runs about an axis agree on. ``bias_dps`` is None where they show none; ``slopes`` are of turning runs.
+
+    ``scatter_dps`` is the spread of the bulk of the runs about the line.
+    """
 
     bias_dps: float | None
     slopes: list[Slope]
+    scatter_dps: float = 0.0
 
     def of(self, run: Run) -> Slope | None:
         return next((s for s in self.slopes if s.run is run), None)
@@ -83,7 +87,7 @@ def _line(points: list[Mean]) -> Line:
         if not m.rests:
             error = float(np.hypot(np.hypot(m.se_dps, scatter), unknown)) / abs(m.rate_dps)
             found.append(Slope(m.run, (m.mean_dps - (bias or 0.0)) / m.rate_dps, error))
-    return Line(bias, found)
+    return Line(bias, found, scatter)
 
 
 def _agreed(rates: Array, values: Array) -> tuple[float | None, float]:
