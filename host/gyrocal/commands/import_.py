@@ -58,6 +58,7 @@ def run(
     from gyrocal.output import emit
     from gyrocal.plausibility import check
     from gyrocal.report import print_warnings
+    from gyrocal.warning import Warning
 
     cuts = [importer.Cut.parse(text) for text in runs or ()]
     if sections is not None:
@@ -66,6 +67,7 @@ def run(
         "face": face, "axis": axis, "table_rate_dps": rate, "turn_deg": turn_deg, "scenario": scenario, "day": day,
         "power_on_s": power_on_s,
     }  # fmt: skip
+    damaged: list[Warning] = []
     session = importer.import_recording(
         src,
         out,
@@ -81,9 +83,10 @@ def run(
         sensor=sensor,
         full_scale_dps=full_scale_dps,
         append=append,
+        warn=damaged.append,
     )
     samples = sum(len(r) for r in session.runs)
-    warnings = check(session)
+    warnings = [*damaged, *check(session)]
     if as_json:
         emit({
             "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": {},

@@ -28,7 +28,8 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
             seen.add(run.file)
     for axis in AXES:
         rests = [m for m in means.by_axis[axis] if _said_at_rest(m.run) and m.run.file not in seen]
-        out += [Warning("not_at_rest", axis, m.run.file, _text(m, rests, axis), True) for m in _apart(rests, _scatter_dps(lines, axis))]
+        apart = _apart(rests, _scatter_dps(lines, axis))
+        out += [Warning("not_at_rest", axis, m.run.file, _text(m, rests, axis), True) for m in apart]
     return out
 
 
