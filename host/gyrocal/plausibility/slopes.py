@@ -329,7 +329,7 @@ def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[W
         return []
     how = f"bias by {bias_sd:.3g} dps" if bias_sd > TURN_ON_LIMIT_DPS else f"scale by {scale_sd:.0%}"
     text = (
-        f"{len(cycles)} power cycles scatter in their {how} (standard deviation); a sound part has hundredths of that. "
+        f"on {axis}, {len(cycles)} power cycles scatter in their {how} (one sigma); a sound part has hundredths of that. "
         "Check faces and rates of the runs, and which of them share a scenario (a power cycle)"
     )
     return [Warning("turn_on_implausible", axis, None, text, True)]
