@@ -11,7 +11,7 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up; a file may import what stands in its own row or a row above it. Folders stand for their files.
 LAYERS = [
-    {"errors", "threads", "__init__"},
+    {"errors", "threads", "warning", "__init__"},
     {"session", "output", "wire", "core", "network", "spectrum", "climate", "campaigns"},
     {"port"},
     {"outliers"},
