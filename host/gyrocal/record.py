@@ -120,9 +120,11 @@ class Recorder:
             self._stop_device()
         except DeviceError as error:
             self.report.warn("device_gone", str(error).removeprefix(f"{self.link.name}: "))
+            if self._writer is not None and self._writer.heard.ending is None:
+                self._writer.heard.ending = Ending.UNHEARD
             raise
         finally:
-            self._end_run(self._stream.run)
+            self._end_run()
             self._count_damage()
         return self.report
 
@@ -243,20 +245,20 @@ class Recorder:
         if self._progress is not None:
             self._progress(writer.run)
         if done:
-            self._end_run(rows.run, cut=True)
+            self._end_run(cut=True)
         return done
 
     def _ended(self, heard: HeardRun) -> bool:
         writer, wanted = self._writer, self._wanted
         if writer is None or wanted is None:
-            self._end_run(heard)
+            self._end_run()
             return False
         if heard.ending is Ending.RESTART:
             raise DeviceError(f"{self.link.name}: the device restarted during the run; {self._kept()}")
         assert self._hello is not None  # a run that ends less than 1.5 periods before the wanted time is whole
         if writer.seconds_sent() + 1.5 / (self._hello.real("rate_hz") or 1.0) < wanted.seconds:
             raise DeviceError(f"{self.link.name}: the device ended the run early; {self._kept()}")
-        self._end_run(heard)
+        self._end_run()
         return True
 
     def _restarted(self) -> None:
@@ -280,12 +282,13 @@ class Recorder:
         assert self._hello is not None
         return self._hello
 
-    def _end_run(self, heard: HeardRun | None, *, cut: bool = False) -> None:
+    def _end_run(self, *, cut: bool = False) -> None:
         """Close the run that is being written, and say what is not as it should be."""
         writer, self._writer = self._writer, None
-        if writer is None or heard is None:
+        if writer is None:
             return
-        by_gravity = not writer.settled and self._settle_by_gravity(writer, heard)
+        heard = writer.heard
+        by_gravity = not writer.settled and self._settle_by_gravity(writer)
         writer.end(self._until_s, cut=cut)
         run = writer.run
         file = run.file if run.samples >= 2 else None
@@ -307,15 +310,16 @@ class Recorder:
         ]
         if unheard and (run.samples or run.lost):
             source = "; its face is that of the accelerometer, its rate the one last told: check both" if by_gravity else ""
-            self.report.warn("run_unannounced", f"the {' and the '.join(unheard)} of a run were not heard{source}", file)
+            self.report.warn("run_unannounced", f"the {' and the '.join(unheard)} of a run did not arrive{source}", file)
 
-    def _settle_by_gravity(self, writer: RunWriter, heard: HeardRun) -> bool:
+    def _settle_by_gravity(self, writer: RunWriter) -> bool:
         """The face of a run of which no sentence told it."""
-        axis = (heard.settings or {}).get("axis", "")
+        settings = writer.heard.settings or {}
+        axis = settings.get("axis", "")
         face = writer.face_by_gravity(axis) if axis in AXES else ""
-        if not face or heard.settings is None:
+        if not face:
             return False
-        setting = Setting.of(heard.settings, face)
+        setting = Setting.of(settings, face)
         if setting.has_rate:
             writer.settle(setting)
         return setting.has_rate

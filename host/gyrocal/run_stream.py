@@ -16,8 +16,8 @@ from gyrocal.errors import DeviceError
 from gyrocal.session import AXES
 from gyrocal.wire import SEQ_RANGE, Sentence, parse_real, raw_table
 
-RECENT_SAMPLES, RECENT_OTHERS = 4096, 64
-"""A sentence that equals one of so many before it is a repetition. (A device that starts anew may say its first ones again.)"""
+RECENT, RECENT_SAMPLES = 64, 4096
+"""A sentence that equals one of so many before it is a repetition; a device that starts anew may say older ones again."""
 SETTINGS = ("axis", "table_dps", "turn_deg")
 GRAVITY_MIN_G = 0.5
 """As in the core: with less along the axis, the accelerometer does not show the face."""
@@ -159,7 +159,7 @@ class RunStream:
         self._lsb_g: float | None = None
         self._last: Sentence | None = None
         self._missing = 0
-        self._samples, self._others = Memory(RECENT_SAMPLES), Memory(RECENT_OTHERS)
+        self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
 
     def feed(self, sentences: Iterable[Sentence]) -> list[Part]:
         """What these sentences tell, in order.
@@ -184,11 +184,11 @@ class RunStream:
         return self._parts
 
     def _is_repeated(self, sentence: Sentence) -> bool:
-        if sentence.tag != "RAW":
-            return self._others.holds(sentence)
-        repeated = self._samples.holds((sentence.t_us, sentence.text))
-        if repeated and self.run is not None:
-            self.run.repeated += 1
+        repeated = self._latest.holds(sentence)
+        if sentence.tag == "RAW":
+            repeated = self._samples.holds((sentence.t_us, sentence.text))
+            if repeated and self.run is not None:
+                self.run.repeated += 1
         return repeated
 
     def _note_order(self, sentence: Sentence) -> None:
@@ -199,7 +199,7 @@ class RunStream:
         if step >= SEQ_RANGE // 2 or (sentence.tag == "HEL" and sentence.seq == 0):
             self._end(Ending.RESTART)
             self._parts.append(Restarted())
-            self._samples, self._others = Memory(RECENT_SAMPLES), Memory(RECENT_OTHERS)
+            self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
             self._settled = False
             self._missing = 0
         else:

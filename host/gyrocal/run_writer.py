@@ -120,7 +120,7 @@ class RunWriter:
         lsb_dps, lsb_g, lsb_c, self._zero_c = (value or 0.0 for value in lsb)
         self._units = np.array([lsb_dps] * 3 + [lsb_g] * 3 + [lsb_c])
         self._period_us = 1e6 / (hello.real("rate_hz") or np.nan)
-        self._folder, self._day, self._heard = folder, day, heard
+        self._folder, self._day, self.heard = folder, day, heard
         self._number = folder.new_number()
         self._setting: Setting | None = None
         self._file: TextIO | None = None
@@ -183,14 +183,14 @@ class RunWriter:
 
     def seconds_sent(self) -> float:
         """How long the run is with the samples that the device has told of and that did not come."""
-        return self.run.seconds + max(self._heard.sent - 1 - self._last_number, 0) * self._period_us * 1e-6
+        return self.run.seconds + max(self.heard.sent - 1 - self._last_number, 0) * self._period_us * 1e-6
 
     def end(self, until_s: float = np.inf, *, cut: bool = False) -> None:
         """Close the file. ``cut``: the run was written to ``until_s``, what came behind does not count.
 
         A file of fewer than two samples is removed.
         """
-        run, heard = self.run, self._heard
+        run, heard = self.run, self.heard
         run.repeated = heard.repeated
         if not run.samples:
             run.lost = max(heard.sent - heard.from_number, 0)
@@ -224,7 +224,7 @@ class RunWriter:
     def _count(self, numbers: np.ndarray[Any, Any], t_us: np.ndarray[Any, Any], values: np.ndarray[Any, Any]) -> None:
         run = self.run
         if run.samples == 0:
-            run.lost = int(numbers[0]) - self._heard.from_number
+            run.lost = int(numbers[0]) - self.heard.from_number
             self._last_number, self._last_us = int(numbers[0]) - 1, int(t_us[0] - self._period_us)
             self._even_steps = -1
         steps = np.diff(numbers, prepend=self._last_number)
@@ -232,7 +232,7 @@ class RunWriter:
         run.samples += len(numbers)
         run.lost += int(np.sum(steps - 1))
         run.missed += int(np.sum(np.where(periods > GAP_PERIODS * steps, np.rint(periods) - steps, 0)))
-        run.repeated = self._heard.repeated
+        run.repeated = self.heard.repeated
         run.seconds = (int(t_us[-1]) - self._first_us) * 1e-6
         self._even_steps += int(np.sum((periods > FAST) & (periods < SLOW)))
         self._acc_sum_g += np.nan_to_num(values[:, 3:6]).sum(axis=0)
