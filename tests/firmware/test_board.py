@@ -196,12 +196,12 @@ def test_the_interrupt_line_times_samples_and_batches(play: Play) -> None:
     script = ["0 chip 0", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw", "4 > status"]
     text = play(script, 5, wired=True)
     t_us = raw_table(sentences(text)).t_us
-    assert np.abs(np.diff(t_us) - 1e6 / 104).max() < 60  # found by asking, it would be 100 and more
+    assert np.abs(np.diff(t_us) - 64e6 / 6667).max() < 60  # found by asking, it would be 100 and more
     assert (values(text, "STA", "stale"), values(text, "STA", "missed")) == (["0"], ["0"])
 
     text = play([*script, "1.5 > set fifo 16"], 5, wired=True)
     t_us = raw_table(sentences(text)).t_us
-    np.testing.assert_allclose(np.diff(t_us), 1e6 / 104, atol=2.0)
+    np.testing.assert_allclose(np.diff(t_us), 64e6 / 6667, atol=2.0)
     assert len(t_us) == pytest.approx(3 * 104, abs=20)
     assert values(text, "STA", "missed") == ["0"]
     assert not sentences(text, "ERR")
