@@ -13,7 +13,8 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 LAYERS = [
     {"errors", "threads", "warning", "__init__"},
     {"session", "output", "wire", "core", "network", "spectrum", "climate", "campaigns"},
-    {"port"},
+    {"port", "run_stream"},
+    {"run_writer"},
     {"outliers"},
     {"effects"},
     {"formula"},

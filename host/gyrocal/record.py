@@ -99,6 +99,7 @@ class Recorder:
         self._writer: RunWriter | None = None
         self._said = ""
         self._hello: Sentence | None = None
+        self._heard: set[int] = set()
         self._taking = self._stopped = False
 
     def record(self) -> Report:
@@ -188,6 +189,9 @@ class Recorder:
             elif now - sampled_at > SILENCE_S:
                 if self._writer is not None:
                     raise DeviceError(f"{self.link.name}: no sample for {SILENCE_S:g} s; {self._kept()}")
+                if self._heard and self._imu not in self._heard:
+                    there = " or ".join(f"--imu {imu}" for imu in sorted(self._heard))
+                    raise DeviceError(f"{self.link.name}: there is no sensor {self._imu}; want {there}")
                 if now - heard_at > 2 * SILENCE_S:
                     raise DeviceError(f"{self.link.name}: no word for {2 * SILENCE_S:g} s{self._said}")
                 self.link.send("status")
@@ -198,6 +202,7 @@ class Recorder:
 
     def _digest(self, sentences: list[Sentence]) -> bool:
         """Handle sentences in order; True when the wanted run is complete."""
+        self._heard |= {s.imu for s in sentences}
         mine = [s for s in sentences if s.imu == self._imu]
         for sentence in mine:
             self._note(sentence)

@@ -95,3 +95,12 @@ def test_reasons_are_printed_as_text_too(tmp_path: Path, capsys: pytest.CaptureF
     text = capsys.readouterr().out
     assert "40 samples, 10 lost on the way" in text
     assert "warning: 000_up.csv: 10 of 50 samples that were sent did not arrive [samples_lost]" in text
+
+
+def test_a_sensor_that_is_not_there_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gyrocal.record.SILENCE_S", 0.3)
+    with FakeDevice() as fake:
+        assert main(["record", str(tmp_path / "out"), "--port", fake.port, *RUN, "--imu", "2"]) == 3
+    assert "there is no sensor 2; want --imu 0" in capsys.readouterr().err
