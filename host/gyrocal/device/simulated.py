@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gyrocal.device.port import CHUNK, REPLAY_NOTE
+from gyrocal.device.port import BUSY_NOTE, CHUNK, REPLAY_NOTE
 from gyrocal.device.wire import Reader, Sentence
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.recording.session import Run, Session
@@ -43,6 +43,8 @@ _ROW = np.dtype([("t_us", "<i8"), ("temp", "<i2"), ("gyro", "<i2", 3), ("acc", "
 PSEUDO_TERMINALS = "/dev/"
 """What a link to one points into."""
 WAIT_S = 0.02
+TURN_AWAY_S = 0.2
+"""So long a second reader waits: the first may have hung up, its last words not yet read."""
 CARRY = 4096
 
 
@@ -255,15 +257,30 @@ class TcpOutlet:
         self._server.setblocking(False)
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * CARRY)
         self._client: socket.socket | None = None
+        self._second: socket.socket | None = None
+        self._second_s = 0.0
         self.name = f"socket://{host or '127.0.0.1'}:{self._server.getsockname()[1]}"
 
     def connected(self) -> bool:
         if self._client is None:
-            with contextlib.suppress(BlockingIOError):
-                self._client, _ = self._server.accept()
-                self._client.setblocking(False)
-                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._client, self._second = self._second or self._accept(), None
+        elif self._second is None:
+            self._second, self._second_s = self._accept(), time.monotonic()
+        elif time.monotonic() - self._second_s > TURN_AWAY_S:
+            with contextlib.suppress(OSError):
+                self._second.send(f"# {BUSY_NOTE}\n".encode())
+            self._second.close()
+            self._second = None
         return self._client is not None
+
+    def _accept(self) -> socket.socket | None:
+        try:
+            client, _ = self._server.accept()
+        except BlockingIOError:
+            return None
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return client
 
     def fd(self) -> int:
         return self._server.fileno() if self._client is None else self._client.fileno()
@@ -306,6 +323,8 @@ class TcpOutlet:
 
     def close(self) -> None:
         self._drop()
+        if self._second is not None:
+            self._second.close()
         self._server.close()
 
 
