@@ -353,7 +353,7 @@ def write_header(folder: Path, header: Mapping[str, Any], runs: Iterable[Mapping
     """Write ``session.toml`` whole or not at all; keys that are None are left out."""
     content: dict[str, Any] = {k: v for k, v in header.items() if v is not None}
     content["run"] = [{k: v for k, v in entry.items() if v is not None} for entry in runs]
-    replace_text(folder / "session.toml", tomli_w.dumps(content))
+    replace_text(folder / "session.toml", tomli_w.dumps(content), durable=False)
 
 
 def write_table(table: pl.DataFrame, path: Path) -> None:
