@@ -62,14 +62,19 @@ def reading_flags(runs: Sequence[Run], axis: str, full_scale_dps: float | None) 
         white_sd_dps = float(np.sqrt(white_variance(known)[0]))
     for run in runs:
         y = run.gyro_dps[:, column]
-        if full_scale_dps is not None and np.abs(y).max() >= full_scale_dps - 0.5 * run.step_dps[column]:
-            flags.add("clipped")
         step_dps = run.lsb_dps or float(run.step_dps[column])
+        if full_scale_dps and np.abs(y).max() >= whole_steps(full_scale_dps, step_dps) - 0.5 * step_dps:
+            flags.add("clipped")
         if (white_sd_dps or EXPECTED_SD_DPS) > 0.5 * step_dps and stands_still(y, run.t_us):
             flags.add("constant_reading")
         if np.any(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS):
             flags.add("missed")
     return flags
+
+
+def whole_steps(full_scale_dps: float, step_dps: float) -> float:
+    """Full scale in whole steps, deg/s."""
+    return float(np.floor(full_scale_dps / step_dps + 1e-9) * step_dps) if step_dps > 0 else full_scale_dps
 
 
 def stands_still(y: Array, t_us: Index) -> bool:

@@ -3,14 +3,13 @@
 #define GC_RUN_H
 
 #include "gc_baseline.h"
+#include "gc_face.h"
 #include "gc_settings.h"
 #include "gc_tell.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-#define GC_GAP_PERIODS 1.5 /* two samples that are further apart have lost one between them */
 
 typedef struct {
     uint64_t t_us;

@@ -1,0 +1,59 @@
+/* How far off an answer from two faces may be, and what speaks against it.
+ *
+ * A face at true rate w says u = bias + scale w. Its block means are y - w = u + effects + drift + noise. The effects are ripple of
+ * the table, once and twice a turn, and a transient; whether they act is not known. 44 hypotheses are weighed by their evidence
+ * (Bayesian model averaging); given one of them, all is Gaussian and in closed form. An answer's standard error is the root of
+ * its expected squared error. The twin of host/gyrocal/uncertainty.py and trust.py.
+ */
+#ifndef GC_TRUST_H
+#define GC_TRUST_H
+
+#include "gc_face.h"
+#include "gc_flags.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_TRANSIENTS 10u                             /* two sizes, five time constants */
+#define GC_HYPOTHESES (4u * (1u + GC_TRANSIENTS))     /* ripple twice a turn, once a turn; no transient or one */
+#define GC_FIRST_ORDER (2u * (1u + GC_TRANSIENTS))    /* the first of them: without ripple twice a turn */
+/* A misfit above this says that the readings do not fit: 2.5 standard deviations of what `blocks` of noise alone show. */
+#define GC_TRUST_MISFIT_LIMIT(blocks) (1.0 + 2.5 / sqrt(2.0 * (double)(blocks)))
+
+typedef struct {
+    double u_dps;
+    double variance;
+    double chi2; /* at u_dps */
+    double log_evidence;
+} gc_hypothesis_t;
+
+typedef struct {
+    double w_dps;
+    unsigned blocks; /* that count */
+    gc_hypothesis_t hypothesis[GC_HYPOTHESES];
+} gc_face_evidence_t;
+
+typedef struct {
+    gc_face_evidence_t face[2];
+    unsigned blocks;  /* of both faces, with those that hold too little */
+    double variance;  /* white, of a sample, counts^2 */
+    double lsb_dps;
+} gc_evidence_t;
+
+/* The evidence in the first `blocks` blocks of two faces at one sample rate: begin, then each of the faces, then the rest.
+   GC_E_TOO_SHORT: a face holds no block. */
+int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face_t *b, unsigned blocks, double lsb_dps);
+int gc_evidence_face(gc_evidence_t *evidence, unsigned which, const gc_face_t *face, unsigned blocks, double w_dps);
+/* The standard errors and the misfit of an answer that knows of no effects. GC_E_UNIDENTIFIED: the rates are equal. */
+int gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer);
+/* The misfit of a network's answer, and GC_FLAG_DISAGREES or 0. */
+uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer);
+/* What an answer shows by itself. A misfit of NaN is none. */
+uint32_t gc_answer_flags(const gc_answer_t *answer, unsigned blocks);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
