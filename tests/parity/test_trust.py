@@ -17,8 +17,8 @@ SHIM = """
 #include "gc_error.h"
 #include "gc_trust.h"
 
-int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const double *w, double rate_hz, double lsb, double limit,
-          uint32_t blocks, double *answer, char *flags)
+int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const double *w, double rate_hz, double lsb,
+          double limit, uint32_t blocks, double *answer, char *flags)
 {
     static gc_face_t face[2];
     static gc_evidence_t evidence;
@@ -28,14 +28,14 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
             gc_face_add(&face[i], (uint64_t)*t_us++, *counts++);
         }
     }
-    int error = gc_evidence_begin(&evidence, &face[0], &face[1], blocks, lsb);
-    for (unsigned i = 0; i < 2 && error == GC_OK; i++) {
-        error = gc_evidence_face(&evidence, i, &face[i], blocks, w[i]);
+    const int error = gc_evidence_begin(&evidence, &face[0], &face[1], blocks, w[0], w[1], lsb);
+    if (error != GC_OK) {
+        return error;
+    }
+    while (!gc_evidence_go_on(&evidence)) {
     }
     gc_answer_t base = {answer[0], 0, answer[2], 0, 0}, net = {answer[0], answer[1], answer[2], answer[3], 0};
-    if (error == GC_OK) {
-        error = gc_evidence_errors(&evidence, &base);
-    }
+    gc_evidence_errors(&evidence, &base);
     uint32_t mask = gc_face_flags(&face[0], &face[1], blocks, lsb) | gc_answer_flags(&base, evidence.blocks);
     mask |= gc_evidence_judge(&evidence, &net);
     gc_flags_text(mask, flags);
@@ -43,7 +43,7 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
     answer[1] = base.bias_se_dps;
     answer[2] = base.misfit;
     answer[3] = net.misfit;
-    return error;
+    return GC_OK;
 }
 
 unsigned flags_room(void) { return GC_FLAGS_TEXT_MAX; }

@@ -28,62 +28,100 @@ static const double transient_tau_s[] = {0.6, 1.15, 2.2, 4.2, 8.0};
 #define WAVES 4u
 #define ONE (WAVES + TAUS)
 #define Y (ONE + 1u)
-#define COLUMNS (Y + 1u)
+#define COLUMNS GC_EVIDENCE_COLUMNS
 
 typedef double gram_t[COLUMNS][COLUMNS]; /* its lower triangle */
 
-static void columns_of(double t_s, double w_dps, double y_dps, double *x) {
-    const double angle = RADIANS_A_DEGREE * fabs(w_dps) * t_s;
-    const double ripple_dps = RIPPLE * fabs(w_dps) / sqrt(2.0);
-    x[0] = ripple_dps * cos(angle);
-    x[1] = ripple_dps * sin(angle);
-    x[2] = ripple_dps * cos(2.0 * angle);
-    x[3] = ripple_dps * sin(2.0 * angle);
+typedef char gc_columns_fit[Y + 1u == COLUMNS ? 1 : -1];
+
+/* Waves and decays at the middle of a block, and what takes them to the next block. */
+typedef struct {
+    double cosine, sine, decay[TAUS];
+    double cosine_step, sine_step, decay_step[TAUS];
+    double ripple_dps;
+} shapes_t;
+
+static void begin_shapes(shapes_t *s, double w_dps) {
+    const double angle = RADIANS_A_DEGREE * fabs(w_dps) * BLOCK_S;
+    s->cosine = cos(0.5 * angle);
+    s->sine = sin(0.5 * angle);
+    s->cosine_step = cos(angle);
+    s->sine_step = sin(angle);
     for (size_t i = 0; i < TAUS; i++) {
-        x[WAVES + i] = exp(-t_s / transient_tau_s[i]);
+        s->decay[i] = exp(-0.5 * BLOCK_S / transient_tau_s[i]);
+        s->decay_step[i] = s->decay[i] * s->decay[i];
+    }
+    s->ripple_dps = RIPPLE * fabs(w_dps) / sqrt(2.0);
+}
+
+static void next_shapes(shapes_t *s) {
+    const double cosine = s->cosine * s->cosine_step - s->sine * s->sine_step;
+    s->sine = s->sine * s->cosine_step + s->cosine * s->sine_step;
+    s->cosine = cosine;
+    for (size_t i = 0; i < TAUS; i++) {
+        s->decay[i] *= s->decay_step[i];
+    }
+}
+
+static void columns_of(const shapes_t *s, double y_dps, double *x) {
+    const double twice = 2.0 * s->ripple_dps * s->cosine;
+    x[0] = s->ripple_dps * s->cosine;
+    x[1] = s->ripple_dps * s->sine;
+    x[2] = twice * s->cosine - s->ripple_dps;
+    x[3] = twice * s->sine;
+    for (size_t i = 0; i < TAUS; i++) {
+        x[WAVES + i] = s->decay[i];
     }
     x[ONE] = 1.0;
     x[Y] = y_dps;
 }
 
-/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift; the origin of the readings. */
-static double whitened_gram(gc_face_evidence_t *e, const gc_face_t *face, unsigned blocks, double variance, double lsb_dps,
-                            gram_t gram) {
+/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift. */
+static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e) {
+    const gc_face_t *face = e->face;
+    const double lsb_dps = evidence->lsb_dps;
+    const double step = lsb_dps * lsb_dps / 12.0;
+    const double variance = fmax(evidence->white_dps2, fmax(step, SMALLEST_SD_DPS * SMALLEST_SD_DPS));
+    gram_t *gram = &evidence->gram;
     double drift[COLUMNS] = {0.0};
     double spread = DRIFT_SD_DPS * DRIFT_SD_DPS;
     double origin_dps = 0.0;
-    unsigned before = 0;
-    memset(gram, 0, sizeof(gram_t));
-    e->blocks = 0;
-    for (unsigned k = 0; k < blocks; k++) {
+    bool begun = false;
+    double phi = 1.0; /* of the drift since the block before */
+    const double phi_step = exp(-BLOCK_S / DRIFT_TAU_S);
+    shapes_t shapes;
+    begin_shapes(&shapes, e->w_dps);
+    memset(gram, 0, sizeof *gram);
+    for (unsigned k = 0; k < evidence->seen; k++, next_shapes(&shapes), phi *= phi_step) {
         if (!gc_face_has(face, k)) {
             continue;
         }
         const double n = (double)face->block[k].n;
         const double y_dps = lsb_dps * ((double)face->block[k].sum / n);
-        if (e->blocks++ == 0u) {
+        if (!begun) {
+            begun = true;
             origin_dps = y_dps;
         } else {
-            const double phi = exp(-(double)(k - before) * BLOCK_S / DRIFT_TAU_S);
             for (size_t j = 0; j < COLUMNS; j++) {
                 drift[j] *= phi;
             }
             spread = phi * phi * spread + DRIFT_SD_DPS * DRIFT_SD_DPS * (1.0 - phi * phi);
         }
-        before = k;
+        phi = 1.0;
         double x[COLUMNS];
-        columns_of(((double)k + 0.5) * BLOCK_S, e->w_dps, y_dps - origin_dps, x);
-        const double total = spread + variance / n;
+        columns_of(&shapes, y_dps - origin_dps, x);
+        const double precision = 1.0 / (spread + variance / n);
         for (size_t i = 0; i < COLUMNS; i++) {
             x[i] -= drift[i];
-            drift[i] += spread / total * x[i];
+            drift[i] += spread * precision * x[i];
+            const double weighted = precision * x[i];
             for (size_t j = 0; j <= i; j++) {
-                gram[i][j] += x[i] * x[j] / total;
+                (*gram)[i][j] += weighted * x[j];
             }
         }
-        spread *= variance / n / total;
+        spread *= variance / n * precision;
     }
-    return origin_dps + lsb_dps * face->origin - e->w_dps;
+    e->origin_dps = origin_dps + lsb_dps * face->origin - e->w_dps;
 }
 
 /* Integrates out wave j, whose prior is standard normal; returns the determinant's factor. */
@@ -101,56 +139,76 @@ static double eliminate(gram_t g, size_t j) {
 /* One hypothesis from what is left after the waves: a transient of `size` dps, 0 = none. */
 static void weigh(gram_t g, double det, size_t decay, double size, double origin_dps, double standing, gc_hypothesis_t *h) {
     const size_t e = WAVES + decay;
-    const double share = size * size / (1.0 + size * size * g[e][e]);
-    const double one = g[ONE][ONE] - share * g[ONE][e] * g[ONE][e];
-    const double one_y = g[Y][ONE] - share * g[ONE][e] * g[Y][e];
-    const double y = g[Y][Y] - share * g[Y][e] * g[Y][e];
-    h->u_dps = one_y / one + origin_dps;
-    h->variance = 1.0 / one + standing;
-    h->chi2 = fmax(y - one_y * one_y / one, 0.0);
-    h->log_evidence = -0.5 * (h->chi2 + log(det * (1.0 + size * size * g[e][e]) * one));
+    const double square = size * size;
+    const double pivot = 1.0 + square * g[e][e];
+    const double share = square / pivot;
+    const double by_one = share * g[ONE][e], by_y = share * g[Y][e];
+    const double one = g[ONE][ONE] - by_one * g[ONE][e];
+    const double one_y = g[Y][ONE] - by_one * g[Y][e];
+    const double y = g[Y][Y] - by_y * g[Y][e];
+    const double variance = 1.0 / one;
+    const double u_dps = one_y * variance;
+    h->u_dps = u_dps + origin_dps;
+    h->variance = variance + standing;
+    h->chi2 = fmax(y - one_y * u_dps, 0.0);
+    h->log_evidence = -0.5 * (h->chi2 + log(det * pivot * one));
 }
 
-int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face_t *b, unsigned blocks, double lsb_dps) {
-    memset(evidence, 0, sizeof *evidence);
-    evidence->lsb_dps = lsb_dps;
-    evidence->variance = gc_face_white_variance(a, b, blocks);
-    for (unsigned k = 0; k < blocks; k++) {
-        evidence->blocks += (a->block[k].n > 0u ? 1u : 0u) + (b->block[k].n > 0u ? 1u : 0u);
-    }
-    return evidence->variance >= 0.0 ? GC_OK : GC_E_TOO_SHORT;
-}
-
-int gc_evidence_face(gc_evidence_t *evidence, unsigned which, const gc_face_t *face, unsigned blocks, double w_dps) {
-    gc_face_evidence_t *e = &evidence->face[which];
+/* The hypotheses without or with ripple twice a turn. */
+static void weigh_all(const gc_evidence_t *evidence, gc_face_evidence_t *e, bool twice) {
     const double step = evidence->lsb_dps * evidence->lsb_dps;
-    const double own = step * evidence->variance;
-    const double standing = 4.0 * own < step ? step / 12.0 : 0.0;
-    const double variance = fmax(own, fmax(step / 12.0, SMALLEST_SD_DPS * SMALLEST_SD_DPS));
-    gram_t gram, left;
-    e->w_dps = w_dps;
-    const double origin_dps = whitened_gram(e, face, blocks, variance, evidence->lsb_dps, gram);
-    if (e->blocks == 0u) {
-        return GC_E_TOO_SHORT;
-    }
-    gc_hypothesis_t *h = e->hypothesis;
-    for (unsigned waves = 0; waves < 4u; waves++) {
+    const double standing = 4.0 * evidence->white_dps2 < step ? step / 12.0 : 0.0;
+    gc_hypothesis_t *h = e->hypothesis + (twice ? GC_FIRST_ORDER : 0u);
+    for (unsigned waves = twice ? 2u : 0u; waves < (twice ? 4u : 2u); waves++) {
+        gram_t left;
         double det = 1.0;
-        memcpy(left, gram, sizeof left);
+        memcpy(left, evidence->gram, sizeof left);
         for (size_t j = 0; j < WAVES; j++) {
             if ((waves & (1u << (j / 2u))) != 0u) {
                 det *= eliminate(left, j);
             }
         }
-        weigh(left, det, 0, 0.0, origin_dps, standing, h++);
+        weigh(left, det, 0, 0.0, e->origin_dps, standing, h++);
         for (size_t i = 0; i < SIZES; i++) {
-            const double size = sqrt(w_dps * w_dps * spin_up[i] * spin_up[i] + WARMUP_DPS * WARMUP_DPS);
+            const double size = sqrt(e->w_dps * e->w_dps * spin_up[i] * spin_up[i] + WARMUP_DPS * WARMUP_DPS);
             for (size_t k = 0; k < TAUS; k++) {
-                weigh(left, det, k, size, origin_dps, standing, h++);
+                weigh(left, det, k, size, e->origin_dps, standing, h++);
             }
         }
     }
-    return GC_OK;
+}
+
+int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face_t *b, unsigned blocks, double w_a_dps,
+                      double w_b_dps, double lsb_dps) {
+    const gc_face_t *const faces[] = {a, b};
+    memset(evidence, 0, sizeof *evidence);
+    evidence->seen = blocks;
+    evidence->lsb_dps = lsb_dps;
+    evidence->white_dps2 = lsb_dps * lsb_dps * gc_face_white_variance(a, b, blocks);
+    for (unsigned i = 0; i < 2u; i++) {
+        gc_face_evidence_t *e = &evidence->of[i];
+        e->face = faces[i];
+        e->w_dps = i == 0u ? w_a_dps : w_b_dps;
+        for (unsigned k = 0; k < blocks; k++) {
+            evidence->blocks += e->face->block[k].n > 0u ? 1u : 0u;
+            e->blocks += gc_face_has(e->face, k) ? 1u : 0u;
+        }
+    }
+    if (w_a_dps == w_b_dps) {
+        return GC_E_UNIDENTIFIED;
+    }
+    return evidence->of[0].blocks > 0u && evidence->of[1].blocks > 0u && evidence->white_dps2 >= 0.0 ? GC_OK : GC_E_TOO_SHORT;
+}
+
+bool gc_evidence_go_on(gc_evidence_t *evidence) {
+    gc_face_evidence_t *e = &evidence->of[evidence->parts / 3u];
+    const unsigned part = evidence->parts % 3u;
+    if (part == 0u) {
+        whiten(evidence, e);
+    } else {
+        weigh_all(evidence, e, part == 2u);
+    }
+    return ++evidence->parts == GC_EVIDENCE_PARTS;
 }
 
 /* ---- averages over hypotheses ---- */
@@ -167,15 +225,19 @@ static under_t under(const gc_hypothesis_t *h, unsigned n) {
     for (unsigned i = 0; i < n; i++) {
         top = fmax(top, h[i].log_evidence);
     }
+    if (n == 1u) {
+        return (under_t){top, h[0].u_dps, h[0].variance};
+    }
+    double weight[GC_TRANSIENTS];
     for (unsigned i = 0; i < n; i++) {
-        const double weight = exp(h[i].log_evidence - top);
-        total += weight;
-        mean += weight * h[i].u_dps;
+        weight[i] = exp(h[i].log_evidence - top);
+        total += weight[i];
+        mean += weight[i] * h[i].u_dps;
     }
     mean /= total;
     for (unsigned i = 0; i < n; i++) {
         const double off = h[i].u_dps - mean;
-        variance += exp(h[i].log_evidence - top) * (h[i].variance + off * off);
+        variance += weight[i] * (h[i].variance + off * off);
     }
     return (under_t){top + log(total / (double)n), mean, variance / total};
 }
@@ -195,8 +257,8 @@ typedef struct {
 } combined_t;
 
 static combined_t combine(const gc_evidence_t *evidence, unsigned hypotheses) {
-    const gc_face_evidence_t *a = &evidence->face[0];
-    const gc_face_evidence_t *b = &evidence->face[1];
+    const gc_face_evidence_t *a = &evidence->of[0];
+    const gc_face_evidence_t *b = &evidence->of[1];
     const double span = a->w_dps - b->w_dps;
     const double excess_a = excess(a, hypotheses), excess_b = excess(b, hypotheses);
     combined_t each[8];
@@ -234,19 +296,15 @@ static combined_t combine(const gc_evidence_t *evidence, unsigned hypotheses) {
     return all;
 }
 
-int gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {
-    if (evidence->face[0].w_dps == evidence->face[1].w_dps) {
-        return GC_E_UNIDENTIFIED;
-    }
+void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {
     const combined_t all = combine(evidence, GC_HYPOTHESES);
     const double scale_off = answer->scale - all.mean[0];
     const double bias_off = answer->bias_dps - all.mean[1];
-    const double dof = (double)evidence->face[0].blocks + (double)evidence->face[1].blocks - 2.0;
-    const double chi2 = evidence->face[0].hypothesis[0].chi2 + evidence->face[1].hypothesis[0].chi2;
+    const double dof = (double)evidence->of[0].blocks + (double)evidence->of[1].blocks - 2.0;
+    const double chi2 = evidence->of[0].hypothesis[0].chi2 + evidence->of[1].hypothesis[0].chi2;
     answer->scale_se = sqrt(all.variance[0] + scale_off * scale_off);
     answer->bias_se_dps = sqrt(all.variance[1] + bias_off * bias_off);
     answer->misfit = dof > 0.0 ? sqrt(chi2 / dof) : NAN;
-    return GC_OK;
 }
 
 /* Chi-square of what an answer leaves, under the hypothesis that is then the likeliest. */
@@ -266,12 +324,12 @@ static double chi2_at(const gc_face_evidence_t *e, double u_dps) {
 }
 
 uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer) {
-    const gc_face_evidence_t *face = evidence->face;
+    const gc_face_evidence_t *of = evidence->of;
     double chi2 = 0.0;
     for (unsigned i = 0; i < 2u; i++) {
-        chi2 += chi2_at(&face[i], answer->bias_dps + answer->scale * face[i].w_dps);
+        chi2 += chi2_at(&of[i], answer->bias_dps + answer->scale * of[i].w_dps);
     }
-    answer->misfit = sqrt(chi2 / (double)(face[0].blocks + face[1].blocks));
+    answer->misfit = sqrt(chi2 / (double)(of[0].blocks + of[1].blocks));
     const combined_t fit = combine(evidence, GC_FIRST_ORDER);
     const double scale_off = fabs(answer->scale - fit.mean[0]) / sqrt(fit.variance[0] + answer->scale_se * answer->scale_se);
     const double bias_off = fabs(answer->bias_dps - fit.mean[1]) / sqrt(fit.variance[1] + answer->bias_se_dps * answer->bias_se_dps);

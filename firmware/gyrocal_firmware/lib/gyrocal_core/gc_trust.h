@@ -28,25 +28,36 @@ typedef struct {
     double log_evidence;
 } gc_hypothesis_t;
 
+/* A block's columns: four waves, five decays, 1, the reading. */
+#define GC_EVIDENCE_COLUMNS 11u
+#define GC_EVIDENCE_PARTS 6u
+
 typedef struct {
+    const gc_face_t *face;
     double w_dps;
-    unsigned blocks; /* that count */
+    double origin_dps; /* of its readings, less w */
+    unsigned blocks;   /* that count */
     gc_hypothesis_t hypothesis[GC_HYPOTHESES];
 } gc_face_evidence_t;
 
 typedef struct {
-    gc_face_evidence_t face[2];
-    unsigned blocks;  /* of both faces, with those that hold too little */
-    double variance;  /* white, of a sample, counts^2 */
+    gc_face_evidence_t of[2];
+    unsigned seen;   /* blocks of each face */
+    unsigned blocks; /* of both faces, with those that hold too little */
     double lsb_dps;
+    double white_dps2; /* variance of a sample */
+    unsigned parts;    /* that are done */
+    double gram[GC_EVIDENCE_COLUMNS][GC_EVIDENCE_COLUMNS]; /* its lower triangle, between two parts */
 } gc_evidence_t;
 
-/* The evidence in the first `blocks` blocks of two faces at one sample rate: begin, then each of the faces, then the rest.
-   GC_E_TOO_SHORT: a face holds no block. */
-int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face_t *b, unsigned blocks, double lsb_dps);
-int gc_evidence_face(gc_evidence_t *evidence, unsigned which, const gc_face_t *face, unsigned blocks, double w_dps);
-/* The standard errors and the misfit of an answer that knows of no effects. GC_E_UNIDENTIFIED: the rates are equal. */
-int gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer);
+/* The evidence in the first `blocks` blocks of two faces of one sample rate at true rates w_a and w_b. The faces must outlive
+   it; they may go on. GC_E_TOO_SHORT: a face holds no block. GC_E_UNIDENTIFIED: the rates are equal. */
+int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face_t *b, unsigned blocks, double w_a_dps,
+                      double w_b_dps, double lsb_dps);
+/* One of its parts, none of which takes long; true when all are done. */
+bool gc_evidence_go_on(gc_evidence_t *evidence);
+/* The standard errors and the misfit of an answer that knows of no effects. */
+void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer);
 /* The misfit of a network's answer, and GC_FLAG_DISAGREES or 0. */
 uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer);
 /* What an answer shows by itself. A misfit of NaN is none. */
