@@ -6,7 +6,7 @@ import typer
 
 
 def run(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="blind, paper (its tables) or inference (its cost).")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="blind, paper, inference (its cost) or population.")],
     sample: Annotated[bool, typer.Option("--sample", help="A few cases alone, for a quick look.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
