@@ -12,7 +12,7 @@ from gyrocal.errors import GyrocalError, InputError
 from gyrocal.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-BENCHMARKS = {"blind": ROOT / "tests" / "blind", "paper": ROOT / "benchmarks", "inference": ROOT / "benchmarks"}
+BENCHMARKS = dict.fromkeys(("paper", "robustness", "inference"), ROOT / "benchmarks") | {"blind": ROOT / "tests" / "blind"}
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
 

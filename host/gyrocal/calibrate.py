@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from gyrocal.errors import InputError
 from gyrocal.estimator import Answer, calibration_of, estimate
 from gyrocal.model import Model
 from gyrocal.session import AXES, GAP_PERIODS, Array, Run, Session
+
+if TYPE_CHECKING:
+    from gyrocal.network import Prior
 
 METHODS = ("baseline", "cnn", "model")
 DEFAULT_SECONDS = (2.0, 4.0, 6.0)
@@ -151,7 +154,9 @@ def _estimates(
         if method == "baseline":
             keep(up.axis, baseline(halves[0], halves[1]), halves)
         else:
-            keep(up.axis, network(up, down, span or min(up.duration_s, down.duration_s)), halves)
+            stage = network_stage(up, down, span or min(up.duration_s, down.duration_s))
+            if stage is not None:
+                keep(up.axis, network(up, down, stage, network_prior(model, up.axis)), halves)
     return out
 
 
@@ -222,30 +227,42 @@ def _mean(run: Run) -> tuple[float, float]:
     return float(np.mean(y)), white / y.size
 
 
-def network(up: Run, down: Run, seconds: float) -> Answer | None:
-    """The shipped network `gyrocal` on as much of the first 2, 4 or 6 s as ``seconds`` holds.
+def network_stage(up: Run, down: Run, seconds: float) -> int | None:
+    """0, 1 or 2: as much of the first 2, 4 or 6 s as ``seconds`` holds. None: too short for 2 s, or a sample is missing."""
+    from gyrocal.network import STAGES_S
 
-    None where the runs are too short for 2 s, or a sample is missing.
+    stage = sum(s <= seconds + 1e-6 for s in STAGES_S) - 1
+    enough = stage >= 0 and all(consecutive(r) >= round(STAGES_S[stage] * r.sample_rate_hz) for r in (up, down))
+    return stage if enough else None
+
+
+def network(up: Run, down: Run, stage: int, prior: Prior | None = None) -> Answer | None:
+    """The shipped network `gyrocal` on the first 2, 4 or 6 s (``stage`` 0, 1 or 2), by default with flat priors.
+
+    None where it cannot be believed: at a sample rate or a true rate that it was not trained for, or where the readings, less
+    their mean, lie beyond its training data.
     """
-    from gyrocal.network import STAGES_S, BlockNetwork
+    from gyrocal.network import FLAT, FaceNetwork, merge
 
-    net = BlockNetwork.shipped()
-    if not _suits_network(up):
-        raise InputError(
-            f"{up.file}: the network was trained at {net.rate_hz:g} Hz and {net.table_dps:g} dps, this run has "
-            f"{up.sample_rate_hz:g} Hz and {abs(float(up.rate_dps[0])):g} dps; "
-            "leave cnn out of --method or train a network for it"
-        )
-    stage = sum(net.samples(k) <= seconds * net.rate_hz + 1e-6 for k in range(len(STAGES_S))) - 1
-    if stage < 0 or min(consecutive(up), consecutive(down)) < net.samples(stage):
+    net = FaceNetwork.shipped()
+    n, runs = net.samples(stage), (up, down)
+    w_dps = [float(np.mean(r.rate_dps[:n])) for r in runs]
+    if not all(net.suits(r.sample_rate_hz, w) for r, w in zip(runs, w_dps, strict=True)):
         return None
-    n, w_dps = net.samples(stage), abs(float(up.rate_dps[0]))
-    means = [
-        net.block_means(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n])
-        for r in sorted((up, down), key=lambda r: -float(r.rate_dps[0]))  # the network's first face has the positive rate
-    ]
-    scale, bias_dps, scale_sd, bias_sd_dps = map(float, net.estimate(means[0], means[1], stage, w_dps, -w_dps)[0])
-    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None)
+    faces = [net.face(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n], stage, w) for r, w in zip(runs, w_dps, strict=True)]
+    scale, bias_dps, scale_sd, bias_sd_dps = map(float, merge(faces[0], faces[1], prior or FLAT)[0])
+    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None) if np.isfinite(scale) else None
+
+
+def network_prior(model: Model | str | Path | None, axis: str) -> Prior:
+    """What a model says of scale and bias before anything is measured: flat without a model."""
+    from gyrocal.network import FLAT, Prior
+
+    opened = None if model is None else Model.open(model)
+    if opened is None or not opened.on(axis):
+        return FLAT
+    known = calibration_of(opened, axis, white_sd_dps=1.0)  # the noise does not matter here
+    return Prior(known.scale, known.bias_dps)
 
 
 def consecutive(run: Run) -> int:
@@ -256,8 +273,6 @@ def consecutive(run: Run) -> int:
 
 def _suits_network(run: Run) -> bool:
     """Is the run at the sample rate and the table rate that the shipped network was trained for?"""
-    from gyrocal.network import RATE_TOLERANCE, BlockNetwork
+    from gyrocal.network import FaceNetwork
 
-    net = BlockNetwork.shipped()
-    near = abs(abs(float(run.rate_dps[0])) - net.table_dps) <= RATE_TOLERANCE * net.table_dps
-    return near and abs(run.sample_rate_hz - net.rate_hz) <= 1e-3 * net.rate_hz
+    return FaceNetwork.shipped().suits(run.sample_rate_hz, float(run.rate_dps[0]))

@@ -58,7 +58,7 @@ static void tell_ack(gc_device_t *d, const char *command) {
 }
 
 static const char *net_name(const gc_cnn_net_t *net) {
-    return net == NULL ? NULL : net->blocks != NULL ? net->blocks->name : net->name;
+    return net == NULL ? NULL : net->convnet != NULL ? net->convnet->name : net->name;
 }
 
 static void tell_hello(gc_device_t *d) {
@@ -231,7 +231,7 @@ static void set_up_sensor(gc_device_t *d) {
 
 /* What survives power-off. */
 #define SETTINGS_VERSION 3u
-#define RESULTS_VERSION 1u
+#define RESULTS_VERSION 2u /* the answers of another network or of another meaning are not recalled */
 #define WINDOWS_VERSION 1u
 
 /* Written between runs only: a write to flash takes longer than a sample may wait. */
@@ -306,12 +306,12 @@ static void judge(gc_device_t *d, double misfit, unsigned k) {
 
 static int check_net(const gc_device_t *d) {
     const gc_cnn_net_t *net = d->config.net;
-    const double rate_hz = (double)(net->blocks != NULL ? net->blocks->rate_hz : net->rate_hz);
+    const double rate_hz = (double)(net->convnet != NULL ? net->convnet->rate_hz : net->rate_hz);
     if (fabs(rate_hz - d->run[d->slot].settings.rate_hz) > 1e-3 * rate_hz) {
         return GC_E_NET_SAMPLE_RATE;
     }
-    if (net->blocks != NULL) {
-        return gc_blocknet_samples(net->blocks, GC_CHECKPOINTS - 1u) <= GC_MAX_CNN_SAMPLES ? GC_OK : GC_E_NET_WINDOW;
+    if (net->convnet != NULL) {
+        return gc_convnet_samples(net->convnet, GC_CHECKPOINTS - 1u) <= GC_MAX_CNN_SAMPLES ? GC_OK : GC_E_NET_WINDOW;
     }
     if (net->window == 0u || net->window > GC_MAX_CNN_WINDOW || net->outputs != 2u) {
         return GC_E_NET_WINDOW;
@@ -350,10 +350,10 @@ static bool is_broken(const gc_device_t *d, unsigned slot, uint32_t n) {
     return d->run[slot].missed > 0u && d->windows.run[slot].n < n;
 }
 
-/* Samples of each run that the network takes for checkpoint k: whole windows, or the blocks of a stage. */
+/* Samples of each run that the network takes for checkpoint k: whole windows, or those of a stage. */
 static uint32_t cnn_samples(const gc_cnn_net_t *net, unsigned k) {
-    if (net->blocks != NULL) {
-        return gc_blocknet_samples(net->blocks, k);
+    if (net->convnet != NULL) {
+        return gc_convnet_samples(net->convnet, k);
     }
     return net->window * (uint32_t)floor(checkpoint_s(k) * (double)net->rate_hz / (double)net->window + 1e-6);
 }
@@ -373,16 +373,13 @@ static int run_windows(gc_device_t *d, uint32_t windows, gc_answer_t *answer) {
     return GC_OK;
 }
 
-static int run_face(gc_device_t *d, unsigned k, unsigned slot, gc_blocknet_face_t *face) {
-    const gc_blocknet_t *net = d->config.net->blocks;
+static int run_face(gc_device_t *d, unsigned k, unsigned slot, gc_convnet_face_t *face) {
     const gc_run_t *run = &d->run[slot];
-    float means[GC_BLOCKNET_BLOCKS];
-    (void)gc_blocknet_means(net, d->windows.run[slot].counts, gc_blocknet_samples(net, k), run->lsb_dps, run->w_dps, means);
-    return gc_blocknet_face(net, means, k, slot == GC_SLOT_POSITIVE ? 0u : 1u, (float)run->w_dps, face);
+    return gc_convnet_face(d->config.net->convnet, d->windows.run[slot].counts, k, run->lsb_dps, run->w_dps, face);
 }
 
 /* Network gyrocal's answer: one face, and the other with the next sample or at once. */
-static int run_blocks(gc_device_t *d, unsigned k, bool to_the_end, bool *done, gc_answer_t *answer) {
+static int run_convnet(gc_device_t *d, unsigned k, bool to_the_end, bool *done, gc_answer_t *answer) {
     int error = GC_OK;
     if (!d->cnn_half) {
         error = run_face(d, k, GC_SLOT_POSITIVE, &d->cnn_face);
@@ -393,22 +390,14 @@ static int run_blocks(gc_device_t *d, unsigned k, bool to_the_end, bool *done, g
         }
     }
     d->cnn_half = false;
-    gc_blocknet_face_t other;
+    gc_convnet_face_t other;
     error = run_face(d, k, GC_SLOT_NEGATIVE, &other);
-    if (error != GC_OK) {
-        return error;
+    if (error == GC_OK) {
+        const gc_calibration_t *calibration = d->config.calibration;
+        const bool known = calibration != NULL && calibration->axis == axis_names[d->run[d->slot].settings.axis][0];
+        gc_convnet_merge(known ? calibration : NULL, &d->cnn_face, &other, answer);
     }
-    gc_blocknet_answer_t found;
-    gc_blocknet_merge(d->config.net->blocks, &d->cnn_face, &other, &found);
-    if (found.clipped && !d->range_told) {
-        d->range_told = true;
-        tell_error(d, GC_E_NET_RANGE);
-    }
-    answer->scale = (double)found.scale;
-    answer->bias_dps = (double)found.bias_dps;
-    answer->scale_se = (double)found.scale_sd;
-    answer->bias_se_dps = (double)found.bias_sd_dps;
-    return GC_OK;
+    return error;
 }
 
 /* The network's answers that are due: those whose baseline is there and whose samples are there in both runs. */
@@ -441,15 +430,22 @@ static void answer_by_cnn(gc_device_t *d, bool to_the_end) {
             }
             if (error == GC_OK) {
                 bool done = true;
-                error = net->blocks != NULL ? run_blocks(d, k, to_the_end, &done, &answer) : run_windows(d, n / net->window, &answer);
+                error = net->convnet != NULL ? run_convnet(d, k, to_the_end, &done, &answer) : run_windows(d, n / net->window, &answer);
                 if (error == GC_OK && !done) {
                     return;
                 }
             }
             if (error == GC_OK) {
                 tell_answer(d, GC_METHOD_CNN, checkpoint_s(k), n, pair_temp_c(d, k), &answer);
-                d->cnn_next++;
             }
+            if (error == GC_E_NET_RANGE) { /* of this stage alone */
+                if (!d->range_told) {
+                    tell_error(d, error);
+                    d->range_told = true;
+                }
+                error = GC_OK;
+            }
+            d->cnn_next += error == GC_OK ? 1u : 0u;
         }
         if (error != GC_OK) {
             tell_error(d, error);

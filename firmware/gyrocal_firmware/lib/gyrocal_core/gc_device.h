@@ -13,8 +13,8 @@
 
 #include "gc_baseline.h"
 #include "gc_calibration.h"
-#include "gc_blocknet.h"
 #include "gc_cnn.h"
+#include "gc_convnet.h"
 #include "gc_estimator.h"
 #include "gc_kept.h"
 #include "gc_lsm6dso.h"
@@ -160,7 +160,7 @@ typedef struct {
     unsigned cnn_next, cnn_windows;
     double cnn_sum[2];
     bool cnn_half; /* of network gyrocal's next answer one face is done: */
-    gc_blocknet_face_t cnn_face;
+    gc_convnet_face_t cnn_face;
     float cnn_up[GC_MAX_CNN_WINDOW], cnn_down[GC_MAX_CNN_WINDOW], cnn_scratch[GC_MAX_CNN_SCRATCH];
 
     gc_sentence_t sentence;
