@@ -16,6 +16,7 @@
 #include "calibration.h"
 #include "emul_lsm6dso.h"
 #include "gc_device.h"
+#include "gc_lsm6dso.h"
 #include "weights.h"
 
 #include <stdio.h>
@@ -145,7 +146,7 @@ static gc_port_t port = {
 
 static void power_on(void) {
     static const gc_device_config_t config = {
-        .port = &port, .address = GC_LSM6DSO_ADDRESS, .calibration = &gc_calibration, .net = &gc_net};
+        .port = &port, .part = &gc_lsm6dso, .address = GC_LSM6DSO_ADDRESS, .calibration = &gc_calibration, .net = &gc_net};
     const emul_lsm6dso_t before = chip;
     now = 0;
     chip.clock = chip_clock;

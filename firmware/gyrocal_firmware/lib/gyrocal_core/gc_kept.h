@@ -3,8 +3,9 @@
 #define GC_KEPT_H
 
 #include "gc_baseline.h"
+#include "gc_net.h"
 #include "gc_store.h"
-#include "gc_wire.h"
+#include "gc_tell.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -15,15 +16,7 @@ extern "C" {
 
 #define GC_KEPT_ANSWERS 30u /* three axes: nine of a pair, and one at rest or of a turn */
 
-#ifndef GC_MAX_CNN_WINDOW
-#define GC_MAX_CNN_WINDOW 290 /* samples of one window */
-#endif
-#ifndef GC_MAX_CNN_SAMPLES
-#define GC_MAX_CNN_SAMPLES (3 * GC_MAX_CNN_WINDOW) /* kept of each run */
-#endif
-
 typedef enum { GC_METHOD_BASELINE, GC_METHOD_CNN, GC_METHOD_MODEL, GC_METHOD_REST, GC_METHOD_TURN } gc_method_t;
-const char *gc_method_name(gc_method_t method);
 
 /* One $CAL. */
 typedef struct {
@@ -69,20 +62,33 @@ typedef struct {
     gc_window_t run[2]; /* true rate positive, negative */
 } gc_windows_t;
 
-/* Keeps an answer and lets it correct its axis; new_pair: whatever corrected it before gives way. An answer at rest renews
-   the bias of an axis that has a correction. */
-void gc_results_add(gc_results_t *results, const gc_kept_answer_t *answer, bool new_pair);
+typedef struct {
+    gc_results_t results;
+    gc_windows_t windows;
+    bool results_changed, windows_changed; /* since they were saved */
+    uint32_t dump_line, dump_lines;        /* the next one to tell, and all */
+} gc_kept_t;
 
+void gc_kept_load(gc_kept_t *kept, const gc_port_t *port);
+/* What changed. Between runs only: a write to flash takes longer than a sample may wait. GC_E_STORE where it failed. */
+int gc_kept_save(gc_kept_t *kept, const gc_port_t *port);
+/* To be saved. */
+void gc_kept_forget(gc_kept_t *kept);
+
+/* Tells an answer as $CAL, keeps it and lets it correct its axis; new_pair: whatever corrected it before gives way. An answer
+   at rest renews the bias of an axis that has a correction. */
+void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer, bool new_pair);
+/* An empty window for a run that begins; a dump in progress ends. */
+gc_window_t *gc_kept_begin_window(gc_kept_t *kept, unsigned sense);
+
+bool gc_kept_has_correction(const gc_kept_t *kept);
 /* NaN for an axis without a correction. */
-double gc_results_correct(const gc_results_t *results, unsigned axis, double measured_dps);
+double gc_kept_correct(const gc_kept_t *kept, unsigned axis, double measured_dps);
 
-/* The fields of a $CAL. */
-void gc_kept_answer_fields(gc_sentence_t *s, const gc_kept_answer_t *kept);
-
-/* Sentences that tell everything kept, and the fields of one of them after its tag, $OLD or $WIN. */
-uint32_t gc_kept_lines(const gc_results_t *results, const gc_windows_t *windows);
-const char *gc_kept_line_tag(const gc_results_t *results, uint32_t line);
-void gc_kept_line_fields(gc_sentence_t *s, const gc_results_t *results, const gc_windows_t *windows, uint32_t line);
+/* Everything kept as sentences, $OLD and $WIN: begin, then go on until all are told, a few at a time, each when there is room. */
+void gc_kept_begin_dump(gc_kept_t *kept);
+void gc_kept_end_dump(gc_kept_t *kept);
+void gc_kept_go_on_with_dump(gc_kept_t *kept, gc_teller_t *teller);
 
 #ifdef __cplusplus
 }
