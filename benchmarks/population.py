@@ -20,7 +20,7 @@ import numpy as np
 from gyrocal.effects import base
 from gyrocal.estimator import Answer, Calibration
 from gyrocal.limit import PROTOCOL
-from gyrocal.network import BlockNetwork
+from gyrocal.network import FaceNetwork
 from gyrocal.noise import Noise
 from gyrocal.output import stdout, table
 from gyrocal.scenarios import answers
@@ -160,10 +160,8 @@ def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Ar
     ):
         answer = Answer(scale, every.errors_of(scale, bias_dps)[0], bias_dps, every.errors_of(scale, bias_dps)[1], None)
         found[method] = answer, (misfit(faces) <= limit) & plausible(scale, bias_dps)
-    net, stage = BlockNetwork.shipped(), SECONDS.index(seconds)
-    blocks = [net.block_means(y[:, : net.samples(stage)]) for y in population.faces]
-    in_range = np.max([np.abs(b).max(1) for b in blocks], axis=0) <= net.clip_dps
-    y = np.where(in_range[:, None], net.estimate(blocks[0], blocks[1], stage, *W_DPS).astype(float), np.nan)
+    net, stage = FaceNetwork.shipped(), SECONDS.index(seconds)
+    y = net.estimate(*(face[:, : net.samples(stage)] for face in population.faces), stage, *W_DPS)
     answer = Answer(y[:, 0], y[:, 2], y[:, 1], y[:, 3], None)  # type: ignore[arg-type]
     fits = misfit_of(faces, [answer.bias_dps + answer.scale * w for w in W_DPS]) <= limit  # type: ignore[misc]
     agrees = disagreement(Combined.of(faces, W_DPS, FIRST_ORDER), answer) <= DISAGREES

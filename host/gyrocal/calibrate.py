@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from gyrocal.noise import Noise
 from gyrocal.session import AXES, GAP_PERIODS, Run, Session
 from gyrocal.trust import Evidence, answer_flags, ordered, reading_flags, with_table
 from gyrocal.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
+
+if TYPE_CHECKING:
+    from gyrocal.network import Prior
 
 METHODS = ("baseline", "cnn", "model")
 DEFAULT_SECONDS = (2.0, 4.0, 6.0)
@@ -147,7 +150,7 @@ def _estimates(
             if method == "baseline":
                 found.append((up.axis, [first[0], first[1]], baseline(first[0], first[1]), set()))
             else:
-                found += _by_network(up, down, span or min(up.duration_s, down.duration_s))
+                found += _by_network(up, down, span or min(up.duration_s, down.duration_s), network_prior(model, up.axis))
     return [
         _estimate(session, scenario, method, span or max(r.duration_s for r in used), axis, used, answer, flags)
         for axis, used, answer, flags in found
@@ -244,15 +247,16 @@ def baseline(up: Run, down: Run) -> Answer:
     return answer if evidence is None else evidence.with_errors(answer)
 
 
-def _by_network(up: Run, down: Run, seconds: float) -> list[Found]:
+def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]:
     """The network's answer and what speaks against it; nothing where the runs are too short for it, or samples are missing."""
-    if not (_suits_network(up) and _suits_network(down)):
-        return [(up.axis, [up, down], None, {"net_range"})]
-    found = network(up, down, seconds)
-    if found is None:
+    from gyrocal.network import STAGES_S
+
+    stage = network_stage(up, down, seconds)
+    if stage is None:
         return []
-    used, answer = found
-    evidence = None if answer is None else Evidence.of(used)
+    n = round(STAGES_S[stage] * up.sample_rate_hz)
+    used = [up.part(0, n), down.part(0, n)]
+    answer, evidence = network(up, down, stage, prior), Evidence.of(used)
     if answer is None or evidence is None:
         return [(up.axis, used, None, {"net_range"})]
     flags = {"disagrees"} if evidence.disagrees(answer) else set()
@@ -260,26 +264,42 @@ def _by_network(up: Run, down: Run, seconds: float) -> list[Found]:
     return [(up.axis, used, answer, flags)]
 
 
-def network(up: Run, down: Run, seconds: float) -> tuple[Sequence[Run], Answer | None] | None:
-    """The shipped network `gyrocal` on as much of the first 2, 4 or 6 s as ``seconds`` holds.
+def network_stage(up: Run, down: Run, seconds: float) -> int | None:
+    """0, 1 or 2: as much of the first 2, 4 or 6 s as ``seconds`` holds. None: too short for 2 s, or a sample is missing."""
+    from gyrocal.network import STAGES_S
 
-    Returns the part of the runs that it took and its answer: None where a reading is beyond what it was trained on. None at
-    all where the runs are too short for 2 s, or a sample is missing.
+    stage = sum(s <= seconds + 1e-6 for s in STAGES_S) - 1
+    enough = stage >= 0 and all(consecutive(r) >= round(STAGES_S[stage] * r.sample_rate_hz) for r in (up, down))
+    return stage if enough else None
+
+
+def network(up: Run, down: Run, stage: int, prior: Prior | None = None) -> Answer | None:
+    """The shipped network `gyrocal` on the first 2, 4 or 6 s (``stage`` 0, 1 or 2), by default with flat priors.
+
+    None where it cannot be believed: at a sample rate or a true rate that it was not trained for, or where the readings, less
+    their mean, lie beyond its training data.
     """
-    from gyrocal.network import STAGES_S, BlockNetwork
+    from gyrocal.network import FLAT, FaceNetwork, merge
 
-    net = BlockNetwork.shipped()
-    stage = sum(net.samples(k) <= seconds * net.rate_hz + 1e-6 for k in range(len(STAGES_S))) - 1
-    if stage < 0 or min(consecutive(up), consecutive(down)) < net.samples(stage):
+    net = FaceNetwork.shipped()
+    n, runs = net.samples(stage), (up, down)
+    w_dps = [float(np.mean(r.rate_dps[:n])) for r in runs]
+    if not all(net.suits(r.sample_rate_hz, w) for r, w in zip(runs, w_dps, strict=True)):
         return None
-    w_dps = abs(float(up.rate_dps[0]))
-    faces = sorted((up, down), key=lambda r: -float(r.rate_dps[0]))  # the network's first face has the positive rate
-    used = [r.part(0, net.samples(stage)) for r in faces]
-    means = [net.block_means(r.gyro_dps[:, r.axis_index] - r.rate_dps) for r in used]
-    if max(float(np.abs(m).max()) for m in means) > net.clip_dps:
-        return used, None
-    scale, bias_dps, scale_sd, bias_sd_dps = map(float, net.estimate(means[0], means[1], stage, w_dps, -w_dps)[0])
-    return used, Answer(scale, scale_sd, bias_dps, bias_sd_dps, None)
+    faces = [net.face(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n], stage, w) for r, w in zip(runs, w_dps, strict=True)]
+    scale, bias_dps, scale_sd, bias_sd_dps = map(float, merge(faces[0], faces[1], prior or FLAT)[0])
+    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None) if np.isfinite(scale) else None
+
+
+def network_prior(model: Model | str | Path | None, axis: str) -> Prior:
+    """What a model says of scale and bias before anything is measured: flat without a model."""
+    from gyrocal.network import FLAT, Prior
+
+    opened = None if model is None else Model.open(model)
+    if opened is None or not opened.on(axis):
+        return FLAT
+    known = calibration_of(opened, axis, white_sd_dps=1.0)  # the noise does not matter here
+    return Prior(known.scale, known.bias_dps)
 
 
 def consecutive(run: Run) -> int:
@@ -290,8 +310,6 @@ def consecutive(run: Run) -> int:
 
 def _suits_network(run: Run) -> bool:
     """Is the run at the sample rate and the table rate that the shipped network was trained for?"""
-    from gyrocal.network import RATE_TOLERANCE, BlockNetwork
+    from gyrocal.network import FaceNetwork
 
-    net = BlockNetwork.shipped()
-    near = abs(abs(float(run.rate_dps[0])) - net.table_dps) <= RATE_TOLERANCE * net.table_dps
-    return near and abs(run.sample_rate_hz - net.rate_hz) <= 1e-3 * net.rate_hz
+    return FaceNetwork.shipped().suits(run.sample_rate_hz, float(run.rate_dps[0]))

@@ -9,41 +9,33 @@
 /* ---- network gyrocal: a run a part, and the two are merged ---- */
 
 static uint32_t gyrocal_samples(const gc_net_t *net, unsigned stage) {
-    return gc_blocknet_samples(net->table->blocks, stage);
+    return gc_convnet_samples(net->table->convnet, stage);
 }
 
 static int gyrocal_check(const gc_net_t *net) {
     return gyrocal_samples(net, GC_CHECKPOINTS - 1u) <= GC_MAX_CNN_SAMPLES ? GC_OK : GC_E_NET_WINDOW;
 }
 
-static int gyrocal_run(const gc_net_t *net, const gc_net_run_t *run, unsigned stage, unsigned sense, gc_blocknet_face_t *face) {
-    const gc_blocknet_t *blocks = net->table->blocks;
-    float means[GC_BLOCKNET_BLOCKS];
-    (void)gc_blocknet_means(blocks, run->counts, gc_blocknet_samples(blocks, stage), run->lsb_dps, run->w_dps, means);
-    return gc_blocknet_face(blocks, means, stage, sense, (float)run->w_dps, face);
-}
-
-static int gyrocal_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES], unsigned stage, bool *done,
-                         gc_net_answer_t *answer) {
+static int gyrocal_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES],
+                         const gc_calibration_t *prior, unsigned stage, bool *done, gc_net_answer_t *answer) {
+    const gc_net_run_t *run = &runs[work->half ? GC_SENSE_NEGATIVE : GC_SENSE_POSITIVE];
+    gc_convnet_face_t face;
+    const int error = gc_convnet_face(net->table->convnet, run->counts, stage, run->lsb_dps, run->w_dps, &face);
     *done = work->half;
-    if (!work->half) {
-        const int error = gyrocal_run(net, &runs[GC_SENSE_POSITIVE], stage, GC_SENSE_POSITIVE, &work->first);
-        work->half = error == GC_OK;
-        return error;
-    }
-    work->half = false;
-    gc_blocknet_face_t second;
-    const int error = gyrocal_run(net, &runs[GC_SENSE_NEGATIVE], stage, GC_SENSE_NEGATIVE, &second);
+    work->half = !work->half && error == GC_OK;
     if (error != GC_OK) {
         return error;
     }
-    gc_blocknet_answer_t found;
-    gc_blocknet_merge(net->table->blocks, &work->first, &second, &found);
-    *answer = (gc_net_answer_t){.scale = (double)found.scale,
-                                .scale_se = (double)found.scale_sd,
-                                .bias_dps = (double)found.bias_dps,
-                                .bias_se_dps = (double)found.bias_sd_dps,
-                                .in_range = !found.clipped};
+    if (!*done) {
+        work->first = face;
+        return GC_OK;
+    }
+    gc_answer_t found = {0};
+    gc_convnet_merge(prior, &work->first, &face, &found);
+    *answer = (gc_net_answer_t){.scale = found.scale,
+                                .scale_se = found.scale_se,
+                                .bias_dps = found.bias_dps,
+                                .bias_se_dps = found.bias_se_dps};
     return GC_OK;
 }
 
@@ -71,8 +63,9 @@ static void residuals(const gc_net_run_t *run, uint32_t from, uint32_t n, float 
     }
 }
 
-static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES], unsigned stage, bool *done,
-                       gc_net_answer_t *answer) {
+static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES],
+                       const gc_calibration_t *prior, unsigned stage, bool *done, gc_net_answer_t *answer) {
+    (void)prior; /* it is in the weights */
     const uint32_t window = net->table->window;
     const gc_net_run_t *up = &runs[GC_SENSE_POSITIVE];
     const gc_net_run_t *down = &runs[GC_SENSE_NEGATIVE];
@@ -92,8 +85,7 @@ static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_ru
     *answer = (gc_net_answer_t){.scale = work->sum[0] / (double)work->windows,
                                 .scale_se = NAN,
                                 .bias_dps = work->sum[1] / (double)work->windows,
-                                .bias_se_dps = NAN,
-                                .in_range = true};
+                                .bias_se_dps = NAN};
     return GC_OK;
 }
 
@@ -103,9 +95,9 @@ void gc_net_open(gc_net_t *net, const gc_cnn_net_t *table) {
     if (table == NULL) {
         return;
     }
-    if (table->blocks != NULL) {
-        net->name = table->blocks->name;
-        net->rate_hz = (double)table->blocks->rate_hz;
+    if (table->convnet != NULL) {
+        net->name = table->convnet->name;
+        net->rate_hz = (double)table->convnet->rate_hz;
         net->check = gyrocal_check;
         net->samples = gyrocal_samples;
         net->go_on = gyrocal_go_on;

@@ -5,7 +5,7 @@
  *     gc_net_open(&net, &gc_net_table);
  *     memset(&work, 0, sizeof work);
  *     do {
- *         error = net.go_on(&net, &work, runs, stage, &done, &answer);
+ *         error = net.go_on(&net, &work, runs, prior, stage, &done, &answer);
  *     } while (error == GC_OK && !done);
  *
  * To add one: write its four functions in gc_net.c and let gc_net_open choose it.
@@ -13,8 +13,8 @@
 #ifndef GC_NET_H
 #define GC_NET_H
 
-#include "gc_blocknet.h"
 #include "gc_cnn.h"
+#include "gc_convnet.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -42,13 +42,12 @@ typedef struct {
 typedef struct {
     double scale, scale_se; /* NaN: the network has no standard errors */
     double bias_dps, bias_se_dps;
-    bool in_range; /* every reading was within what the network was trained on */
 } gc_net_answer_t;
 
 /* An answer in progress. Zeros begin a pair of runs. */
 typedef struct {
     bool half; /* the run of positive sense is done: */
-    gc_blocknet_face_t first;
+    gc_convnet_face_t first;
     unsigned windows; /* that are done, of this pair, and the sums of their answers: */
     double sum[2];
     float up[GC_MAX_CNN_WINDOW], down[GC_MAX_CNN_WINDOW], scratch[GC_MAX_CNN_SCRATCH];
@@ -64,10 +63,11 @@ struct gc_net {
     int (*check)(const gc_net_t *net);
     /* Samples of each run that stage 0, 1 or 2 (2, 4 or 6 s) takes; 0: no answer at that stage. */
     uint32_t (*samples)(const gc_net_t *net, unsigned stage);
-    /* The next part of the answer to a stage; stages come in order. runs: by sense, with samples(net, stage) counts. *done tells
-       whether the answer is there. */
-    int (*go_on)(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES], unsigned stage, bool *done,
-                 gc_net_answer_t *answer);
+    /* The next part of the answer to a stage; stages come in order. runs: by sense, with samples(net, stage) counts. prior: what is
+       known of scale and bias, or NULL. *done tells whether the answer is there. GC_E_NET_RANGE: there is none to this stage, a
+       reading is not like any of the training data. */
+    int (*go_on)(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES], const gc_calibration_t *prior,
+                 unsigned stage, bool *done, gc_net_answer_t *answer);
 };
 
 /* table may be NULL. */

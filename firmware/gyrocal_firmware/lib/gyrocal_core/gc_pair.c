@@ -116,14 +116,20 @@ static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
     for (unsigned i = 0; i < GC_SENSES; i++) {
         runs[i] = (gc_net_run_t){pair->kept->windows.run[i].counts, run[i].lsb_dps, run[i].w_dps};
     }
+    const gc_calibration_t *known = pair->calibration;
+    const bool of_axis = known != NULL && known->axis == *gc_axis_name(run[pair->sense].settings.axis);
     gc_net_answer_t found;
-    error = net->go_on(net, &pair->due.net_work, runs, k, done, &found);
+    error = net->go_on(net, &pair->due.net_work, runs, of_axis ? known : NULL, k, done, &found);
+    if (error == GC_E_NET_RANGE) { /* it leaves out this stage alone */
+        *done = true;
+        if (!pair->due.range_told) {
+            pair->due.range_told = true;
+            gc_tell_error(pair->teller, error);
+        }
+        return GC_OK;
+    }
     if (error != GC_OK || !*done) {
         return error;
-    }
-    if (!found.in_range && !pair->due.range_told) {
-        pair->due.range_told = true;
-        gc_tell_error(pair->teller, GC_E_NET_RANGE);
     }
     answer.scale = found.scale;
     answer.scale_se = found.scale_se;
