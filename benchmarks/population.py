@@ -30,7 +30,6 @@ from gyrocal.trust import DISAGREES, LARGEST_BIAS_DPS, LARGEST_SCALE, disagreeme
 from gyrocal.uncertainty import (
     DRIFT_SD_DPS,
     DRIFT_TAU_S,
-    FIRST_ORDER,
     Combined,
     FaceSums,
     face_posterior,
@@ -164,7 +163,7 @@ def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Ar
     y = net.estimate(*(face[:, : net.samples(stage)] for face in population.faces), stage, *W_DPS)
     answer = Answer(y[:, 0], y[:, 2], y[:, 1], y[:, 3], None)  # type: ignore[arg-type]
     fits = misfit_of(faces, [answer.bias_dps + answer.scale * w for w in W_DPS]) <= limit  # type: ignore[misc]
-    agrees = disagreement(Combined.of(faces, W_DPS, FIRST_ORDER), answer) <= DISAGREES
+    agrees = disagreement(every, answer) <= DISAGREES
     found["cnn"] = answer, fits & agrees & plausible(y[:, 0], y[:, 1])
     return found
 

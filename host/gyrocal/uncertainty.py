@@ -148,13 +148,13 @@ class FacePosterior:
         spread = (weight * (variance + (u - mean[:, None]) ** 2)).sum(1)
         return (top + np.log(total / weight.shape[1]))[:, 0], mean, spread
 
-    def excess(self, of: slice) -> Array:
+    def excess(self) -> Array:
         """Chi-square per degree of freedom [N] that the likeliest hypothesis leaves, at least 1 (Birge's ratio)."""
-        best = self.log_evidence[:, of].argmax(1)[:, None]
-        return np.maximum(1.0, np.take_along_axis(self.chi2[:, of], best, 1)[:, 0] / max(1, self.blocks - 1))
+        best = self.log_evidence.argmax(1)[:, None]
+        return np.maximum(1.0, np.take_along_axis(self.chi2, best, 1)[:, 0] / max(1, self.blocks - 1))
 
     def chi2_at(self, u_dps: Array, of: slice) -> Array:
-        """Chi-square [N] of what an answer ``u_dps`` [N] leaves, under the hypothesis that is then the likeliest."""
+        """Chi-square [N] of what an answer ``u_dps`` [N] leaves, under the one of some hypotheses that is then likeliest."""
         variance = self.variance[:, of]
         more = (u_dps[:, None] - self.u_dps[:, of]) ** 2 / variance
         best = (self.log_evidence[:, of] - 0.5 * (more + np.log(variance))).argmax(1)[:, None]
@@ -165,8 +165,8 @@ class FacePosterior:
 TRANSIENTS = len(SPIN_UP) * len(TRANSIENT_TAU_S)
 EFFECTS = tuple(product((False, True), repeat=3))
 """Ripple twice a turn, ripple once a turn, transient: which of them act."""
-EVERYTHING, FIRST_ORDER = slice(0, 4 * (1 + TRANSIENTS)), slice(0, 2 * (1 + TRANSIENTS))
-"""Hypotheses: all, and those without ripple twice a turn, which are what the network's training data hold."""
+FIRST_ORDER = slice(0, 2 * (1 + TRANSIENTS))
+"""The hypotheses without ripple twice a turn, which are what the network's training data hold."""
 
 
 def _of_effects(which: int) -> slice:
@@ -237,18 +237,16 @@ class Combined:
     bias_variance: Array
 
     @staticmethod
-    def of(faces: Sequence[FacePosterior], w_dps: Sequence[float], hypotheses: slice = EVERYTHING) -> Combined:
+    def of(faces: Sequence[FacePosterior], w_dps: Sequence[float]) -> Combined:
         """Least squares of two faces or more, at two true rates at least, averaged over the effects that may act.
 
         The faces have one table: an effect acts in all of them or in none, with a size, phase and time constant for each.
         """
         w = np.array(w_dps)
-        excess = [face.excess(hypotheses) for face in faces]
+        excess = [face.excess() for face in faces]
         log_weights, means, spreads = [], [], []
         for which, act in enumerate(EFFECTS):
             some = _of_effects(which)
-            if some.stop > hypotheses.stop:
-                break
             under = [face.under(some) for face in faces]
             prior = float(np.sum(np.log(np.where(act, PRESENT, 1 - PRESENT))))
             log_weights.append(prior + sum(log_evidence for log_evidence, _, _ in under))

@@ -16,7 +16,7 @@
 #define SMALLEST_SD_DPS 1e-6
 #define LARGEST_SCALE 0.15
 #define LARGEST_BIAS_DPS 50.0
-#define DISAGREES 4.0
+#define DISAGREES 3.5 /* expected error over the one that an answer claims */
 
 static const double spin_up[] = {0.0011, 0.0047};
 static const double transient_tau_s[] = {0.6, 1.15, 2.2, 4.2, 8.0};
@@ -243,9 +243,9 @@ static under_t under(const gc_hypothesis_t *h, unsigned n) {
 }
 
 /* Chi-square per degree of freedom that the likeliest hypothesis leaves, at least 1: Birge's ratio. */
-static double excess(const gc_face_evidence_t *e, unsigned hypotheses) {
+static double excess(const gc_face_evidence_t *e) {
     unsigned best = 0;
-    for (unsigned i = 1; i < hypotheses; i++) {
+    for (unsigned i = 1; i < GC_HYPOTHESES; i++) {
         best = e->hypothesis[i].log_evidence > e->hypothesis[best].log_evidence ? i : best;
     }
     return fmax(1.0, e->hypothesis[best].chi2 / (e->blocks > 1u ? (double)(e->blocks - 1u) : 1.0));
@@ -256,16 +256,16 @@ typedef struct {
     double variance[2];
 } combined_t;
 
-static combined_t combine(const gc_evidence_t *evidence, unsigned hypotheses) {
+static combined_t combine(const gc_evidence_t *evidence) {
     const gc_face_evidence_t *a = &evidence->of[0];
     const gc_face_evidence_t *b = &evidence->of[1];
     const double span = a->w_dps - b->w_dps;
-    const double excess_a = excess(a, hypotheses), excess_b = excess(b, hypotheses);
+    const double excess_a = excess(a), excess_b = excess(b);
     combined_t each[8];
     double log_weight[8];
     double top = -DBL_MAX, total = 0.0;
     unsigned effects = 0;
-    for (unsigned first = 0; first < hypotheses; effects++) {
+    for (unsigned first = 0; first < GC_HYPOTHESES; effects++) {
         const unsigned n = effects % 2u == 0u ? 1u : GC_TRANSIENTS;
         const under_t u = under(a->hypothesis + first, n);
         const under_t v = under(b->hypothesis + first, n);
@@ -296,14 +296,19 @@ static combined_t combine(const gc_evidence_t *evidence, unsigned hypotheses) {
     return all;
 }
 
-void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {
-    const combined_t all = combine(evidence, GC_HYPOTHESES);
+/* The roots of an answer's expected squared errors. */
+static void errors_of(const gc_evidence_t *evidence, const gc_answer_t *answer, double *scale_se, double *bias_se_dps) {
+    const combined_t all = combine(evidence);
     const double scale_off = answer->scale - all.mean[0];
     const double bias_off = answer->bias_dps - all.mean[1];
+    *scale_se = sqrt(all.variance[0] + scale_off * scale_off);
+    *bias_se_dps = sqrt(all.variance[1] + bias_off * bias_off);
+}
+
+void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {
     const double dof = (double)evidence->of[0].blocks + (double)evidence->of[1].blocks - 2.0;
     const double chi2 = evidence->of[0].hypothesis[0].chi2 + evidence->of[1].hypothesis[0].chi2;
-    answer->scale_se = sqrt(all.variance[0] + scale_off * scale_off);
-    answer->bias_se_dps = sqrt(all.variance[1] + bias_off * bias_off);
+    errors_of(evidence, answer, &answer->scale_se, &answer->bias_se_dps);
     answer->misfit = dof > 0.0 ? sqrt(chi2 / dof) : NAN;
 }
 
@@ -330,10 +335,10 @@ uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer) {
         chi2 += chi2_at(&of[i], answer->bias_dps + answer->scale * of[i].w_dps);
     }
     answer->misfit = sqrt(chi2 / (double)(of[0].blocks + of[1].blocks));
-    const combined_t fit = combine(evidence, GC_FIRST_ORDER);
-    const double scale_off = fabs(answer->scale - fit.mean[0]) / sqrt(fit.variance[0] + answer->scale_se * answer->scale_se);
-    const double bias_off = fabs(answer->bias_dps - fit.mean[1]) / sqrt(fit.variance[1] + answer->bias_se_dps * answer->bias_se_dps);
-    return scale_off <= DISAGREES && bias_off <= DISAGREES ? 0u : (uint32_t)GC_FLAG_DISAGREES;
+    double scale_se, bias_se_dps;
+    errors_of(evidence, answer, &scale_se, &bias_se_dps);
+    const bool agrees = scale_se <= DISAGREES * answer->scale_se && bias_se_dps <= DISAGREES * answer->bias_se_dps;
+    return agrees ? 0u : (uint32_t)GC_FLAG_DISAGREES;
 }
 
 uint32_t gc_answer_flags(const gc_answer_t *answer, unsigned blocks) {
