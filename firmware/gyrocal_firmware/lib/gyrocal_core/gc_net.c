@@ -2,6 +2,7 @@
 
 #include "gc_baseline.h"
 #include "gc_error.h"
+#include "gc_store.h"
 
 #include <math.h>
 #include <string.h>
@@ -45,6 +46,12 @@ static int gyrocal_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_
                                 .bias_se_dps = (double)found.bias_sd_dps,
                                 .in_range = !found.clipped};
     return GC_OK;
+}
+
+static uint32_t gyrocal_identity(const gc_blocknet_t *blocks) {
+    uint32_t crc = gc_crc32(0, blocks->straight, GC_BLOCKNET_STAGES * GC_BLOCKNET_BLOCKS * sizeof blocks->straight[0]);
+    crc = gc_crc32(crc, blocks->first.code, blocks->hidden * GC_BLOCKNET_BLOCKS);
+    return gc_crc32(crc, blocks->second.code, blocks->hidden * blocks->hidden);
 }
 
 /* ---- network paper: a window of both runs a part; its answer is the mean over windows, without standard errors ---- */
@@ -97,6 +104,10 @@ static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_ru
     return GC_OK;
 }
 
+static uint32_t paper_identity(const gc_cnn_net_t *table) {
+    return gc_crc32(gc_crc32(0, table->up.code, table->head.channels * table->head.kernel), table->fc2.code, 2u * table->hidden);
+}
+
 void gc_net_open(gc_net_t *net, const gc_cnn_net_t *table) {
     memset(net, 0, sizeof *net);
     net->table = table;
@@ -106,12 +117,15 @@ void gc_net_open(gc_net_t *net, const gc_cnn_net_t *table) {
     if (table->blocks != NULL) {
         net->name = table->blocks->name;
         net->rate_hz = (double)table->blocks->rate_hz;
+        net->identity = gyrocal_identity(table->blocks);
+        net->corrects = true;
         net->check = gyrocal_check;
         net->samples = gyrocal_samples;
         net->go_on = gyrocal_go_on;
     } else {
         net->name = table->name;
         net->rate_hz = (double)table->rate_hz;
+        net->identity = paper_identity(table);
         net->check = paper_check;
         net->samples = paper_samples;
         net->go_on = paper_go_on;

@@ -5,6 +5,9 @@
 #include <math.h>
 #include <string.h>
 
+#define SAME_RATE 0.005 /* of a pair's true rates: both are known, they need not be equal */
+#define FACE_S 0.25     /* into a run, when gravity is compared with its face */
+
 void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict, const gc_calibration_t *calibration,
                   const gc_cnn_net_t *net) {
     memset(pair, 0, sizeof *pair);
@@ -32,10 +35,16 @@ static double temp_c(const gc_pair_t *pair, unsigned k) {
     return gc_sensor_temp_c(a->part, a->temp_at[k] + b->temp_at[k], a->n_at[k] + b->n_at[k]);
 }
 
-/* Over the first n samples of the run that goes on. */
+/* Blocks of both runs until checkpoint k. */
+static double blocks(unsigned k) {
+    return 2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US);
+}
+
+/* Over the first n samples of the run that goes on. The richest method corrects, the latest of its answers. */
 static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, const gc_answer_t *answer) {
     const gc_run_t *run = &pair->run[pair->sense];
     const gc_port_t *port = pair->teller->port;
+    gc_due_t *due = &pair->due;
     const gc_kept_answer_t kept = {
         .t_us = port->now_us(port->context),
         .first = run->first,
@@ -45,17 +54,27 @@ static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, co
         .answer = *answer,
         .method = (int32_t)method,
         .axis = run->settings.axis,
+        .flags = pair->flags_at[0][k] | pair->flags_at[1][k] | gc_judge_answer(answer, blocks(k)),
     };
-    gc_kept_add(pair->kept, pair->teller, &kept, !pair->due.answered);
-    pair->due.answered = true;
+    gc_kept_add(pair->kept, pair->teller, &kept);
+    if ((method != GC_METHOD_CNN || pair->net.corrects) && (!due->answered || kept.method >= due->best.method)) {
+        due->best = kept;
+        due->answered = true;
+    }
 }
 
 /* Told at the last checkpoint, when most can be seen. */
 static void judge(gc_pair_t *pair, double misfit, unsigned k) {
     pair->verdict->misfit = misfit;
-    pair->verdict->misfits = misfit > GC_MISFIT_LIMIT(2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US));
-    if (pair->verdict->misfits && k + 1u == GC_CHECKPOINTS) {
+    if (k + 1u == GC_CHECKPOINTS && !(misfit <= GC_MISFIT_LIMIT(blocks(k)))) {
         gc_tell_error(pair->teller, GC_E_MISFIT);
+    }
+}
+
+static void judge_face(gc_pair_t *pair) {
+    if (!pair->due.face_told && gc_run_face_is_wrong(&pair->run[pair->sense])) {
+        pair->due.face_told = true;
+        gc_tell_error(pair->teller, GC_E_FACE);
     }
 }
 
@@ -121,9 +140,8 @@ static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
     if (error != GC_OK || !*done) {
         return error;
     }
-    if (!found.in_range && !pair->due.range_told) {
-        pair->due.range_told = true;
-        gc_tell_error(pair->teller, GC_E_NET_RANGE);
+    if (!found.in_range) {
+        return GC_E_NET_RANGE;
     }
     answer.scale = found.scale;
     answer.scale_se = found.scale_se;
@@ -254,6 +272,7 @@ static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     for (unsigned k = before; k < reached; k++) {
         go_on_with_model(pair, true);
         judge_direction(pair);
+        pair->flags_at[pair->sense][k] = gc_judge_run(&pair->run[pair->sense]);
         answer_by_baseline(pair, k);
         if (pair->model) {
             answer_by_model(pair, k);
@@ -269,6 +288,12 @@ static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     }
 }
 
+/* A run of the other sense at w_dps would make a pair with it. */
+static bool fits(const gc_run_t *half, const gc_settings_t *settings, const gc_sensor_t *sensor, double w_dps) {
+    return fabs(half->w_dps + w_dps) <= SAME_RATE * fabs(w_dps) && half->settings.axis == settings->axis &&
+           half->settings.rate_hz == settings->rate_hz && half->lsb_dps == sensor->lsb_dps;
+}
+
 gc_run_t *gc_pair_begin(gc_pair_t *pair, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
                         uint64_t first) {
     const double w_dps = gc_run_true_rate_dps(settings, face);
@@ -276,8 +301,11 @@ gc_run_t *gc_pair_begin(gc_pair_t *pair, const gc_settings_t *settings, const gc
     gc_run_t *run = &pair->run[pair->sense];
     gc_run_t *other = &pair->run[1u - pair->sense];
     memset(&pair->due, 0, sizeof pair->due);
-    pair->due.paired = other->complete && !run->complete && other->w_dps == -w_dps && other->settings.axis == settings->axis &&
-                       other->settings.rate_hz == settings->rate_hz && other->lsb_dps == sensor->lsb_dps;
+    const bool half = other->complete && !run->complete;
+    pair->due.paired = half && fits(other, settings, sensor, w_dps);
+    if (half && !pair->due.paired) {
+        gc_tell_error(pair->teller, GC_E_NO_PAIR);
+    }
     other->complete = pair->due.paired;
     *pair->verdict = (gc_verdict_t){.misfit = NAN};
     gc_window_t *window = gc_kept_begin_window(pair->kept, pair->sense);
@@ -300,6 +328,9 @@ bool gc_pair_add(gc_pair_t *pair, const gc_taken_t *sample) {
     gc_run_advance(run, sample->t_us);
     answer_what_is_due(pair, before);
     const bool clips = gc_run_add(run, sample);
+    if (run->n == (uint32_t)(FACE_S * run->settings.rate_hz) + 1u) {
+        judge_face(pair);
+    }
     if (window->n < GC_MAX_CNN_SAMPLES && run->missed == 0u) {
         window->counts[window->n++] = sample->raw.gyro[run->settings.axis];
     }
@@ -320,9 +351,14 @@ void gc_pair_end(gc_pair_t *pair) {
         gc_tell_error(pair->teller, GC_E_STUCK_BIT);
     }
     judge_direction(pair);
+    judge_face(pair);
     run->complete = run->baseline.checkpoints > 0u && !run->opposed;
     if (run->baseline.checkpoints == 0u && !run->opposed) {
         gc_tell_error(pair->teller, GC_E_TOO_SHORT);
+    }
+    if (pair->due.answered && run->complete) {
+        pair->verdict->trusted = pair->due.best.flags == 0u;
+        gc_kept_correct_by(pair->kept, &pair->due.best);
     }
 }
 

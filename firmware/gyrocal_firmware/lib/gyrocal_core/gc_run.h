@@ -44,6 +44,10 @@ typedef struct {
     uint16_t bits_or, bits_and; /* of the axis: a bit that never changes */
     int16_t min, max;
     uint32_t changes;
+    uint16_t largest_diff; /* of successive readings */
+    double sum_diff4;      /* of their fourth powers */
+    uint32_t still, still_longest; /* readings in a row that did not change, and for how long: */
+    uint64_t still_since_us, still_longest_us;
     gc_baseline_t baseline;
     uint32_t n_at[GC_CHECKPOINTS];
     int64_t temp_at[GC_CHECKPOINTS];
@@ -64,6 +68,8 @@ double gc_run_seconds(const gc_run_t *run);
 double gc_run_temp_c(const gc_run_t *run);
 /* A low bit never changed although the reading moved over several of its steps. */
 bool gc_run_has_stuck_bit(const gc_run_t *run);
+/* Gravity along the axis says another face than the run's; false where it is not along the axis. */
+bool gc_run_face_is_wrong(const gc_run_t *run);
 /* The mean reading is of the other sign than the true rate. */
 bool gc_run_is_opposed(const gc_run_t *run);
 
