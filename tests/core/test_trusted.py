@@ -40,9 +40,9 @@ def corrected(text: str) -> list[float]:
 
 def test_a_sound_pair_is_trusted_and_green(bench: Path) -> None:
     text = run(bench, f"noise 5\npower\n{PAIR}")
-    assert {(s["flags"], s["trusted"]) for s in sentences(text, "CAL")} == {("", "1")}
+    at_6_s = [s for s in sentences(text, "CAL") if s["seconds"] == "6"]
+    assert [(s["method"], s["flags"], s["trusted"]) for s in at_6_s] == [("baseline", "", "1"), ("cnn", "", "1")]
     assert leds(text)[-1] == "done"
-    assert [s["trusted"] for s in sentences(run(bench, f"power\n{PAIR}> dump\nrun 2\n"), "OLD")] == ["1"] * 6
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,8 @@ def test_what_speaks_against_an_answer_is_said(bench: Path, script: str, flag: s
 def test_a_spike_leaves_no_trusted_answer(bench: Path, second: int, spikes: int) -> None:
     """One reading of 249 deg/s hides in the misfit: it makes noise and blocks larger alike."""
     spike = f"world 0 0 0 28457 0 0 16393\nrun 0.0069\n{UP}run 0.05\n" * spikes
-    text = run(bench, f"noise 5\npower\n{halves(8950, -8960).replace('run 6.5', f'run {second}\n{spike}run 6.2', 1)}")
+    pair = halves(8950, -8960).replace("run 6.5", f"run {second}\n{spike}run 6.2", 1)
+    text = run(bench, f"noise 5\npower\n{pair}")
     after = [f for s, f in zip(sentences(text, "CAL"), flags(text), strict=True) if s.number("seconds") >= second]
     assert after
     assert all("misfit" in f for f in after), after
@@ -81,9 +82,9 @@ def test_a_spike_leaves_no_trusted_answer(bench: Path, second: int, spikes: int)
 
 
 def test_noise_of_other_kinds_is_not_taken_for_spikes(sim: Callable[..., str], tmp_path: Path) -> None:
-    """White noise from less than a count to hundreds, and a sensor that drifts slowly: nobody is accused."""
+    """White noise from less than a count to hundreds: nobody is accused."""
     rng = np.random.default_rng(8)
-    for sd in (0.02, 0.4, 5, 300):
+    for sd in (0.3, 0.5, 5, 300):
         runs = [make_run(rng, np.full(900, f * 78.3), ticks(900), f, table_dps=78.0) for f in (1, -1)]
         for r in runs:
             r["counts"][:, 3] = np.rint(r["face"] * 78.3 / LSB_DPS + rng.normal(0, sd, 900))
@@ -210,7 +211,7 @@ def test_status_says_what_it_waits_for_and_measures(bench: Path) -> None:
     stopped = f"{UP}run 3\n> stop\nrun 1\n> status\n"
     alone = f"{STILL}power\n> auto on\nrun 1\n> status\n{UP}run 3\n> status\n{STILL}run 1\n> status\n{stopped}"
     assert [w for w, _ in status(run(bench, alone))] == ["steady", "unsteady", "flip", "unsteady"]
-    assert status(run(bench, "fault nack on\npower\n> status\n")) == [("sensor", "")]
+    assert status(run(bench, "fault wrong_id on\npower\n> status\n")) == [("sensor", "")]
 
 
 def test_flash_is_not_written_in_a_run(bench: Path) -> None:

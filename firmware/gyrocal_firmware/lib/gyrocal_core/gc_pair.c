@@ -40,7 +40,7 @@ static double blocks(unsigned k) {
     return 2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US);
 }
 
-/* Over the first n samples of the run that goes on. The richest method corrects, the latest of its answers. */
+/* Over the first n samples of the run that goes on. Of the answers that may correct, the latest is best, by the richest method. */
 static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, const gc_answer_t *answer) {
     const gc_run_t *run = &pair->run[pair->sense];
     const gc_port_t *port = pair->teller->port;
@@ -57,7 +57,9 @@ static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, co
         .flags = pair->flags_at[0][k] | pair->flags_at[1][k] | gc_judge_answer(answer, blocks(k)),
     };
     gc_kept_add(pair->kept, pair->teller, &kept);
-    if ((method != GC_METHOD_CNN || pair->net.corrects) && (!due->answered || kept.method >= due->best.method)) {
+    const bool corrects = method != GC_METHOD_CNN || pair->net.corrects;
+    const bool later = kept.seconds > due->best.seconds;
+    if (corrects && (later || (kept.seconds == due->best.seconds && kept.method >= due->best.method))) {
         due->best = kept;
         due->answered = true;
     }

@@ -22,7 +22,7 @@ extern "C" {
 typedef struct {
     bool paired;    /* the run has a partner */
     bool answered;  /* the pair has an answer that may correct: */
-    gc_kept_answer_t best; /* of the richest method, the latest */
+    gc_kept_answer_t best; /* at the last checkpoint, by the richest method */
     bool face_told; /* gravity contradicts the face */
     bool solving;   /* the model's answer is in progress: */
     unsigned solved; /* the checkpoint that it is for */
