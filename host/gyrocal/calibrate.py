@@ -254,8 +254,7 @@ def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]
     stage = network_stage(up, down, seconds)
     if stage is None:
         return []
-    n = round(STAGES_S[stage] * up.sample_rate_hz)
-    used = [up.part(0, n), down.part(0, n)]
+    used = [run.first(STAGES_S[stage]) or run for run in (up, down)]
     answer, evidence = network(up, down, stage, prior), Evidence.of(used)
     if answer is None or evidence is None:
         return [(up.axis, used, None, {"net_range"})]

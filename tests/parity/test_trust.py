@@ -10,20 +10,22 @@ import pytest
 from gyrocal.core import SHARED, build, core_sources
 from gyrocal.estimator import Answer
 from gyrocal.session import AXES, Run
-from gyrocal.trust import FLAGS, Evidence, answer_flags, ordered, reading_flags
+from gyrocal.trust import FLAGS, Evidence, answer_flags, ordered
 from gyrocal_firmware import CORE
 
 SHIM = """
 #include "gc_error.h"
+#include "gc_judge.h"
 #include "gc_trust.h"
+#include <math.h>
 
 int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const double *w, double rate_hz, double lsb,
-          double limit, uint32_t blocks, double *answer, char *flags)
+          uint32_t blocks, double *answer, char *flags)
 {
     static gc_face_t face[2];
     static gc_evidence_t evidence;
     for (unsigned i = 0; i < 2; i++) {
-        gc_face_begin(&face[i], rate_hz, limit);
+        gc_face_begin(&face[i], rate_hz);
         for (uint32_t k = 0; k < n[i]; k++) {
             gc_face_add(&face[i], (uint64_t)*t_us++, *counts++);
         }
@@ -36,9 +38,7 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
     }
     gc_answer_t base = {answer[0], 0, answer[2], 0, 0}, net = {answer[0], answer[1], answer[2], answer[3], 0};
     gc_evidence_errors(&evidence, &base);
-    uint32_t mask = gc_face_flags(&face[0], &face[1], blocks, lsb) | gc_answer_flags(&base, evidence.blocks);
-    mask |= gc_evidence_judge(&evidence, &net);
-    gc_flags_text(mask, flags);
+    gc_flags_text(gc_evidence_judge(&evidence, &net) | gc_judge_answer(&base, 2.0 * blocks), flags);
     answer[0] = base.scale_se;
     answer[1] = base.bias_se_dps;
     answer[2] = base.misfit;
@@ -49,7 +49,6 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
 unsigned flags_room(void) { return GC_FLAGS_TEXT_MAX; }
 """
 LSB_DPS = 0.00875
-FULL_SCALE_DPS = 250.0
 
 Trust = Callable[..., tuple[list[float], str]]
 
@@ -73,7 +72,7 @@ def core(library: ctypes.CDLL) -> Trust:
             t_us.ctypes.data_as(ctypes.c_void_p), counts.ctypes.data_as(ctypes.c_void_p),
             (ctypes.c_uint32 * 2)(*map(len, runs)), (ctypes.c_double * 2)(*(float(r.rate_dps[0]) for r in runs)),
             ctypes.c_double(runs[0].sample_rate_hz), ctypes.c_double(lsb_dps),
-            ctypes.c_double(min(FULL_SCALE_DPS // lsb_dps, 32767)), ctypes.c_uint32(round(4 * seconds)), numbers, text,
+            ctypes.c_uint32(round(4 * seconds)), numbers, text,
         )  # fmt: skip
         assert error == 0
         return list(numbers), text.value.decode()
@@ -141,7 +140,7 @@ def test_the_core_says_what_the_host_says(
     told = evidence.with_errors(answer)
     assert got == pytest.approx([told.scale_se, told.bias_se_dps, told.misfit, evidence.misfit_of(answer)], rel=1e-9)
     blocks = sum(np.unique(r.t_us // 250_000).size for r in runs)
-    expected = reading_flags(runs, "z", FULL_SCALE_DPS) | answer_flags(answer.scale, answer.bias_dps, told.misfit, blocks)
+    expected = answer_flags(answer.scale, answer.bias_dps, told.misfit, blocks)
     if evidence.disagrees(answer):
         expected |= {"disagrees"}
     assert flags == "+".join(ordered(expected))

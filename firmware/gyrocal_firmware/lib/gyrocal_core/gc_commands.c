@@ -24,14 +24,14 @@ static int allowed(const gc_device_t *d, gc_trigger_t trigger) {
 
 static int do_hello(gc_device_t *d, const gc_words_t *words) {
     (void)words;
-    gc_tell_ack(&d->teller, "hello");
+    gc_tell_ack(&d->teller, "hello", NULL, NULL);
     gc_device_hello(d);
     return GC_OK;
 }
 
 static int do_status(gc_device_t *d, const gc_words_t *words) {
     (void)words;
-    gc_tell_ack(&d->teller, "status");
+    gc_tell_ack(&d->teller, "status", NULL, NULL);
     gc_device_status(d);
     return GC_OK;
 }
@@ -49,8 +49,9 @@ static int do_start(gc_device_t *d, const gc_words_t *words) {
     if (!d->sampler.ready) {
         return GC_E_NOT_READY;
     }
-    gc_tell_ack(&d->teller, "start");
-    gc_device_start(d, up ? 1 : -1, false);
+    const int face = up ? 1 : -1;
+    gc_tell_ack(&d->teller, "start", "face", gc_face_name(face));
+    gc_device_start(d, face, false);
     return GC_OK;
 }
 
@@ -61,7 +62,7 @@ static int do_stop(gc_device_t *d, const gc_words_t *words) {
     if (error != GC_OK) {
         return error;
     }
-    gc_tell_ack(&d->teller, "stop");
+    gc_tell_ack(&d->teller, "stop", NULL, NULL);
     gc_watch_disarm(&d->watch);
     gc_device_stop(d);
     return GC_OK;
@@ -75,7 +76,7 @@ static int do_stream(gc_device_t *d, const gc_words_t *words) {
                 return GC_E_NOT_CALIBRATED;
             }
             d->stream = (gc_stream_t)i;
-            gc_tell_ack(&d->teller, "stream");
+            gc_tell_ack(&d->teller, "stream", "stream", names[i]);
             return GC_OK;
         }
     }
@@ -86,10 +87,24 @@ static int do_reset(gc_device_t *d, const gc_words_t *words) {
     (void)words;
     const int error = allowed(d, GC_TRIGGER_FORGET);
     if (error == GC_OK) {
-        gc_tell_ack(&d->teller, "reset");
+        gc_tell_ack(&d->teller, "reset", NULL, NULL);
         gc_device_forget(d);
     }
     return error;
+}
+
+static int do_undo(gc_device_t *d, const gc_words_t *words) {
+    (void)words;
+    if (d->state == GC_STATE_RECORDING) {
+        return GC_E_RECORDING;
+    }
+    const int axis = gc_kept_undo(&d->kept);
+    if (axis < 0) {
+        return axis;
+    }
+    gc_tell_ack(&d->teller, "undo", "axis", gc_axis_name(axis));
+    gc_device_save_results(d);
+    return GC_OK;
 }
 
 static int do_dump(gc_device_t *d, const gc_words_t *words) {
@@ -105,49 +120,46 @@ static int do_dump(gc_device_t *d, const gc_words_t *words) {
     return GC_OK;
 }
 
-/* Takes changed settings: keeps them, and sets the sensor up again where it must know. */
-static int change_settings(gc_device_t *d, const gc_settings_t *settings, const char *command) {
+static void tell_setting(gc_device_t *d, const char *command, gc_setting_t row) {
+    gc_sentence_t *s = gc_tell_begin(&d->teller, "ACK");
+    gc_sentence_text(s, "cmd", command);
+    gc_settings_field(s, &d->settings.now, row);
+    gc_tell_end(&d->teller);
+}
+
+/* Takes a changed setting: keeps it, and sets the sensor up again where it must know. */
+static int change_setting(gc_device_t *d, const char *command, gc_setting_t row, gc_text_t word) {
     const gc_settings_t before = d->settings.now;
-    int error = gc_settings_check(settings, d->config.part);
+    gc_settings_t settings = before;
+    int error = gc_settings_parse(&settings, row, word);
+    if (error == GC_OK) {
+        error = gc_settings_check(&settings, d->config.part);
+    }
     if (error != GC_OK) {
         return error;
     }
-    d->settings.now = *settings;
-    gc_tell_ack(&d->teller, command);
-    error = gc_settings_save(&d->settings, d->config.port);
-    if (error != GC_OK) {
-        gc_tell_error(&d->teller, error);
-    }
-    if (settings->rate_hz != before.rate_hz || settings->full_scale_dps != before.full_scale_dps || settings->fifo != before.fifo) {
+    d->settings.now = settings;
+    tell_setting(d, command, row);
+    gc_device_save_settings(d);
+    if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps || settings.fifo != before.fifo) {
         gc_sampler_begin_anew(&d->sampler);
+    }
+    if (row == GC_SETTING_AUTO) {
+        gc_watch_arm(&d->watch);
     }
     return GC_OK;
 }
 
 static int do_auto(gc_device_t *d, const gc_words_t *words) {
-    gc_settings_t settings = d->settings.now;
-    if (words->n < 2u) {
-        return GC_E_ARGUMENT;
-    }
-    const int error = gc_settings_parse(&settings, GC_SETTING_AUTO, words->word[1]);
-    if (error != GC_OK) {
-        return error;
-    }
-    gc_watch_arm(&d->watch);
-    return change_settings(d, &settings, "auto");
+    return words->n < 2u ? GC_E_ARGUMENT : change_setting(d, "auto", GC_SETTING_AUTO, words->word[1]);
 }
 
 static int do_set(gc_device_t *d, const gc_words_t *words) {
-    gc_settings_t settings = d->settings.now;
     if (d->state == GC_STATE_RECORDING) {
         return GC_E_RECORDING;
     }
     const gc_setting_t row = words->n == 3u ? gc_settings_find(words->word[1]) : GC_SETTINGS;
-    if (row == GC_SETTINGS) {
-        return GC_E_ARGUMENT;
-    }
-    const int error = gc_settings_parse(&settings, row, words->word[2]);
-    return error != GC_OK ? error : change_settings(d, &settings, "set");
+    return row == GC_SETTINGS ? GC_E_ARGUMENT : change_setting(d, "set", row, words->word[2]);
 }
 
 static int do_get(gc_device_t *d, const gc_words_t *words) {
@@ -155,10 +167,7 @@ static int do_get(gc_device_t *d, const gc_words_t *words) {
     if (row == GC_SETTINGS) {
         return GC_E_ARGUMENT;
     }
-    gc_sentence_t *s = gc_tell_begin(&d->teller, "ACK");
-    gc_sentence_text(s, "cmd", "get");
-    gc_settings_field(s, &d->settings.now, row);
-    gc_tell_end(&d->teller);
+    tell_setting(d, "get", row);
     return GC_OK;
 }
 
@@ -168,6 +177,7 @@ static const struct {
 } commands[] = {
     {"hello", do_hello}, {"status", do_status}, {"start", do_start}, {"auto", do_auto}, {"stop", do_stop},
     {"stream", do_stream}, {"set", do_set}, {"get", do_get}, {"reset", do_reset}, {"dump", do_dump},
+    {"undo", do_undo},
 };
 
 /* More words than any command has: GC_E_ARGUMENT. */

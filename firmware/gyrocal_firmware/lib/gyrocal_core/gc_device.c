@@ -6,6 +6,9 @@
 #include <math.h>
 #include <string.h>
 
+#define NET_ROOM 20u /* of $HEL: long names are cut */
+#define TABLE_RATE_FRACTION 0.03 /* the table's rate is told to be another */
+
 static bool is_recording(const gc_device_t *d) {
     return d->state == GC_STATE_RECORDING;
 }
@@ -35,9 +38,25 @@ void gc_device_hello(gc_device_t *d) {
     gc_settings_field(s, settings, GC_SETTING_AXIS);
     gc_settings_field(s, settings, GC_SETTING_TABLE_DPS);
     gc_settings_field(s, settings, GC_SETTING_TURN_DEG);
-    gc_sentence_text(s, "cal", d->config.calibration != NULL ? d->config.calibration->name : NULL);
-    gc_sentence_text(s, "net", d->pair.net.name);
+    gc_sentence_text_cut(s, "cal", d->config.calibration != NULL ? d->config.calibration->name : NULL, NET_ROOM);
+    gc_sentence_text_cut(s, "net", d->pair.net.name, 0);
     gc_tell_end(&d->teller);
+}
+
+static const char *waits_for(const gc_device_t *d) {
+    if (!d->sampler.ready) {
+        return "sensor";
+    }
+    if (is_recording(d)) {
+        return d->run->automatic ? "unsteady" : "stop";
+    }
+    if (!d->settings.now.automatic) {
+        return "start";
+    }
+    if (!d->watch.armed) {
+        return "unsteady";
+    }
+    return d->state == GC_STATE_FLIP ? "flip" : "steady";
 }
 
 void gc_device_status(gc_device_t *d) {
@@ -51,6 +70,9 @@ void gc_device_status(gc_device_t *d) {
     gc_sentence_uint(s, "missed", d->sampler.missed);
     gc_sentence_uint(s, "overruns", d->sampler.overruns);
     gc_sentence_real(s, "misfit", d->verdict.misfit);
+    gc_sentence_text(s, "waits", waits_for(d));
+    gc_sentence_real(s, "rate_dps", d->watch.rate_dps);
+    gc_sentence_text(s, "gravity", d->watch.face != 0 ? gc_face_name(d->watch.face) : NULL);
     gc_tell_end(&d->teller);
 }
 
@@ -89,7 +111,7 @@ static void tell_sample(gc_device_t *d, const gc_taken_t *taken) {
         gc_sentence_int(s, NULL, sample->temp);
     } else {
         for (unsigned i = 0; i < 3u; i++) {
-            gc_sentence_real(s, NULL, gc_kept_correct(&d->kept, i, d->sampler.sensor.lsb_dps * sample->gyro[i]));
+            gc_sentence_real(s, NULL, gc_kept_corrected(&d->kept, i, d->sampler.sensor.lsb_dps * sample->gyro[i]));
         }
     }
     gc_tell_end(&d->teller);
@@ -98,7 +120,7 @@ static void tell_sample(gc_device_t *d, const gc_taken_t *taken) {
 void gc_device_show(gc_device_t *d) {
     static const gc_led_t of_state[GC_STATES] = {GC_LED_IDLE, GC_LED_RECORDING, GC_LED_FLIP, GC_LED_DONE};
     gc_led_t led = of_state[d->state];
-    if (led == GC_LED_DONE && d->verdict.misfits) {
+    if (led == GC_LED_DONE && !d->verdict.trusted) {
         led = GC_LED_MISFIT;
     }
     if (d->config.port->led != NULL && (!d->led_known || led != d->led)) {
@@ -110,8 +132,16 @@ void gc_device_show(gc_device_t *d) {
 
 /* ---- runs ---- */
 
-static void save_results(gc_device_t *d) {
+void gc_device_save_results(gc_device_t *d) {
     const int error = gc_kept_save(&d->kept, d->config.port);
+    if (error != GC_OK) {
+        gc_tell_error(&d->teller, error);
+    }
+}
+
+void gc_device_save_settings(gc_device_t *d) {
+    d->settings_changed = is_recording(d);
+    const int error = d->settings_changed ? GC_OK : gc_settings_save(&d->settings, d->config.port);
     if (error != GC_OK) {
         gc_tell_error(&d->teller, error);
     }
@@ -165,7 +195,10 @@ void gc_device_stop(gc_device_t *d) {
     }
     enter(d, by_halves[gc_pair_halves(&d->pair)]);
     gc_run_tell(d->run, &d->teller, true, d->sampler.samples);
-    save_results(d);
+    gc_device_save_results(d);
+    if (d->settings_changed) {
+        gc_device_save_settings(d);
+    }
 }
 
 void gc_device_forget(gc_device_t *d) {
@@ -177,24 +210,34 @@ void gc_device_forget(gc_device_t *d) {
         d->stream = GC_STREAM_OFF;
     }
     gc_kept_forget(&d->kept);
-    save_results(d);
+    gc_device_save_results(d);
 }
 
 /* ---- samples ---- */
 
 static void watch_table(gc_device_t *d, const gc_taken_t *sample) {
     const gc_watch_action_t action = gc_watch_look(&d->watch, &d->settings.now, &d->sampler.sensor, sample->t_us, &sample->raw);
-    if (action == GC_WATCH_STOP) {
-        if (is_recording(d) && d->run->automatic) {
-            gc_device_stop(d);
-        }
-    } else if (action != GC_WATCH_NOTHING && !is_recording(d)) {
-        gc_watch_disarm(&d->watch);
-        gc_device_start(d, action == GC_WATCH_START_UP ? 1 : -1, true);
+    if (action == GC_WATCH_STOP && is_recording(d) && d->run->automatic) {
+        gc_device_stop(d);
+    }
+    if (action == GC_WATCH_NOTHING || action == GC_WATCH_STOP || is_recording(d)) {
+        return;
+    }
+    if (action == GC_WATCH_OPPOSED) {
+        gc_tell_error(&d->teller, GC_E_DIRECTION);
+        return;
+    }
+    const int face = action == GC_WATCH_START_UP ? 1 : -1;
+    const double w_dps = d->settings.now.table_dps * face;
+    gc_watch_disarm(&d->watch);
+    gc_device_start(d, face, true);
+    if (fabs(d->watch.rate_dps - w_dps) > TABLE_RATE_FRACTION * fabs(w_dps)) {
+        gc_tell_error(&d->teller, GC_E_TABLE_RATE);
     }
 }
 
 static void take_samples(gc_device_t *d) {
+    gc_sampler_begin_reading(&d->sampler);
     do {
         const unsigned n = gc_sampler_read(&d->sampler);
         for (unsigned i = 0; i < n; i++) {
@@ -227,10 +270,10 @@ void gc_device_init(gc_device_t *d, const gc_device_config_t *config) {
     gc_commands_init(&d->commands);
     gc_settings_default(&d->settings.now, config->calibration);
     gc_settings_load(&d->settings, config->port, config->part);
-    gc_kept_load(&d->kept, config->port);
     gc_sampler_init(&d->sampler, &d->teller, &d->settings.now, config->part, config->address);
     gc_watch_init(&d->watch);
     gc_pair_init(&d->pair, &d->teller, &d->kept, &d->verdict, error == GC_OK ? config->calibration : NULL, config->net);
+    gc_kept_load(&d->kept, config->port, d->pair.net.identity);
     gc_sampler_set_up(&d->sampler);
     gc_device_hello(d);
     if (error != GC_OK) {

@@ -53,6 +53,7 @@ typedef struct gc_device {
     gc_teller_t teller;
     gc_commands_t commands;
     gc_kept_settings_t settings;
+    bool settings_changed; /* in a run: kept after it */
     gc_kept_t kept;
     gc_sampler_t sampler;
     gc_watch_t watch;
@@ -83,6 +84,9 @@ void gc_device_empty_fifo(gc_device_t *device);
 void gc_device_start(gc_device_t *device, int face, bool automatic);
 void gc_device_stop(gc_device_t *device);
 void gc_device_forget(gc_device_t *device);
+/* Flash is written between runs only: what changes in a run is kept after it. */
+void gc_device_save_settings(gc_device_t *device);
+void gc_device_save_results(gc_device_t *device);
 void gc_device_show(gc_device_t *device);
 
 #ifdef __cplusplus

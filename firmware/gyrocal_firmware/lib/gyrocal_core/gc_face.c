@@ -1,24 +1,18 @@
 #include "gc_face.h"
 
-#include "gc_flags.h"
-
 #include <math.h>
 #include <string.h>
 
 #define SHORT_HZ 16.0
-#define STILL_US 500000u
-#define STILL_SAMPLES 40u
-#define EXPECTED_SD_DPS 0.0448 /* where the readings show no noise: the LSM6DSO's */
 #define CORRELATED 2.5         /* standard errors above which noise counts as correlated */
 #define FIRST_DOF (2.0 / 3.0)  /* degrees of freedom of a squared difference of white noise */
 #define SECOND_DOF 0.52
 #define SECOND_SPREAD 1.35
 #define MOST_VALUES (2u * GC_CHECKPOINTS * 2000000u / GC_BLOCK_US)
 
-void gc_face_begin(gc_face_t *face, double rate_hz, double limit_counts) {
+void gc_face_begin(gc_face_t *face, double rate_hz) {
     memset(face, 0, sizeof *face);
     face->rate_hz = rate_hz;
-    face->limit_counts = limit_counts;
     face->short_samples = (uint32_t)(rate_hz / SHORT_HZ + 0.5);
     if (face->short_samples == 0u) {
         face->short_samples = 1u;
@@ -41,27 +35,9 @@ static void add_to_short(gc_face_t *face, gc_face_block_t *block, int16_t count)
     face->short_n = 0;
 }
 
-static void note_change(gc_face_t *face, gc_face_block_t *block, uint64_t t_us, int16_t count) {
-    const int64_t first = (int64_t)count - face->last;
-    block->first_sq += first * first;
-    block->first_n++;
-    if (1e-6 * ((double)(t_us - face->last_us) * face->rate_hz) > GC_GAP_PERIODS) {
-        block->flags |= GC_FLAG_MISSED;
-    }
-    if (first != 0) {
-        face->still_us = t_us;
-        face->still_n = 0;
-    }
-    if (++face->still_n >= STILL_SAMPLES && t_us - face->still_us >= STILL_US) {
-        block->flags |= GC_FLAG_CONSTANT_READING;
-    }
-}
-
 void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count) {
     if (!face->begun) {
-        face->begun = true;
         face->first_us = t_us;
-        face->still_us = t_us;
         face->origin = count;
     }
     const uint64_t number = (t_us - face->first_us) / GC_BLOCK_US;
@@ -69,19 +45,16 @@ void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count) {
         return;
     }
     gc_face_block_t *block = &face->block[number];
-    if (t_us == face->first_us) {
-        face->still_n = 1;
-    } else {
-        note_change(face, block, t_us, count);
-    }
-    if (fabs((double)count) >= face->limit_counts) {
-        block->flags |= GC_FLAG_CLIPPED;
+    if (face->begun) {
+        const int64_t first = (int64_t)count - face->last;
+        block->first_sq += first * first;
+        block->first_n++;
     }
     block->n++;
     block->sum += (int32_t)count - face->origin;
     add_to_short(face, block, count);
+    face->begun = true;
     face->last = count;
-    face->last_us = t_us;
 }
 
 bool gc_face_has(const gc_face_t *face, unsigned block) {
@@ -131,27 +104,4 @@ double gc_face_white_variance(const gc_face_t *a, const gc_face_t *b, unsigned b
     }
     const double slow = median(second, seconds) / (6.0 * shorts * median_of_mean(SECOND_DOF * samples / shorts));
     return slow > (1.0 + CORRELATED * SECOND_SPREAD / sqrt((double)seconds)) * white ? slow : white;
-}
-
-static bool stands_still(const gc_face_t *face, unsigned blocks) {
-    bool moves = false;
-    for (unsigned k = 0; k < blocks; k++) {
-        moves = moves || face->block[k].first_sq > 0;
-    }
-    return !moves;
-}
-
-uint32_t gc_face_flags(const gc_face_t *a, const gc_face_t *b, unsigned blocks, double lsb_dps) {
-    const double white_sd_dps = lsb_dps * sqrt(gc_face_white_variance(a, b, blocks));
-    uint32_t flags = 0;
-    for (unsigned k = 0; k < blocks; k++) {
-        flags |= (uint32_t)a->block[k].flags | b->block[k].flags;
-    }
-    if (stands_still(a, blocks) || stands_still(b, blocks)) {
-        flags |= GC_FLAG_CONSTANT_READING;
-    }
-    if (!((white_sd_dps > 0.0 ? white_sd_dps : EXPECTED_SD_DPS) > 0.5 * lsb_dps)) {
-        flags &= ~(uint32_t)GC_FLAG_CONSTANT_READING;
-    }
-    return flags;
 }

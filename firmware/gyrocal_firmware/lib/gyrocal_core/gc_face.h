@@ -1,4 +1,4 @@
-/* A face's first 6 s in blocks of 0.25 s: what its answer's uncertainty and its flags are judged by.
+/* A face's first 6 s in blocks of 0.25 s: what its answer's uncertainty is judged by.
  *
  * Exact integer sums in raw counts, from a stream of samples. The twin of FaceSums in host/gyrocal/uncertainty.py.
  */
@@ -14,14 +14,12 @@
 extern "C" {
 #endif
 
-#define GC_GAP_PERIODS 1.5 /* two samples that are further apart have lost one between them */
 #define GC_FACE_BLOCKS ((unsigned)(GC_CHECKPOINT_US(GC_CHECKPOINTS - 1u) / GC_BLOCK_US))
 
 typedef struct {
     uint16_t n;
     uint16_t first_n;
     uint16_t second_n;
-    uint16_t flags;    /* GC_FLAG_CLIPPED, GC_FLAG_CONSTANT_READING (it stands still), GC_FLAG_MISSED */
     int32_t sum;       /* of count - origin */
     int64_t first_sq;  /* of differences of successive samples */
     int64_t second_sq; /* of second differences of sums over 1/16 s */
@@ -29,11 +27,7 @@ typedef struct {
 
 typedef struct {
     double rate_hz;
-    double limit_counts; /* full scale */
     uint64_t first_us;
-    uint64_t last_us;
-    uint64_t still_us; /* since when the reading has not changed, */
-    uint32_t still_n;  /* and for how many samples */
     bool begun;
     int16_t origin;
     int16_t last;
@@ -44,8 +38,7 @@ typedef struct {
     gc_face_block_t block[(GC_CHECKPOINTS * 2000000u) / GC_BLOCK_US];
 } gc_face_t;
 
-/* limit_counts: the smallest size of a reading at full scale. */
-void gc_face_begin(gc_face_t *face, double rate_hz, double limit_counts);
+void gc_face_begin(gc_face_t *face, double rate_hz);
 /* A sample; what comes after 6 s is left out. */
 void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count);
 
@@ -54,8 +47,6 @@ bool gc_face_has(const gc_face_t *face, unsigned block);
 /* Variance in counts^2 that one sample's noise has at long times, of the first `blocks` blocks of two faces of one rate: a mean of
    n samples has the n-th part. NaN where there is no block. */
 double gc_face_white_variance(const gc_face_t *a, const gc_face_t *b, unsigned blocks);
-/* Flags of the readings of the first `blocks` blocks. */
-uint32_t gc_face_flags(const gc_face_t *a, const gc_face_t *b, unsigned blocks, double lsb_dps);
 
 #ifdef __cplusplus
 }

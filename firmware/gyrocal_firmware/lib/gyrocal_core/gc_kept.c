@@ -1,6 +1,7 @@
 #include "gc_kept.h"
 
 #include "gc_error.h"
+#include "gc_flags.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -13,10 +14,59 @@
 
 static const char *const method_names[] = {"baseline", "cnn", "model", "rest", "turn"};
 
-void gc_kept_load(gc_kept_t *kept, const gc_port_t *port) {
+static bool is_number(double x) {
+    return x - x == 0.0;
+}
+
+static bool is_axis(int32_t axis) {
+    return axis >= 0 && axis < 3;
+}
+
+static bool is_method(int32_t method) {
+    return method >= GC_METHOD_BASELINE && method <= GC_METHOD_TURN;
+}
+
+static bool correction_ok(const gc_correction_t *c, bool same_net) {
+    return c->known != 0 && is_method(c->method) && is_number(c->scale) && c->scale > -1.0 && is_number(c->bias_dps) &&
+           (same_net || c->method != GC_METHOD_CNN);
+}
+
+static void check_results(gc_results_t *results, uint32_t net) {
+    const bool same_net = results->net == net;
+    const uint32_t n = results->n < GC_KEPT_ANSWERS ? results->n : GC_KEPT_ANSWERS;
+    bool good = same_net;
+    for (uint32_t i = 0; i < n; i++) {
+        good = good && is_method(results->answer[i].method) && is_axis(results->answer[i].axis);
+    }
+    results->n = good ? results->n : 0u;
+    for (unsigned i = 0; i < 3u; i++) {
+        if (!correction_ok(&results->correction[i], same_net)) {
+            memset(&results->correction[i], 0, sizeof results->correction[i]);
+        }
+    }
+    if (!correction_ok(&results->previous, same_net)) {
+        memset(&results->previous, 0, sizeof results->previous);
+    }
+    results->undo_axis = is_axis(results->undo_axis) ? results->undo_axis : -1;
+    results->net = net;
+}
+
+static void check_windows(gc_windows_t *windows) {
+    for (unsigned i = 0; i < 2u; i++) {
+        if (windows->run[i].n > GC_MAX_CNN_SAMPLES || !is_axis(windows->run[i].axis)) {
+            memset(&windows->run[i], 0, sizeof windows->run[i]);
+        }
+    }
+}
+
+void gc_kept_load(gc_kept_t *kept, const gc_port_t *port, uint32_t net) {
     memset(kept, 0, sizeof *kept);
-    (void)gc_store_load(port, "results", RESULTS_VERSION, &kept->results.record, sizeof kept->results);
+    if (gc_store_load(port, "results", RESULTS_VERSION, &kept->results.record, sizeof kept->results) != GC_OK) {
+        kept->results.undo_axis = -1;
+    }
     (void)gc_store_load(port, "windows", WINDOWS_VERSION, &kept->windows.record, sizeof kept->windows);
+    check_results(&kept->results, net);
+    check_windows(&kept->windows);
 }
 
 int gc_kept_save(gc_kept_t *kept, const gc_port_t *port) {
@@ -35,10 +85,14 @@ int gc_kept_save(gc_kept_t *kept, const gc_port_t *port) {
 void gc_kept_forget(gc_kept_t *kept) {
     const gc_record_t results = kept->results.record;
     const gc_record_t windows = kept->windows.record;
+    const uint32_t net = kept->results.net;
     memset(&kept->results, 0, sizeof kept->results);
     memset(&kept->windows, 0, sizeof kept->windows);
     kept->results.record = results;
+    kept->results.net = net;
+    kept->results.undo_axis = -1;
     kept->windows.record = windows;
+    kept->dump_lines = 0;
     kept->results_changed = true;
     kept->windows_changed = true;
 }
@@ -48,21 +102,6 @@ gc_window_t *gc_kept_begin_window(gc_kept_t *kept, unsigned sense) {
     memset(window, 0, sizeof *window);
     kept->windows_changed = true;
     return window;
-}
-
-static void keep(gc_results_t *results, const gc_kept_answer_t *answer, bool new_pair) {
-    gc_correction_t *correction = &results->correction[answer->axis];
-    results->answer[results->n++ % GC_KEPT_ANSWERS] = *answer;
-    if (answer->method == GC_METHOD_REST) {
-        if (correction->known) {
-            correction->bias_dps = answer->answer.bias_dps;
-        }
-    } else if (new_pair || answer->method == GC_METHOD_TURN || answer->method >= correction->method) {
-        correction->known = 1;
-        correction->method = answer->method;
-        correction->scale = answer->answer.scale;
-        correction->bias_dps = answer->answer.bias_dps;
-    }
 }
 
 static void answer_fields(gc_sentence_t *s, const gc_kept_answer_t *kept) {
@@ -77,13 +116,48 @@ static void answer_fields(gc_sentence_t *s, const gc_kept_answer_t *kept) {
     gc_sentence_real(s, "misfit", kept->answer.misfit);
     gc_sentence_uint(s, "first", kept->first);
     gc_sentence_uint(s, "last", kept->last);
+    char flags[GC_FLAGS_TEXT_MAX];
+    (void)gc_flags_text(kept->flags, flags);
+    gc_sentence_text(s, "flags", flags);
+    gc_sentence_uint(s, "trusted", kept->flags == 0u ? 1u : 0u);
 }
 
-void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer, bool new_pair) {
+void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer) {
+    gc_results_t *results = &kept->results;
     answer_fields(gc_tell_begin_at(teller, "CAL", answer->t_us), answer);
     gc_tell_end(teller);
-    keep(&kept->results, answer, new_pair);
+    results->answer[results->n++ % GC_KEPT_ANSWERS] = *answer;
     kept->results_changed = true;
+}
+
+void gc_kept_correct_by(gc_kept_t *kept, const gc_kept_answer_t *answer) {
+    gc_results_t *results = &kept->results;
+    gc_correction_t *correction = &results->correction[answer->axis];
+    const bool rest = answer->method == GC_METHOD_REST;
+    if (answer->flags != 0u || (rest && correction->known == 0)) {
+        return;
+    }
+    results->previous = *correction;
+    results->undo_axis = answer->axis;
+    correction->bias_dps = answer->answer.bias_dps;
+    if (!rest) {
+        correction->known = 1;
+        correction->method = answer->method;
+        correction->scale = answer->answer.scale;
+    }
+    kept->results_changed = true;
+}
+
+int gc_kept_undo(gc_kept_t *kept) {
+    gc_results_t *results = &kept->results;
+    const int32_t axis = results->undo_axis;
+    if (axis < 0) {
+        return GC_E_NO_UNDO;
+    }
+    results->correction[axis] = results->previous;
+    results->undo_axis = -1;
+    kept->results_changed = true;
+    return axis;
 }
 
 bool gc_kept_has_correction(const gc_kept_t *kept) {
@@ -91,7 +165,7 @@ bool gc_kept_has_correction(const gc_kept_t *kept) {
     return correction[0].known || correction[1].known || correction[2].known;
 }
 
-double gc_kept_correct(const gc_kept_t *kept, unsigned axis, double measured_dps) {
+double gc_kept_corrected(const gc_kept_t *kept, unsigned axis, double measured_dps) {
     const gc_correction_t *correction = &kept->results.correction[axis];
     return correction->known ? (measured_dps - correction->bias_dps) / (1.0 + correction->scale) : NAN;
 }

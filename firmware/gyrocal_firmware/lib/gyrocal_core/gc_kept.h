@@ -27,9 +27,11 @@ typedef struct {
     gc_answer_t answer;
     int32_t method; /* gc_method_t */
     int32_t axis;
+    uint32_t flags; /* gc_flags.h; none = it is trusted */
+    uint32_t reserved;
 } gc_kept_answer_t;
 
-/* reading = (1 + scale) rate + bias; of the richest method that answered for the axis, model before cnn before baseline. */
+/* reading = (1 + scale) rate + bias. */
 typedef struct {
     double scale;
     double bias_dps;
@@ -40,9 +42,12 @@ typedef struct {
 typedef struct {
     gc_record_t record;
     uint32_t n; /* answers so far; number i stands at i % GC_KEPT_ANSWERS */
-    uint32_t reserved;
+    uint32_t net; /* identity of the network whose answers they are */
     gc_kept_answer_t answer[GC_KEPT_ANSWERS];
     gc_correction_t correction[3];
+    gc_correction_t previous; /* what `undo` brings back */
+    int32_t undo_axis;        /* for this axis; -1 = nothing to bring back */
+    int32_t reserved;
 } gc_results_t;
 
 /* The first seconds of a run, in raw counts of its axis. */
@@ -69,21 +74,27 @@ typedef struct {
     uint32_t dump_line, dump_lines;        /* the next one to tell, and all */
 } gc_kept_t;
 
-void gc_kept_load(gc_kept_t *kept, const gc_port_t *port);
+/* Only what is whole and within its ranges. Where `net`, the identity of the network, is another than that of the answers, they are
+   dropped, and corrections by the network too. */
+void gc_kept_load(gc_kept_t *kept, const gc_port_t *port, uint32_t net);
 /* What changed. Between runs only: a write to flash takes longer than a sample may wait. GC_E_STORE where it failed. */
 int gc_kept_save(gc_kept_t *kept, const gc_port_t *port);
 /* To be saved. */
 void gc_kept_forget(gc_kept_t *kept);
 
-/* Tells an answer as $CAL, keeps it and lets it correct its axis; new_pair: whatever corrected it before gives way. An answer
-   at rest renews the bias of an axis that has a correction. */
-void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer, bool new_pair);
+/* Tells an answer as $CAL and keeps it. */
+void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer);
+/* Lets a trusted answer correct its axis, an answer at rest the bias alone of an axis that has a correction; one that has a flag
+   changes nothing. */
+void gc_kept_correct_by(gc_kept_t *kept, const gc_kept_answer_t *answer);
+/* Brings back what corrected before. Returns the axis, or GC_E_NO_UNDO. */
+int gc_kept_undo(gc_kept_t *kept);
 /* An empty window for a run that begins; a dump in progress ends. */
 gc_window_t *gc_kept_begin_window(gc_kept_t *kept, unsigned sense);
 
 bool gc_kept_has_correction(const gc_kept_t *kept);
 /* NaN for an axis without a correction. */
-double gc_kept_correct(const gc_kept_t *kept, unsigned axis, double measured_dps);
+double gc_kept_corrected(const gc_kept_t *kept, unsigned axis, double measured_dps);
 
 /* Everything kept as sentences, $OLD and $WIN: begin, then go on until all are told, a few at a time, each when there is room. */
 void gc_kept_begin_dump(gc_kept_t *kept);

@@ -219,6 +219,7 @@ const gc_part_t gc_lsm6dso = {
     .name = "LSM6DSO",
     .lsb_g = 0.000061, /* at 2 g */
     .lsb_c = 1.0 / 256.0,
+    .noise_dps = 0.0448, /* 3.8 mdps/sqrt(Hz) within the filter of 416 Hz */
     .zero_c = 25.0,
     .odr = odrs,
     .odrs = sizeof odrs / sizeof odrs[0],

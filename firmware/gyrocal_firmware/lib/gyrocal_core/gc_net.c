@@ -2,6 +2,7 @@
 
 #include "gc_baseline.h"
 #include "gc_error.h"
+#include "gc_store.h"
 
 #include <math.h>
 #include <string.h>
@@ -37,6 +38,13 @@ static int gyrocal_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_
                                 .bias_dps = found.bias_dps,
                                 .bias_se_dps = found.bias_se_dps};
     return GC_OK;
+}
+
+static uint32_t gyrocal_identity(const gc_convnet_t *net) {
+    const uint32_t columns = GC_CONVNET_STAGES * net->stage_columns;
+    uint32_t crc = gc_crc32(0, net->straight, GC_CONVNET_STAGES * columns * sizeof net->straight[0]);
+    crc = gc_crc32(crc, net->first_layer.code, net->hidden);
+    return gc_crc32(crc, net->last_layer.code, 2u * net->hidden);
 }
 
 /* ---- network paper: a window of both runs a part; its answer is the mean over windows, without standard errors ---- */
@@ -89,6 +97,10 @@ static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_ru
     return GC_OK;
 }
 
+static uint32_t paper_identity(const gc_cnn_net_t *table) {
+    return gc_crc32(gc_crc32(0, table->up.code, table->head.channels * table->head.kernel), table->fc2.code, 2u * table->hidden);
+}
+
 void gc_net_open(gc_net_t *net, const gc_cnn_net_t *table) {
     memset(net, 0, sizeof *net);
     net->table = table;
@@ -98,12 +110,15 @@ void gc_net_open(gc_net_t *net, const gc_cnn_net_t *table) {
     if (table->convnet != NULL) {
         net->name = table->convnet->name;
         net->rate_hz = (double)table->convnet->rate_hz;
+        net->identity = gyrocal_identity(table->convnet);
+        net->corrects = true;
         net->check = gyrocal_check;
         net->samples = gyrocal_samples;
         net->go_on = gyrocal_go_on;
     } else {
         net->name = table->name;
         net->rate_hz = (double)table->rate_hz;
+        net->identity = paper_identity(table);
         net->check = paper_check;
         net->samples = paper_samples;
         net->go_on = paper_go_on;

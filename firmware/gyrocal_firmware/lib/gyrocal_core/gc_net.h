@@ -58,6 +58,8 @@ typedef struct gc_net gc_net_t;
 struct gc_net {
     const char *name; /* NULL: there is none */
     double rate_hz;   /* of the training data */
+    uint32_t identity; /* of its weights: answers of another network are not its own */
+    bool corrects;     /* its answers may correct readings */
     const gc_cnn_net_t *table;
     /* GC_OK, or why it cannot answer on this firmware. */
     int (*check)(const gc_net_t *net);

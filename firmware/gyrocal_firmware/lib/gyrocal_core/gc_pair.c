@@ -5,6 +5,9 @@
 #include <math.h>
 #include <string.h>
 
+#define SAME_RATE 0.005 /* of a pair's true rates: both are known, they need not be equal */
+#define FACE_S 0.25     /* into a run, when gravity is compared with its face */
+
 void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict, const gc_calibration_t *calibration,
                   const gc_cnn_net_t *net) {
     memset(pair, 0, sizeof *pair);
@@ -32,10 +35,16 @@ static double temp_c(const gc_pair_t *pair, unsigned k) {
     return gc_sensor_temp_c(a->part, a->temp_at[k] + b->temp_at[k], a->n_at[k] + b->n_at[k]);
 }
 
-/* Over the first n samples of the run that goes on. */
-static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, const gc_answer_t *answer) {
+/* Blocks of both runs until checkpoint k. */
+static double blocks(unsigned k) {
+    return 2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US);
+}
+
+/* Over the first n samples of the run that goes on. Of the answers that may correct, the latest is best, by the richest method. */
+static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, const gc_answer_t *answer, uint32_t flags) {
     const gc_run_t *run = &pair->run[pair->sense];
     const gc_port_t *port = pair->teller->port;
+    gc_due_t *due = &pair->due;
     const gc_kept_answer_t kept = {
         .t_us = port->now_us(port->context),
         .first = run->first,
@@ -45,17 +54,29 @@ static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, co
         .answer = *answer,
         .method = (int32_t)method,
         .axis = run->settings.axis,
+        .flags = flags | pair->flags_at[0][k] | pair->flags_at[1][k] | gc_judge_answer(answer, blocks(k)),
     };
-    gc_kept_add(pair->kept, pair->teller, &kept, !pair->due.answered);
-    pair->due.answered = true;
+    gc_kept_add(pair->kept, pair->teller, &kept);
+    const bool corrects = method != GC_METHOD_CNN || pair->net.corrects;
+    const bool later = kept.seconds > due->best.seconds;
+    if (corrects && (later || (kept.seconds == due->best.seconds && kept.method >= due->best.method))) {
+        due->best = kept;
+        due->answered = true;
+    }
 }
 
 /* Told at the last checkpoint, when most can be seen. */
 static void judge(gc_pair_t *pair, double misfit, unsigned k) {
     pair->verdict->misfit = misfit;
-    pair->verdict->misfits = misfit > GC_MISFIT_LIMIT(2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US));
-    if (pair->verdict->misfits && k + 1u == GC_CHECKPOINTS) {
+    if (k + 1u == GC_CHECKPOINTS && !(misfit <= GC_MISFIT_LIMIT(blocks(k)))) {
         gc_tell_error(pair->teller, GC_E_MISFIT);
+    }
+}
+
+static void judge_face(gc_pair_t *pair) {
+    if (!pair->due.face_told && gc_run_face_is_wrong(&pair->run[pair->sense])) {
+        pair->due.face_told = true;
+        gc_tell_error(pair->teller, GC_E_FACE);
     }
 }
 
@@ -107,11 +128,6 @@ static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
     if (run[GC_SENSE_POSITIVE].n < *n || run[GC_SENSE_NEGATIVE].n < *n) {
         return GC_OK;
     }
-    gc_answer_t answer;
-    error = solve_baseline(pair, k, &answer); /* its misfit is that of the data */
-    if (error != GC_OK) {
-        return error;
-    }
     gc_net_run_t runs[GC_SENSES];
     for (unsigned i = 0; i < GC_SENSES; i++) {
         runs[i] = (gc_net_run_t){pair->kept->windows.run[i].counts, run[i].lsb_dps, run[i].w_dps};
@@ -131,22 +147,20 @@ static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
     if (error != GC_OK || !*done) {
         return error;
     }
-    answer.scale = found.scale;
-    answer.scale_se = found.scale_se;
-    answer.bias_dps = found.bias_dps;
-    answer.bias_se_dps = found.bias_se_dps;
-    give(pair, GC_METHOD_CNN, k, *n, &answer);
+    gc_answer_t answer = {found.scale, found.scale_se, found.bias_dps, found.bias_se_dps, NAN};
+    const uint32_t flags = gc_evidence_judge(&pair->due.evidence, &answer);
+    give(pair, GC_METHOD_CNN, k, *n, &answer, flags);
     return GC_OK;
 }
 
-/* The network's answers that are due: those whose baseline is there and whose samples are there in both runs. */
+/* The network's answer that is due: that of the latest evidence, where its samples are there in both runs. */
 static void answer_by_net(gc_pair_t *pair, bool to_the_end) {
     gc_due_t *due = &pair->due;
     const gc_run_t *run = pair->run;
     if (pair->net.name == NULL || due->net_off || !due->paired || run[pair->sense].opposed) {
         return;
     }
-    while (due->net_next < run[0].baseline.checkpoints && due->net_next < run[1].baseline.checkpoints) {
+    while (!due->weighing && due->net_next < due->evidences) {
         bool done;
         uint32_t n = 0;
         const int error = ask_net(pair, due->net_next, &done, &n);
@@ -182,7 +196,7 @@ static void go_on_with_model(gc_pair_t *pair, bool to_the_end) {
         gc_tell_error(pair->teller, error);
         due->model_error = error;
     } else if (done) {
-        give(pair, GC_METHOD_MODEL, due->solved, pair->run[pair->sense].n_at[due->solved], &answer);
+        give(pair, GC_METHOD_MODEL, due->solved, pair->run[pair->sense].n_at[due->solved], &answer, 0);
         judge(pair, answer.misfit, due->solved);
     }
 }
@@ -235,21 +249,46 @@ static void add_to_estimator(gc_pair_t *pair, const gc_taken_t *sample) {
 
 /* ---- baseline ---- */
 
-static void answer_by_baseline(gc_pair_t *pair, unsigned k) {
-    const gc_run_t *run = &pair->run[pair->sense];
-    if (!pair->due.paired || run->opposed || partner(pair)->baseline.checkpoints <= k) {
+/* The answer in progress: the next part of its standard errors, or all that is left. */
+static void go_on_with_baseline(gc_pair_t *pair, bool to_the_end) {
+    gc_due_t *due = &pair->due;
+    bool done = false;
+    if (!due->weighing) {
         return;
     }
+    do {
+        done = gc_evidence_go_on(&due->evidence);
+    } while (!done && to_the_end);
+    due->weighing = !done;
     gc_answer_t answer;
-    const int error = solve_baseline(pair, k, &answer);
+    if (!done || solve_baseline(pair, due->weighed, &answer) != GC_OK) {
+        return;
+    }
+    gc_evidence_errors(&due->evidence, &answer);
+    give(pair, GC_METHOD_BASELINE, due->weighed, pair->run[pair->sense].n_at[due->weighed], &answer, 0);
+    if (!pair->model || due->model_error != GC_OK) { /* the richer method judges */
+        judge(pair, answer.misfit, due->weighed);
+    }
+}
+
+static void answer_by_baseline(gc_pair_t *pair, unsigned k) {
+    const gc_run_t *a = &pair->run[GC_SENSE_POSITIVE];
+    const gc_run_t *b = &pair->run[GC_SENSE_NEGATIVE];
+    gc_due_t *due = &pair->due;
+    if (!due->paired || pair->run[pair->sense].opposed || partner(pair)->baseline.checkpoints <= k) {
+        return;
+    }
+    due->net_next = k; /* an earlier one whose samples never came is left out */
+    const unsigned seen = (unsigned)(GC_CHECKPOINT_US(k) / GC_BLOCK_US);
+    const int error = gc_evidence_begin(&due->evidence, &a->seconds, &b->seconds, seen, a->w_dps, b->w_dps, a->lsb_dps);
     if (error != GC_OK) {
         gc_tell_error(pair->teller, error);
+        due->net_off = true;
         return;
     }
-    give(pair, GC_METHOD_BASELINE, k, run->n_at[k], &answer);
-    if (!pair->model || pair->due.model_error != GC_OK) { /* the richer method judges */
-        judge(pair, answer.misfit, k);
-    }
+    due->weighing = true;
+    due->weighed = k;
+    due->evidences = k + 1u;
 }
 
 /* ---- runs ---- */
@@ -258,8 +297,11 @@ static void answer_by_baseline(gc_pair_t *pair, unsigned k) {
 static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     const unsigned reached = pair->run[pair->sense].baseline.checkpoints;
     for (unsigned k = before; k < reached; k++) {
+        go_on_with_baseline(pair, true);
         go_on_with_model(pair, true);
+        answer_by_net(pair, true); /* it is judged by the evidence of its own checkpoint */
         judge_direction(pair);
+        pair->flags_at[pair->sense][k] = gc_judge_run(&pair->run[pair->sense]);
         answer_by_baseline(pair, k);
         if (pair->model) {
             answer_by_model(pair, k);
@@ -268,11 +310,19 @@ static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     if (before < reached) {
         return;
     }
-    if (pair->due.solving) {
+    if (pair->due.weighing) {
+        go_on_with_baseline(pair, false);
+    } else if (pair->due.solving) {
         go_on_with_model(pair, false);
     } else {
         answer_by_net(pair, false);
     }
+}
+
+/* A run of the other sense at w_dps would make a pair with it. */
+static bool fits(const gc_run_t *half, const gc_settings_t *settings, const gc_sensor_t *sensor, double w_dps) {
+    return fabs(half->w_dps + w_dps) <= SAME_RATE * fabs(w_dps) && half->settings.axis == settings->axis &&
+           half->settings.rate_hz == settings->rate_hz && half->lsb_dps == sensor->lsb_dps;
 }
 
 gc_run_t *gc_pair_begin(gc_pair_t *pair, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
@@ -282,8 +332,11 @@ gc_run_t *gc_pair_begin(gc_pair_t *pair, const gc_settings_t *settings, const gc
     gc_run_t *run = &pair->run[pair->sense];
     gc_run_t *other = &pair->run[1u - pair->sense];
     memset(&pair->due, 0, sizeof pair->due);
-    pair->due.paired = other->complete && !run->complete && other->w_dps == -w_dps && other->settings.axis == settings->axis &&
-                       other->settings.rate_hz == settings->rate_hz && other->lsb_dps == sensor->lsb_dps;
+    const bool half = other->complete && !run->complete;
+    pair->due.paired = half && fits(other, settings, sensor, w_dps);
+    if (half && !pair->due.paired) {
+        gc_tell_error(pair->teller, GC_E_NO_PAIR);
+    }
     other->complete = pair->due.paired;
     *pair->verdict = (gc_verdict_t){.misfit = NAN};
     gc_window_t *window = gc_kept_begin_window(pair->kept, pair->sense);
@@ -306,6 +359,9 @@ bool gc_pair_add(gc_pair_t *pair, const gc_taken_t *sample) {
     gc_run_advance(run, sample->t_us);
     answer_what_is_due(pair, before);
     const bool clips = gc_run_add(run, sample);
+    if (run->n == (uint32_t)(FACE_S * run->settings.rate_hz) + 1u) {
+        judge_face(pair);
+    }
     if (window->n < GC_MAX_CNN_SAMPLES && run->missed == 0u) {
         window->counts[window->n++] = sample->raw.gyro[run->settings.axis];
     }
@@ -320,15 +376,21 @@ void gc_pair_end(gc_pair_t *pair) {
     const unsigned before = run->baseline.checkpoints;
     gc_run_end(run);
     answer_what_is_due(pair, before);
-    go_on_with_model(pair, true); /* what was put off */
+    go_on_with_baseline(pair, true); /* what was put off */
+    go_on_with_model(pair, true);
     answer_by_net(pair, true);
     if (gc_run_has_stuck_bit(run)) {
         gc_tell_error(pair->teller, GC_E_STUCK_BIT);
     }
     judge_direction(pair);
+    judge_face(pair);
     run->complete = run->baseline.checkpoints > 0u && !run->opposed;
     if (run->baseline.checkpoints == 0u && !run->opposed) {
         gc_tell_error(pair->teller, GC_E_TOO_SHORT);
+    }
+    if (pair->due.answered && run->complete) {
+        pair->verdict->trusted = pair->due.best.flags == 0u;
+        gc_kept_correct_by(pair->kept, &pair->due.best);
     }
 }
 

@@ -6,7 +6,8 @@
 
 #define ONE_G_TOLERANCE 0.2
 
-static void give(gc_teller_t *teller, gc_kept_t *kept, const gc_run_t *run, gc_method_t method, const gc_answer_t *answer) {
+static void give(gc_teller_t *teller, gc_kept_t *kept, const gc_run_t *run, gc_method_t method, uint32_t flags,
+                 const gc_answer_t *answer) {
     const gc_kept_answer_t entry = {
         .t_us = teller->port->now_us(teller->port->context),
         .first = run->first,
@@ -16,8 +17,10 @@ static void give(gc_teller_t *teller, gc_kept_t *kept, const gc_run_t *run, gc_m
         .answer = *answer,
         .method = (int32_t)method,
         .axis = run->settings.axis,
+        .flags = flags,
     };
-    gc_kept_add(kept, teller, &entry, false);
+    gc_kept_add(kept, teller, &entry);
+    gc_kept_correct_by(kept, &entry);
 }
 
 void gc_rest_end(gc_rest_t *rest, const gc_run_t *run, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict) {
@@ -41,9 +44,10 @@ void gc_rest_end(gc_rest_t *rest, const gc_run_t *run, gc_teller_t *teller, gc_k
     if (fabs(sqrt(acc_sq) - 1.0) > ONE_G_TOLERANCE) {
         gc_tell_error(teller, GC_E_NOT_ONE_G);
     }
+    /* at rest any face serves */
+    const double blocks = (double)(run->last_us - run->first_us) / (double)GC_BLOCK_US;
     verdict->misfit = answer.misfit;
-    verdict->misfits = answer.misfit > GC_MISFIT_LIMIT((double)(run->last_us - run->first_us) / (double)GC_BLOCK_US);
-    give(teller, kept, run, GC_METHOD_REST, &answer);
+    give(teller, kept, run, GC_METHOD_REST, (gc_judge_run(run) & ~(uint32_t)GC_FLAG_DIRECTION) | gc_judge_answer(&answer, blocks), &answer);
 }
 
 void gc_rest_end_turn(const gc_rest_t *rest, const gc_run_t *run, gc_teller_t *teller, gc_kept_t *kept) {
@@ -55,6 +59,9 @@ void gc_rest_end_turn(const gc_rest_t *rest, const gc_run_t *run, gc_teller_t *t
     if (run->n < 2u) {
         gc_tell_error(teller, GC_E_TOO_SHORT);
         return;
+    }
+    if (gc_run_face_is_wrong(run)) {
+        gc_tell_error(teller, GC_E_FACE);
     }
     const double seconds = gc_run_seconds(run);
     const double true_deg = run->settings.turn_deg * run->face;
@@ -69,5 +76,6 @@ void gc_rest_end_turn(const gc_rest_t *rest, const gc_run_t *run, gc_teller_t *t
         .bias_se_dps = sqrt(bias_variance),
         .misfit = NAN,
     };
-    give(teller, kept, run, GC_METHOD_TURN, &answer);
+    const uint32_t flags = gc_judge_run(run) | (gc_judge_answer(&answer, 1.0) & ~(uint32_t)GC_FLAG_MISFIT); /* it has none */
+    give(teller, kept, run, GC_METHOD_TURN, flags, &answer);
 }

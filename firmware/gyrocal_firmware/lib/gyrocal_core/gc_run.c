@@ -5,6 +5,7 @@
 
 #define STUCK_BITS 4u
 #define STUCK_CHANGES 64u
+#define GRAVITY_MIN_G 0.5 /* along the axis: a face is up */
 
 double gc_run_true_rate_dps(const gc_settings_t *settings, int face) {
     return settings->turn_deg != 0.0 ? NAN : settings->table_dps * face;
@@ -24,6 +25,7 @@ void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_
     run->min = INT16_MAX;
     run->max = INT16_MIN;
     gc_baseline_begin(&run->baseline, settings->rate_hz);
+    gc_face_begin(&run->seconds, settings->rate_hz);
 }
 
 static void note_checkpoints(gc_run_t *run, unsigned before) {
@@ -49,6 +51,24 @@ static bool is_clipped(const gc_run_t *run, int16_t count) {
     return fabs((double)count) >= fmin(floor(run->full_scale_dps / run->lsb_dps), INT16_MAX);
 }
 
+/* From the reading before to this one. */
+static void note_change(gc_run_t *run, uint64_t t_us, int16_t count) {
+    const int32_t diff = (int32_t)count - run->last[run->settings.axis];
+    const uint16_t size = (uint16_t)(diff < 0 ? -diff : diff);
+    const double diff_sq = (double)size * size;
+    run->largest_diff = size > run->largest_diff ? size : run->largest_diff;
+    run->sum_diff4 += diff_sq * diff_sq;
+    if (diff != 0) {
+        run->changes++;
+        run->still = 0;
+        run->still_since_us = t_us;
+    }
+    run->still++;
+    run->still_longest = run->still > run->still_longest ? run->still : run->still_longest;
+    const uint64_t still_us = t_us - run->still_since_us;
+    run->still_longest_us = still_us > run->still_longest_us ? still_us : run->still_longest_us;
+}
+
 bool gc_run_add(gc_run_t *run, const gc_taken_t *sample) {
     const int axis = run->settings.axis;
     const int16_t *gyro = sample->raw.gyro;
@@ -56,13 +76,15 @@ bool gc_run_add(gc_run_t *run, const gc_taken_t *sample) {
     if (run->n == 0u) {
         run->first = sample->number;
         run->first_us = sample->t_us;
+        run->still = 1;
+        run->still_since_us = sample->t_us;
     } else {
         for (size_t i = 0; i < 3u; i++) {
             const int64_t diff = (int64_t)gyro[i] - run->last[i];
             run->sum_sq_diff[i] += diff * diff;
         }
         run->turn += ((int64_t)run->last[axis] + count) * (int64_t)(sample->t_us - run->last_us);
-        run->changes += count != run->last[axis] ? 1u : 0u;
+        note_change(run, sample->t_us, count);
         run->missed += sample->missed;
     }
     for (size_t i = 0; i < 3u; i++) {
@@ -77,6 +99,7 @@ bool gc_run_add(gc_run_t *run, const gc_taken_t *sample) {
     run->max = count > run->max ? count : run->max;
     run->last_us = sample->t_us;
     gc_baseline_add(&run->baseline, sample->t_us, count);
+    gc_face_add(&run->seconds, sample->t_us, count);
     run->n++;
     if (!is_clipped(run, count)) {
         return false;
@@ -104,6 +127,11 @@ bool gc_run_has_stuck_bit(const gc_run_t *run) {
         }
     }
     return false;
+}
+
+bool gc_run_face_is_wrong(const gc_run_t *run) {
+    const double acc_g = run->n == 0u ? 0.0 : run->part->lsb_g * (double)run->acc_sum[run->settings.axis] / (double)run->n;
+    return fabs(acc_g) > GRAVITY_MIN_G && acc_g * run->face < 0.0;
 }
 
 bool gc_run_is_opposed(const gc_run_t *run) {

@@ -11,6 +11,8 @@
 extern "C" {
 #endif
 
+#define GC_GAP_PERIODS 1.5 /* two samples that are further apart have lost one between them */
+
 typedef struct {
     uint64_t t_us;
     uint64_t number; /* since boot */
@@ -43,7 +45,12 @@ typedef struct {
     uint16_t bits_or, bits_and; /* of the axis: a bit that never changes */
     int16_t min, max;
     uint32_t changes;
+    uint16_t largest_diff; /* of successive readings */
+    double sum_diff4;      /* of their fourth powers */
+    uint32_t still, still_longest; /* readings in a row that did not change, and for how long: */
+    uint64_t still_since_us, still_longest_us;
     gc_baseline_t baseline;
+    gc_face_t seconds; /* its first ones, by blocks */
     uint32_t n_at[GC_CHECKPOINTS];
     int64_t temp_at[GC_CHECKPOINTS];
 } gc_run_t;
@@ -63,6 +70,8 @@ double gc_run_seconds(const gc_run_t *run);
 double gc_run_temp_c(const gc_run_t *run);
 /* A low bit never changed although the reading moved over several of its steps. */
 bool gc_run_has_stuck_bit(const gc_run_t *run);
+/* Gravity along the axis says another face than the run's; false where it is not along the axis. */
+bool gc_run_face_is_wrong(const gc_run_t *run);
 /* The mean reading is of the other sign than the true rate. */
 bool gc_run_is_opposed(const gc_run_t *run);
 

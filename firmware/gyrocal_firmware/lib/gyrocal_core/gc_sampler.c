@@ -9,6 +9,8 @@
 #define GIVE_UP_US 500000u   /* without a good sample: set it up again */
 #define IDLE_SLICE_US 20000u /* commands are looked for so often while there is no sensor */
 #define READY_POLL_US 100u
+#define MOST_MISSED 4294967295.0
+#define READS_A_STEP 8u /* of the FIFO: what comes faster than it is read waits for the next step */
 
 static uint64_t now_us(const gc_sampler_t *sampler) {
     return sampler->port->now_us(sampler->port->context);
@@ -58,7 +60,8 @@ static void wait_sample(const gc_sampler_t *sampler, uint64_t due_us) {
 /* A tick that is over is made up for at once, of several the last. */
 static void wait_for_tick(gc_sampler_t *sampler) {
     const double period_us = 1e6 / sampler->settings->rate_hz;
-    const uint64_t over = (uint64_t)((double)(now_us(sampler) - sampler->epoch_us) / period_us);
+    const uint64_t now = now_us(sampler);
+    const uint64_t over = now > sampler->epoch_us ? (uint64_t)((double)(now - sampler->epoch_us) / period_us) : 0u;
     sampler->tick = over > sampler->tick ? over : sampler->tick + 1u;
     wait_sample(sampler, sampler->epoch_us + (uint64_t)((double)sampler->tick * period_us + 0.5));
     sampler->read_us = now_us(sampler);
@@ -159,6 +162,10 @@ static void read_one(gc_sampler_t *sampler) {
     }
 }
 
+void gc_sampler_begin_reading(gc_sampler_t *sampler) {
+    sampler->reads = 0;
+}
+
 unsigned gc_sampler_read(gc_sampler_t *sampler) {
     if (sampler->settings->fifo > 0.0) {
         read_fifo(sampler);
@@ -170,12 +177,15 @@ unsigned gc_sampler_read(gc_sampler_t *sampler) {
 
 static uint32_t missed_between(const gc_sampler_t *sampler, uint64_t before_us, uint64_t t_us) {
     const double periods = 1e-6 * ((double)(t_us - before_us) * sampler->settings->rate_hz);
-    return periods > GC_GAP_PERIODS ? (uint32_t)(periods + 0.5) - 1u : 0u;
+    return periods > GC_GAP_PERIODS ? (uint32_t)fmin(periods + 0.5, MOST_MISSED) - 1u : 0u;
 }
 
 void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken) {
     const double before_newest_us = sampler->step_us * (sampler->batch.n - 1u - i);
-    taken->t_us = (uint64_t)(sampler->newest_us - before_newest_us + 0.5);
+    taken->t_us = (uint64_t)fmax(sampler->newest_us - before_newest_us + 0.5, 0.0);
+    if (taken->t_us < sampler->sample_us) { /* time does not go back, whatever clock and port say */
+        taken->t_us = sampler->sample_us;
+    }
     taken->number = sampler->samples++;
     taken->missed = sampler->sample_us > 0u ? missed_between(sampler, sampler->sample_us, taken->t_us) : 0u;
     taken->raw = sampler->batch.sample[i];
@@ -193,9 +203,9 @@ bool gc_sampler_judge(gc_sampler_t *sampler) {
     }
     sampler->error = error;
     sampler->stale += error == GC_E_STALE ? 1u : 0u;
-    if (error == GC_E_CONFIG_LOST || sampler->read_us - sampler->good_us > GIVE_UP_US) {
+    if (error == GC_E_CONFIG_LOST || (sampler->read_us > sampler->good_us && sampler->read_us - sampler->good_us > GIVE_UP_US)) {
         gc_sampler_set_up(sampler);
         sampler->resets++;
     }
-    return sampler->batch.left > 0u && (error == GC_OK || error == GC_E_FIFO_OVERRUN);
+    return sampler->batch.left > 0u && ++sampler->reads < READS_A_STEP && (error == GC_OK || error == GC_E_FIFO_OVERRUN);
 }

@@ -2,6 +2,7 @@
  * and set up again.
  *
  *     if (gc_sampler_wait(&sampler)) {
+ *         gc_sampler_begin_reading(&sampler);
  *         do {
  *             const unsigned n = gc_sampler_read(&sampler);
  *             for (unsigned i = 0; i < n; i++) {
@@ -41,6 +42,7 @@ typedef struct {
     uint64_t read_us; /* the last reading, and */
     int read_error;   /* how it ended */
     gc_batch_t batch; /* what it gave */
+    unsigned reads;   /* of the FIFO in a row */
     double newest_us, step_us; /* when its last sample was taken, how far apart they are */
     bool fifo_known; /* newest_us is known, and no sample is missing since */
 
@@ -57,6 +59,8 @@ void gc_sampler_set_up(gc_sampler_t *sampler);
 /* The settings changed: the time since the last sample says nothing. */
 void gc_sampler_begin_anew(gc_sampler_t *sampler);
 
+/* Readings that follow are a row of their own: for gc_sampler_judge, which bounds it. */
+void gc_sampler_begin_reading(gc_sampler_t *sampler);
 /* Until a sample or batch should be read; false where there is no sensor to be read. */
 bool gc_sampler_wait(gc_sampler_t *sampler);
 /* How many samples came. */

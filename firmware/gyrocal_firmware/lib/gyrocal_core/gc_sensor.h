@@ -51,6 +51,7 @@ typedef struct gc_sensor gc_sensor_t;
 typedef struct {
     const char *name;
     double lsb_g, lsb_c;
+    double noise_dps; /* of one reading, typically: its standard deviation */
     double zero_c; /* temperature = zero_c + lsb_c * counts */
     const gc_odr_t *odr; /* output data rates, ascending */
     size_t odrs;

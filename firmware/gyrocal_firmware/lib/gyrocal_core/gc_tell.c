@@ -47,8 +47,12 @@ void gc_tell_error(gc_teller_t *teller, int code) {
     gc_tell_end(teller);
 }
 
-void gc_tell_ack(gc_teller_t *teller, const char *command) {
-    gc_sentence_text(gc_tell_begin(teller, "ACK"), "cmd", command);
+void gc_tell_ack(gc_teller_t *teller, const char *command, const char *name, const char *value) {
+    gc_sentence_t *s = gc_tell_begin(teller, "ACK");
+    gc_sentence_text(s, "cmd", command);
+    if (name != NULL) {
+        gc_sentence_text(s, name, value);
+    }
     gc_tell_end(teller);
 }
 

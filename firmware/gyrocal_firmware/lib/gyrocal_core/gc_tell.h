@@ -27,7 +27,8 @@ void gc_tell_end(gc_teller_t *teller);
 bool gc_tell_end_or_wait(gc_teller_t *teller);
 
 void gc_tell_error(gc_teller_t *teller, int code);
-void gc_tell_ack(gc_teller_t *teller, const char *command);
+/* The command was taken, with this value of this name; name NULL: without. */
+void gc_tell_ack(gc_teller_t *teller, const char *command, const char *name, const char *value);
 
 const char *gc_axis_name(int axis);
 const char *gc_face_name(int face);

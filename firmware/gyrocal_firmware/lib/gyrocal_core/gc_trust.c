@@ -14,8 +14,6 @@
 #define WARMUP_DPS 0.02
 #define PRESENT 0.5
 #define SMALLEST_SD_DPS 1e-6
-#define LARGEST_SCALE 0.15
-#define LARGEST_BIAS_DPS 50.0
 #define DISAGREES 3.5 /* expected error over the one that an answer claims */
 
 static const double spin_up[] = {0.0011, 0.0047};
@@ -190,7 +188,6 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
         e->face = faces[i];
         e->w_dps = i == 0u ? w_a_dps : w_b_dps;
         for (unsigned k = 0; k < blocks; k++) {
-            evidence->blocks += e->face->block[k].n > 0u ? 1u : 0u;
             e->blocks += gc_face_has(e->face, k) ? 1u : 0u;
         }
     }
@@ -337,20 +334,7 @@ uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer) {
     answer->misfit = sqrt(chi2 / (double)(of[0].blocks + of[1].blocks));
     double scale_se, bias_se_dps;
     errors_of(evidence, answer, &scale_se, &bias_se_dps);
-    const bool agrees = scale_se <= DISAGREES * answer->scale_se && bias_se_dps <= DISAGREES * answer->bias_se_dps;
-    return agrees ? 0u : (uint32_t)GC_FLAG_DISAGREES;
-}
-
-uint32_t gc_answer_flags(const gc_answer_t *answer, unsigned blocks) {
-    uint32_t flags = 0;
-    if (answer->scale < -1.0) {
-        flags |= GC_FLAG_DIRECTION;
-    }
-    if (!(fabs(answer->scale) <= LARGEST_SCALE && fabs(answer->bias_dps) <= LARGEST_BIAS_DPS)) {
-        flags |= GC_FLAG_IMPLAUSIBLE;
-    }
-    if (answer->misfit > GC_TRUST_MISFIT_LIMIT(blocks)) {
-        flags |= GC_FLAG_MISFIT;
-    }
-    return flags;
+    /* paper has no standard errors: it is not judged */
+    const bool disagrees = scale_se > DISAGREES * answer->scale_se || bias_se_dps > DISAGREES * answer->bias_se_dps;
+    return disagrees ? (uint32_t)GC_FLAG_DISAGREES : 0u;
 }

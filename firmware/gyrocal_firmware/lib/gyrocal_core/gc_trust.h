@@ -1,4 +1,4 @@
-/* How far off an answer from two faces may be, and what speaks against it.
+/* How far off an answer from two faces may be.
  *
  * A face at true rate w says u = bias + scale w. Its block means are y - w = u + effects + drift + noise. The effects are ripple of
  * the table, once and twice a turn, and a transient; whether they act is not known. 44 hypotheses are weighed by their evidence
@@ -18,8 +18,6 @@ extern "C" {
 #define GC_TRANSIENTS 10u                             /* two sizes, five time constants */
 #define GC_HYPOTHESES (4u * (1u + GC_TRANSIENTS))     /* ripple twice a turn, once a turn; no transient or one */
 #define GC_FIRST_ORDER (2u * (1u + GC_TRANSIENTS))    /* the first of them: without ripple twice a turn */
-/* A misfit above this says that the readings do not fit: 2.5 standard deviations of what `blocks` of noise alone show. */
-#define GC_TRUST_MISFIT_LIMIT(blocks) (1.0 + 2.5 / sqrt(2.0 * (double)(blocks)))
 
 typedef struct {
     double u_dps;
@@ -43,7 +41,6 @@ typedef struct {
 typedef struct {
     gc_face_evidence_t of[2];
     unsigned seen;   /* blocks of each face */
-    unsigned blocks; /* of both faces, with those that hold too little */
     double lsb_dps;
     double white_dps2; /* variance of a sample */
     unsigned parts;    /* that are done */
@@ -60,8 +57,6 @@ bool gc_evidence_go_on(gc_evidence_t *evidence);
 void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer);
 /* The misfit of a network's answer, and GC_FLAG_DISAGREES or 0. */
 uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer);
-/* What an answer shows by itself. A misfit of NaN is none. */
-uint32_t gc_answer_flags(const gc_answer_t *answer, unsigned blocks);
 
 #ifdef __cplusplus
 }
