@@ -118,8 +118,8 @@ def test_the_papers_answers_are_means_over_consecutive_windows(sim: Sim, build: 
             assert s["scale_se"] == s["bias_se_dps"] == ""
 
 
-def test_readings_beyond_the_training_range_are_doubted_once(sim: Sim, tmp_path: Path) -> None:
-    """Two dps off for a quarter of a second: the network answers, and says that it was not made for this."""
+def test_readings_beyond_the_training_range_give_no_answer_by_network(sim: Sim, tmp_path: Path) -> None:
+    """Two dps off for a quarter of a second: the network was not made for this, says so once and gives no answer."""
     rng = np.random.default_rng(17)
     runs = pair(rng)
     assert "net_range" not in sim(write_rows(tmp_path / "a.rows", runs))
@@ -127,8 +127,8 @@ def test_readings_beyond_the_training_range_are_doubted_once(sim: Sim, tmp_path:
     text = sim(write_rows(tmp_path / "b.rows", runs))
     assert [s["name"] for s in sentences(text, "ERR")].count("net_range") == 1
     said = [s for s in sentences(text, "CAL") if s["method"] == "cnn"]
-    assert [s["seconds"] for s in said] == ["2", "4", "6"]
-    assert all(float(s["scale_se"]) > 0 for s in said)
+    assert not said
+    assert [s["method"] for s in sentences(text, "CAL")] == ["baseline"] * 3
 
 
 @pytest.mark.parametrize("run_with_gap", [0, 1])
