@@ -268,13 +268,21 @@ static void answer_by_baseline(gc_pair_t *pair, unsigned k) {
 
 /* ---- runs ---- */
 
+/* The samples that never came may lie before the checkpoint, and the one that tells so behind it. */
+static uint32_t gap_flag(const gc_run_t *run, unsigned k) {
+    const uint64_t seen_us = run->last_us - run->first_us;
+    const uint64_t due_us = GC_CHECKPOINT_US(k);
+    const bool gap = due_us > seen_us && 1e-6 * ((double)(due_us - seen_us) * run->settings.rate_hz) > GC_GAP_PERIODS;
+    return gap ? GC_FLAG_MISSED : 0u;
+}
+
 /* Answers at the checkpoints completed since `before`, or else the next part of what was put off. */
 static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     const unsigned reached = pair->run[pair->sense].baseline.checkpoints;
     for (unsigned k = before; k < reached; k++) {
         go_on_with_model(pair, true);
         judge_direction(pair);
-        pair->flags_at[pair->sense][k] = gc_judge_run(&pair->run[pair->sense]);
+        pair->flags_at[pair->sense][k] = gc_judge_run(&pair->run[pair->sense]) | gap_flag(&pair->run[pair->sense], k);
         answer_by_baseline(pair, k);
         if (pair->model) {
             answer_by_model(pair, k);
