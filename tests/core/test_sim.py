@@ -499,7 +499,9 @@ def test_over_a_population_the_baseline_is_trusted_where_it_is_right(sim: Sim, t
         assert 0.75 < np.std(off) < 1.3
 
 
-@pytest.mark.parametrize(("fault", "flag"), [("stuck_bit", "misfit"), ("stale", "missed"), ("nack", "missed"), ("busy", "missed")])
+@pytest.mark.parametrize(
+    ("fault", "flag"), [("stuck_bit", "misfit"), ("stale", "missed"), ("nack", "missed"), ("busy", "missed")]
+)
 def test_a_fault_of_the_sensor_is_flagged(sim: Sim, tmp_path: Path, fault: str, flag: str) -> None:
     rows = write_rows(tmp_path / "a.rows", pair(np.random.default_rng(41)))
     said = sentences(sim(rows, "--fault", fault), "CAL")

@@ -45,7 +45,7 @@ typedef struct {
     int16_t min, max;
     uint32_t changes;
     uint16_t largest_diff; /* of successive readings */
-    double sum_diff4;      /* of their fourth powers */
+    uint64_t sum_diff4[2]; /* of their fourth powers, exactly: low and high half */
     uint32_t still, still_longest; /* readings in a row that did not change, and for how long: */
     uint64_t still_since_us, still_longest_us;
     gc_baseline_t baseline;

@@ -182,10 +182,8 @@ static uint32_t missed_between(const gc_sampler_t *sampler, uint64_t before_us, 
 
 void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken) {
     const double before_newest_us = sampler->step_us * (sampler->batch.n - 1u - i);
-    taken->t_us = (uint64_t)fmax(sampler->newest_us - before_newest_us + 0.5, 0.0);
-    if (taken->t_us < sampler->sample_us) { /* time does not go back, whatever clock and port say */
-        taken->t_us = sampler->sample_us;
-    }
+    const double t_us = sampler->newest_us - before_newest_us + 0.5;
+    taken->t_us = t_us > (double)sampler->sample_us ? (uint64_t)t_us : sampler->sample_us; /* never back, whatever the clocks say */
     taken->number = sampler->samples++;
     taken->missed = sampler->sample_us > 0u ? missed_between(sampler, sampler->sample_us, taken->t_us) : 0u;
     taken->raw = sampler->batch.sample[i];
