@@ -66,8 +66,8 @@ struct gc_net {
     int (*check)(const gc_net_t *net);
     /* Samples of each run that stage 0, 1 or 2 (2, 4 or 6 s) takes; 0: no answer at that stage. */
     uint32_t (*samples)(const gc_net_t *net, unsigned stage);
-    /* The next part of the answer to a stage; stages come in order. runs: by sense, with samples(net, stage) counts. *done tells
-       whether the answer is there. */
+    /* The next part of the answer to a stage; stages come in order. runs: by sense, with samples(net, stage) counts. *done
+       tells whether the answer is there. */
     int (*go_on)(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES], unsigned stage, bool *done,
                  gc_net_answer_t *answer);
 };

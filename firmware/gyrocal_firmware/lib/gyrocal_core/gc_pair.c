@@ -8,8 +8,8 @@
 #define SAME_RATE 0.005 /* of a pair's true rates: both are known, they need not be equal */
 #define FACE_S 0.25     /* into a run, when gravity is compared with its face */
 
-void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict, const gc_calibration_t *calibration,
-                  const gc_cnn_net_t *net) {
+void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict,
+                  const gc_calibration_t *calibration, const gc_cnn_net_t *net) {
     memset(pair, 0, sizeof *pair);
     pair->teller = teller;
     pair->kept = kept;
@@ -37,10 +37,11 @@ static double temp_c(const gc_pair_t *pair, unsigned k) {
 
 /* Blocks of both runs until checkpoint k. */
 static double blocks(unsigned k) {
-    return 2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US);
+    return 2.0 * (double)GC_CHECKPOINT_US(k) / GC_BLOCK_US;
 }
 
-/* Over the first n samples of the run that goes on. Of the answers that may correct, the latest is best, by the richest method. */
+/* Over the first n samples of the run that goes on. Of the answers that may correct, the best is the latest one by the richest
+   method. */
 static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, const gc_answer_t *answer) {
     const gc_run_t *run = &pair->run[pair->sense];
     const gc_port_t *port = pair->teller->port;
@@ -243,8 +244,8 @@ static void add_to_estimator(gc_pair_t *pair, const gc_taken_t *sample) {
     for (size_t i = 0; i < 3u; i++) {
         in.acc_g[i] = (float)(run->part->lsb_g * sample->raw.acc[i]);
     }
-    gc_estimator_add_sample(&pair->estimator, since_us / GC_BLOCK_US, run->lsb_dps * sample->raw.gyro[run->settings.axis], run->w_dps,
-                            &in);
+    const double measured_dps = run->lsb_dps * sample->raw.gyro[run->settings.axis];
+    gc_estimator_add_sample(&pair->estimator, since_us / GC_BLOCK_US, measured_dps, run->w_dps, &in);
 }
 
 /* ---- baseline ---- */

@@ -11,7 +11,8 @@ double gc_run_true_rate_dps(const gc_settings_t *settings, int face) {
     return settings->turn_deg != 0.0 ? NAN : settings->table_dps * face;
 }
 
-void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic, uint64_t first) {
+void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
+                  uint64_t first) {
     memset(run, 0, sizeof *run);
     run->face = face;
     run->automatic = automatic;

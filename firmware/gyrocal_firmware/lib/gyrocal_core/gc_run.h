@@ -56,7 +56,8 @@ typedef struct {
 /* The true rate of a run with these settings; NaN where only its angle is known, or nothing. */
 double gc_run_true_rate_dps(const gc_settings_t *settings, int face);
 /* `first`: number of the next sample. */
-void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic, uint64_t first);
+void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
+                  uint64_t first);
 /* Completes the checkpoints that lie before a sample at t_us; to be called before its gc_run_add. */
 void gc_run_advance(gc_run_t *run, uint64_t t_us);
 /* True at the run's first sample at full scale. */
