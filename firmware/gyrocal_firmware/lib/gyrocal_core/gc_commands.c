@@ -141,7 +141,8 @@ static int change_setting(gc_device_t *d, const char *command, gc_setting_t row,
     d->settings.now = settings;
     tell_setting(d, command, row);
     gc_device_save_settings(d);
-    if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps || settings.fifo != before.fifo) {
+    if (settings.rate_hz != before.rate_hz || settings.full_scale_dps != before.full_scale_dps ||
+        settings.fifo != before.fifo) {
         gc_sampler_begin_anew(&d->sampler);
     }
     if (row == GC_SETTING_AUTO) {

@@ -6,8 +6,8 @@
  *         gc_device_step(&device);               waits for one sample and deals with it
  *     }
  *
- * All three from one task. PROTOCOL.md tells what is said and heard. Each member of gc_device_t but the last few is a room of its
- * own; what leads from one to the next is here.
+ * All three from one task. PROTOCOL.md tells what is said and heard. Each member of gc_device_t but the last few belongs to a
+ * module of its own; gc_device.c connects them.
  */
 #ifndef GC_DEVICE_H
 #define GC_DEVICE_H

@@ -19,7 +19,8 @@ static bool stands_still(const gc_run_t *run) {
 
 static bool has_spike(const gc_run_t *run) {
     const double sq = (double)run->baseline.total.sum_sq_diff;
-    return run->largest_diff >= KURTOSIS_COUNTS && run->sum_diff4 * (double)(run->n - 1u) > KURTOSIS_LIMIT * sq * sq;
+    const double sum_diff4 = 18446744073709551616.0 * (double)run->sum_diff4[1] + (double)run->sum_diff4[0];
+    return run->largest_diff >= KURTOSIS_COUNTS && sum_diff4 * (double)(run->n - 1u) > KURTOSIS_LIMIT * sq * sq;
 }
 
 uint32_t gc_judge_run(const gc_run_t *run) {

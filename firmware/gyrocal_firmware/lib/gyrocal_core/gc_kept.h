@@ -74,8 +74,8 @@ typedef struct {
     uint32_t dump_line, dump_lines;        /* the next one to tell, and all */
 } gc_kept_t;
 
-/* Only what is whole and within its ranges. Where `net`, the identity of the network, is another than that of the answers, they are
-   dropped, and corrections by the network too. */
+/* Only what is whole and within its ranges. Answers of a network whose identity is not `net` are dropped, and corrections by
+   that network too. */
 void gc_kept_load(gc_kept_t *kept, const gc_port_t *port, uint32_t net);
 /* What changed. Between runs only: a write to flash takes longer than a sample may wait. GC_E_STORE where it failed. */
 int gc_kept_save(gc_kept_t *kept, const gc_port_t *port);
@@ -84,8 +84,8 @@ void gc_kept_forget(gc_kept_t *kept);
 
 /* Tells an answer as $CAL and keeps it. */
 void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer);
-/* Lets a trusted answer correct its axis, an answer at rest the bias alone of an axis that has a correction; one that has a flag
-   changes nothing. */
+/* Lets a trusted answer correct its axis, an answer at rest the bias alone of an axis that has a correction. An answer that has
+   a flag changes nothing. */
 void gc_kept_correct_by(gc_kept_t *kept, const gc_kept_answer_t *answer);
 /* Brings back what corrected before. Returns the axis, or GC_E_NO_UNDO. */
 int gc_kept_undo(gc_kept_t *kept);
@@ -96,7 +96,8 @@ bool gc_kept_has_correction(const gc_kept_t *kept);
 /* NaN for an axis without a correction. */
 double gc_kept_corrected(const gc_kept_t *kept, unsigned axis, double measured_dps);
 
-/* Everything kept as sentences, $OLD and $WIN: begin, then go on until all are told, a few at a time, each when there is room. */
+/* Everything kept as sentences, $OLD and $WIN: begin, then go on until all are told, a few at a time, each when there is
+   room for it. */
 void gc_kept_begin_dump(gc_kept_t *kept);
 void gc_kept_end_dump(gc_kept_t *kept);
 void gc_kept_go_on_with_dump(gc_kept_t *kept, gc_teller_t *teller);

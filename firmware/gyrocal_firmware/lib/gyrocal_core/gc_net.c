@@ -81,7 +81,8 @@ static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_ru
         float out[2];
         residuals(up, work->windows * window, window, work->up);
         residuals(down, work->windows * window, window, work->down);
-        const int error = gc_cnn_run(net->table, work->up, work->down, (float)up->w_dps, (float)down->w_dps, work->scratch, out);
+        const int error =
+            gc_cnn_run(net->table, work->up, work->down, (float)up->w_dps, (float)down->w_dps, work->scratch, out);
         if (error != GC_OK) {
             return error;
         }
@@ -98,7 +99,8 @@ static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_ru
 }
 
 static uint32_t paper_identity(const gc_cnn_net_t *table) {
-    return gc_crc32(gc_crc32(0, table->up.code, table->head.channels * table->head.kernel), table->fc2.code, 2u * table->hidden);
+    const uint32_t crc = gc_crc32(0, table->up.code, table->head.channels * table->head.kernel);
+    return gc_crc32(crc, table->fc2.code, 2u * table->hidden);
 }
 
 void gc_net_open(gc_net_t *net, const gc_cnn_net_t *table) {

@@ -8,8 +8,8 @@
 #define SAME_RATE 0.005 /* of a pair's true rates: both are known, they need not be equal */
 #define FACE_S 0.25     /* into a run, when gravity is compared with its face */
 
-void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict, const gc_calibration_t *calibration,
-                  const gc_cnn_net_t *net) {
+void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict,
+                  const gc_calibration_t *calibration, const gc_cnn_net_t *net) {
     memset(pair, 0, sizeof *pair);
     pair->teller = teller;
     pair->kept = kept;
@@ -37,7 +37,7 @@ static double temp_c(const gc_pair_t *pair, unsigned k) {
 
 /* Blocks of both runs until checkpoint k. */
 static double blocks(unsigned k) {
-    return 2.0 * (double)(GC_CHECKPOINT_US(k) / GC_BLOCK_US);
+    return 2.0 * (double)GC_CHECKPOINT_US(k) / GC_BLOCK_US;
 }
 
 /* Over the first n samples of the run that goes on. Of the answers that may correct, the latest is best, by the richest method. */
@@ -243,8 +243,8 @@ static void add_to_estimator(gc_pair_t *pair, const gc_taken_t *sample) {
     for (size_t i = 0; i < 3u; i++) {
         in.acc_g[i] = (float)(run->part->lsb_g * sample->raw.acc[i]);
     }
-    gc_estimator_add_sample(&pair->estimator, since_us / GC_BLOCK_US, run->lsb_dps * sample->raw.gyro[run->settings.axis], run->w_dps,
-                            &in);
+    const double measured_dps = run->lsb_dps * sample->raw.gyro[run->settings.axis];
+    gc_estimator_add_sample(&pair->estimator, since_us / GC_BLOCK_US, measured_dps, run->w_dps, &in);
 }
 
 /* ---- baseline ---- */
@@ -293,6 +293,14 @@ static void answer_by_baseline(gc_pair_t *pair, unsigned k) {
 
 /* ---- runs ---- */
 
+/* The samples that never came may lie before the checkpoint, and the one that tells so behind it. */
+static uint32_t gap_flag(const gc_run_t *run, unsigned k) {
+    const uint64_t seen_us = run->last_us - run->first_us;
+    const uint64_t due_us = GC_CHECKPOINT_US(k);
+    const bool gap = due_us > seen_us && 1e-6 * ((double)(due_us - seen_us) * run->settings.rate_hz) > GC_GAP_PERIODS;
+    return gap ? GC_FLAG_MISSED : 0u;
+}
+
 /* Answers at the checkpoints completed since `before`, or else the next part of what was put off. */
 static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     const unsigned reached = pair->run[pair->sense].baseline.checkpoints;
@@ -301,7 +309,7 @@ static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
         go_on_with_model(pair, true);
         answer_by_net(pair, true); /* it is judged by the evidence of its own checkpoint */
         judge_direction(pair);
-        pair->flags_at[pair->sense][k] = gc_judge_run(&pair->run[pair->sense]);
+        pair->flags_at[pair->sense][k] = gc_judge_run(&pair->run[pair->sense]) | gap_flag(&pair->run[pair->sense], k);
         answer_by_baseline(pair, k);
         if (pair->model) {
             answer_by_model(pair, k);

@@ -55,8 +55,8 @@ typedef struct {
 } gc_pair_t;
 
 /* calibration: NULL or one that passed gc_estimator_check. net may be NULL. What is pointed to must outlive the pair. */
-void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict, const gc_calibration_t *calibration,
-                  const gc_cnn_net_t *net);
+void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict,
+                  const gc_calibration_t *calibration, const gc_cnn_net_t *net);
 /* The run of a true rate that is neither 0 nor unknown; the one before it becomes its partner where both fit together;
    that it does not is told. */
 gc_run_t *gc_pair_begin(gc_pair_t *pair, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,

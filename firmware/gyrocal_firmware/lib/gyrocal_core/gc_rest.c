@@ -44,10 +44,10 @@ void gc_rest_end(gc_rest_t *rest, const gc_run_t *run, gc_teller_t *teller, gc_k
     if (fabs(sqrt(acc_sq) - 1.0) > ONE_G_TOLERANCE) {
         gc_tell_error(teller, GC_E_NOT_ONE_G);
     }
-    /* at rest any face serves */
     const double blocks = (double)(run->last_us - run->first_us) / (double)GC_BLOCK_US;
     verdict->misfit = answer.misfit;
-    give(teller, kept, run, GC_METHOD_REST, (gc_judge_run(run) & ~(uint32_t)GC_FLAG_DIRECTION) | gc_judge_answer(&answer, blocks), &answer);
+    const uint32_t flags = gc_judge_run(run) & ~(uint32_t)GC_FLAG_DIRECTION; /* at rest any face serves */
+    give(teller, kept, run, GC_METHOD_REST, flags | gc_judge_answer(&answer, blocks), &answer);
 }
 
 void gc_rest_end_turn(const gc_rest_t *rest, const gc_run_t *run, gc_teller_t *teller, gc_kept_t *kept) {
@@ -68,10 +68,11 @@ void gc_rest_end_turn(const gc_rest_t *rest, const gc_run_t *run, gc_teller_t *t
     const double measured_deg = run->lsb_dps * 0.5e-6 * (double)run->turn;
     const double period_s = seconds / (double)(run->n - 1u);
     const double bias_dps = rest->axis[axis].bias_dps;
+    const double white_variance = rest->axis[axis].white_variance;
     const double bias_variance = rest->axis[axis].bias_variance;
     const gc_answer_t answer = {
         .scale = (measured_deg - bias_dps * seconds) / true_deg - 1.0,
-        .scale_se = sqrt(rest->axis[axis].white_variance * period_s * seconds + bias_variance * seconds * seconds) / fabs(true_deg),
+        .scale_se = sqrt(white_variance * period_s * seconds + bias_variance * seconds * seconds) / fabs(true_deg),
         .bias_dps = bias_dps,
         .bias_se_dps = sqrt(bias_variance),
         .misfit = NAN,

@@ -1,4 +1,4 @@
-/* Runs that need no partner: at rest, which shows the bias of each axis, and a turn of known angle, which then shows the scale. */
+/* Runs that need no partner: a run at rest shows the bias of each axis, a turn of known angle then shows the scale. */
 #ifndef GC_REST_H
 #define GC_REST_H
 

@@ -11,7 +11,8 @@ double gc_run_true_rate_dps(const gc_settings_t *settings, int face) {
     return settings->turn_deg != 0.0 ? NAN : settings->table_dps * face;
 }
 
-void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic, uint64_t first) {
+void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
+                  uint64_t first) {
     memset(run, 0, sizeof *run);
     run->face = face;
     run->automatic = automatic;
@@ -55,9 +56,11 @@ static bool is_clipped(const gc_run_t *run, int16_t count) {
 static void note_change(gc_run_t *run, uint64_t t_us, int16_t count) {
     const int32_t diff = (int32_t)count - run->last[run->settings.axis];
     const uint16_t size = (uint16_t)(diff < 0 ? -diff : diff);
-    const double diff_sq = (double)size * size;
+    const uint64_t diff_sq = (uint64_t)size * size;
+    const uint64_t diff4 = diff_sq * diff_sq; /* below 2^64: a difference has 16 bits */
     run->largest_diff = size > run->largest_diff ? size : run->largest_diff;
-    run->sum_diff4 += diff_sq * diff_sq;
+    run->sum_diff4[0] += diff4;
+    run->sum_diff4[1] += run->sum_diff4[0] < diff4 ? 1u : 0u;
     if (diff != 0) {
         run->changes++;
         run->still = 0;

@@ -46,7 +46,7 @@ typedef struct {
     int16_t min, max;
     uint32_t changes;
     uint16_t largest_diff; /* of successive readings */
-    double sum_diff4;      /* of their fourth powers */
+    uint64_t sum_diff4[2]; /* of their fourth powers, exactly: low and high half */
     uint32_t still, still_longest; /* readings in a row that did not change, and for how long: */
     uint64_t still_since_us, still_longest_us;
     gc_baseline_t baseline;
@@ -58,7 +58,8 @@ typedef struct {
 /* The true rate of a run with these settings; NaN where only its angle is known, or nothing. */
 double gc_run_true_rate_dps(const gc_settings_t *settings, int face);
 /* `first`: number of the next sample. */
-void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic, uint64_t first);
+void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
+                  uint64_t first);
 /* Completes the checkpoints that lie before a sample at t_us; to be called before its gc_run_add. */
 void gc_run_advance(gc_run_t *run, uint64_t t_us);
 /* True at the run's first sample at full scale. */

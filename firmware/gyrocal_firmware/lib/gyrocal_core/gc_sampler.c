@@ -16,7 +16,8 @@ static uint64_t now_us(const gc_sampler_t *sampler) {
     return sampler->port->now_us(sampler->port->context);
 }
 
-void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part, uint8_t address) {
+void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part,
+                     uint8_t address) {
     memset(sampler, 0, sizeof *sampler);
     sampler->teller = teller;
     sampler->port = teller->port;
@@ -28,7 +29,8 @@ void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settin
 void gc_sampler_set_up(gc_sampler_t *sampler) {
     const gc_settings_t *settings = sampler->settings;
     const double odr_hz = gc_part_odr_for(sampler->part, settings->rate_hz);
-    int error = gc_sensor_init(&sampler->sensor, sampler->part, sampler->port, sampler->address, odr_hz, settings->full_scale_dps);
+    int error =
+        gc_sensor_init(&sampler->sensor, sampler->part, sampler->port, sampler->address, odr_hz, settings->full_scale_dps);
     if (error == GC_OK && settings->fifo > 0.0) {
         error = gc_sensor_fifo_begin(&sampler->sensor, (unsigned)settings->fifo);
     }
@@ -182,10 +184,9 @@ static uint32_t missed_between(const gc_sampler_t *sampler, uint64_t before_us, 
 
 void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken) {
     const double before_newest_us = sampler->step_us * (sampler->batch.n - 1u - i);
-    taken->t_us = (uint64_t)fmax(sampler->newest_us - before_newest_us + 0.5, 0.0);
-    if (taken->t_us < sampler->sample_us) { /* time does not go back, whatever clock and port say */
-        taken->t_us = sampler->sample_us;
-    }
+    const double t_us = sampler->newest_us - before_newest_us + 0.5;
+    /* Time never goes back, whatever the clocks say. */
+    taken->t_us = t_us > (double)sampler->sample_us ? (uint64_t)t_us : sampler->sample_us;
     taken->number = sampler->samples++;
     taken->missed = sampler->sample_us > 0u ? missed_between(sampler, sampler->sample_us, taken->t_us) : 0u;
     taken->raw = sampler->batch.sample[i];
@@ -203,7 +204,8 @@ bool gc_sampler_judge(gc_sampler_t *sampler) {
     }
     sampler->error = error;
     sampler->stale += error == GC_E_STALE ? 1u : 0u;
-    if (error == GC_E_CONFIG_LOST || (sampler->read_us > sampler->good_us && sampler->read_us - sampler->good_us > GIVE_UP_US)) {
+    const uint64_t without_us = sampler->read_us > sampler->good_us ? sampler->read_us - sampler->good_us : 0u;
+    if (error == GC_E_CONFIG_LOST || without_us > GIVE_UP_US) {
         gc_sampler_set_up(sampler);
         sampler->resets++;
     }

@@ -1,5 +1,5 @@
-/* Samples from the sensor, each at its time: by timer, by data-ready, or in batches out of its FIFO. A sensor that fails is told
- * and set up again.
+/* Samples from the sensor, each at its time: by timer, by data-ready, or in batches out of its FIFO. A failure of the sensor is
+ * told, and the sensor is set up again.
  *
  *     if (gc_sampler_wait(&sampler)) {
  *         gc_sampler_begin_reading(&sampler);
@@ -53,7 +53,8 @@ typedef struct {
 } gc_sampler_t;
 
 /* settings must outlive the sampler. The sensor is not set up yet. */
-void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part, uint8_t address);
+void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part,
+                     uint8_t address);
 /* Sets the sensor up as the settings say; a failure is told and tried again in a second. */
 void gc_sampler_set_up(gc_sampler_t *sampler);
 /* The settings changed: the time since the last sample says nothing. */

@@ -96,7 +96,8 @@ int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
     for (unsigned row = 0; row < GC_SETTINGS; row++) {
         const double value = value_of(settings, (gc_setting_t)row);
         const bool known = value == value;
-        const bool within = value >= table[row].least && value <= table[row].most && (!table[row].whole || value == floor(value));
+        const bool whole = !table[row].whole || value == floor(value);
+        const bool within = value >= table[row].least && value <= table[row].most && whole;
         if (known ? !within : table[row].none == NULL) {
             return GC_E_ARGUMENT;
         }

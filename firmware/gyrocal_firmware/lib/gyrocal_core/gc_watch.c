@@ -44,7 +44,8 @@ static void end_window(gc_watch_t *watch, const gc_settings_t *settings, const g
     const double acc_g = sensor->part->lsb_g * (double)watch->acc_sum / (double)watch->n;
     watch->rate_dps = sensor->lsb_dps * (double)watch->sum / (double)watch->n;
     watch->face = acc_g > GRAVITY_MIN_G ? 1 : acc_g < -GRAVITY_MIN_G ? -1 : 0;
-    const bool turns = watch->face != 0 && settings->table_dps != 0.0 && fabs(watch->rate_dps) >= TURNING_FRACTION * fabs(settings->table_dps);
+    const double least_dps = TURNING_FRACTION * fabs(settings->table_dps);
+    const bool turns = watch->face != 0 && least_dps > 0.0 && fabs(watch->rate_dps) >= least_dps;
     const bool agrees = watch->agree > 0u && turns && watch->face == watch->stretch_face &&
                         fabs(watch->rate_dps - watch->stretch_dps) <= tolerance_dps(watch, sensor);
     if (agrees) {
