@@ -98,7 +98,7 @@ def test_baseline_answers_are_the_closed_form(sim: Sim, tmp_path: Path, axis: in
 def without_gyrocal(folder: Path) -> Path:
     """A folder with a weights.h of network `paper` alone."""
     folder.mkdir()
-    (folder / "weights.h").write_text((INCLUDE / "weights.h").read_text().replace("    .blocks = &gc_blocks,\n", ""))
+    (folder / "weights.h").write_text((INCLUDE / "weights.h").read_text().replace("    .convnet = &gc_gyrocal,\n", ""))
     return folder
 
 

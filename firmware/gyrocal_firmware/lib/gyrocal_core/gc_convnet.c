@@ -69,18 +69,31 @@ static float leaky(float y, float leak) {
     return y < 0.0f ? leak * y : y;
 }
 
+/* Four sums of every fourth product: partial sums stay smaller than in one, and so does their rounding. */
+static float dot(const int8_t *code, const float *x, uint32_t n) {
+    float sum[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+    uint32_t i = 0;
+    for (; i + 4u <= n; i += 4u) {
+        sum[0] += (float)code[i] * x[i];
+        sum[1] += (float)code[i + 1u] * x[i + 1u];
+        sum[2] += (float)code[i + 2u] * x[i + 2u];
+        sum[3] += (float)code[i + 3u] * x[i + 3u];
+    }
+    for (; i < n; i++) {
+        sum[0] += (float)code[i] * x[i];
+    }
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+static float neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *x, uint32_t n) {
+    return layer->bias[i] + layer->step[i] * dot(layer->code + i * n, x, n);
+}
+
 /* rows [channels][times] */
 static void convolve_columns(const gc_convnet_t *net, const float *columns, uint32_t times, float *rows) {
-    const gc_cnn_conv_t *conv = &net->first;
-    const gc_cnn_layer_t *layer = &net->first_layer;
-    for (uint32_t c = 0; c < conv->channels; c++) {
-        const int8_t *code = layer->code + c * conv->kernel;
+    for (uint32_t c = 0; c < net->first.channels; c++) {
         for (uint32_t t = 0; t < times; t++) {
-            float sum = 0.0f;
-            for (uint32_t k = 0; k < conv->kernel; k++) {
-                sum += (float)code[k] * columns[t + k];
-            }
-            *rows++ = leaky(layer->bias[c] + layer->step[c] * sum, net->leak);
+            *rows++ = leaky(neuron(&net->first_layer, c, columns + t, net->first.kernel), net->leak);
         }
     }
 }
@@ -88,7 +101,6 @@ static void convolve_columns(const gc_convnet_t *net, const float *columns, uint
 /* Convolution and pool at once, of sums over the pool; features [times][channels]. */
 static void convolve_rows(const gc_convnet_t *net, const float *rows, uint32_t row_times, uint32_t times, float *features) {
     const gc_cnn_conv_t *conv = &net->second;
-    const gc_cnn_layer_t *layer = &net->second_layer;
     const uint32_t taps = net->first.channels * conv->kernel;
     float sums[GC_CONVNET_MAX_FEATURES];
     for (uint32_t t = 0; t < times; t++) {
@@ -101,7 +113,7 @@ static void convolve_rows(const gc_convnet_t *net, const float *rows, uint32_t r
             sums[i] = sum;
         }
         for (uint32_t c = 0; c < conv->channels; c++) {
-            *features++ = leaky(gc_cnn_neuron(layer, c, sums, taps), net->leak);
+            *features++ = leaky(neuron(&net->second_layer, c, sums, taps), net->leak);
         }
     }
 }
@@ -119,23 +131,19 @@ int gc_convnet_infer(const gc_convnet_t *net, const float *columns, unsigned sta
     convolve_columns(net, columns, first_times(net, stage), rows);
     convolve_rows(net, rows, first_times(net, stage), second_times(net, stage), features);
     for (uint32_t i = 0; i < net->hidden; i++) {
-        const int8_t *code = net->third_layer.code + i * all;
-        float sum = 0.0f;
-        for (uint32_t k = 0; k < seen; k++) {
-            sum += (float)code[k] * features[k];
-        }
+        const float sum = dot(net->third_layer.code + i * all, features, seen);
         third[i] = leaky(net->third_layer.bias[stage * net->hidden + i] + net->third_layer.step[i] * sum, net->leak);
     }
     for (uint32_t i = 0; i < net->hidden; i++) {
-        fourth[i] = leaky(gc_cnn_neuron(&net->fourth_layer, i, third, net->hidden), net->leak);
+        fourth[i] = leaky(neuron(&net->fourth_layer, i, third, net->hidden), net->leak);
     }
     const float *straight = net->straight + stage * columns_of(net, GC_CONVNET_STAGES - 1u);
     float line = 0.0f;
     for (uint32_t i = 0; i < columns_of(net, stage); i++) {
         line += straight[i] * columns[i];
     }
-    const float log_precision = gc_cnn_neuron(&net->last_layer, 1, fourth, net->hidden);
-    out[0] = line + gc_cnn_neuron(&net->last_layer, 0, fourth, net->hidden);
+    const float log_precision = neuron(&net->last_layer, 1, fourth, net->hidden);
+    out[0] = line + neuron(&net->last_layer, 0, fourth, net->hidden);
     out[1] = log_precision > net->log_precision    ? net->log_precision
              : log_precision < -net->log_precision ? -net->log_precision
                                                    : log_precision;

@@ -22,7 +22,7 @@ extern "C" {
 #define GC_CONVNET_STAGES 3u
 #define GC_CONVNET_MAX_COLUMNS 32u
 #define GC_CONVNET_MAX_ROWS 256u /* of the first convolution: channels x times */
-#define GC_CONVNET_MAX_FEATURES 128u
+#define GC_CONVNET_MAX_FEATURES 160u /* of the second: times x channels */
 #define GC_CONVNET_MAX_HIDDEN 64u
 
 /* The first convolution's taps are `pool` samples apart: with its average pool it is a convolution over means of `pool` samples,
