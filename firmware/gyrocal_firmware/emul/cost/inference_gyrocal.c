@@ -19,8 +19,9 @@ void cost_act(void) {
     const double w_dps = (double)gc_net.table_dps;
     const unsigned stage = GC_CONVNET_STAGES - 1u;
     gc_convnet_face_t faces[2];
+    static gc_convnet_work_t work;
     gc_answer_t answer;
-    (void)gc_convnet_face(gc_net.convnet, up, stage, 0.00875, w_dps, &faces[0]);
-    (void)gc_convnet_face(gc_net.convnet, down, stage, 0.00875, -w_dps, &faces[1]);
+    (void)gc_convnet_face(gc_net.convnet, up, stage, 0.00875, w_dps, &work, &faces[0]);
+    (void)gc_convnet_face(gc_net.convnet, down, stage, 0.00875, -w_dps, &work, &faces[1]);
     gc_convnet_merge(0, &faces[0], &faces[1], &answer);
 }
