@@ -211,7 +211,7 @@ def test_a_run_starts_by_itself_when_all_is_steady(bench: Path) -> None:
     told = [s["state"] + " " + s["face"] for s in sentences(text, "RUN")]
     assert told == ["start up", "end up", "start down", "end down"]
     assert [s["method"] for s in sentences(text, "CAL")] == ["baseline", "cnn"]
-    assert errors(text) == ["net_range"], "3 % off is within the rules, and far beyond what the network was trained on"
+    assert errors(text) == [], "3 % off is a matter of scale, which the network takes as it comes"
 
 
 def test_it_does_not_start_by_itself_at_a_wrong_face_direction_or_request(bench: Path) -> None:

@@ -186,6 +186,10 @@ static void go_through_third(const gc_convnet_t *net, unsigned stage, gc_convnet
     work->hidden = until;
 }
 
+static float within(float x, float limit) {
+    return x > limit ? limit : x < -limit ? -limit : x;
+}
+
 static void conclude(const gc_convnet_t *net, unsigned stage, gc_convnet_work_t *work) {
     const float *straight = net->straight + stage * columns_of(net, GC_CONVNET_STAGES - 1u);
     float fourth[GC_CONVNET_MAX_HIDDEN];
@@ -198,7 +202,7 @@ static void conclude(const gc_convnet_t *net, unsigned stage, gc_convnet_work_t 
     }
     const float log_precision = neuron(&net->last_layer, 1, fourth, net->hidden);
     work->out[0] = line + neuron(&net->last_layer, 0, fourth, net->hidden);
-    work->out[1] = fminf(fmaxf(log_precision, -net->log_precision), net->log_precision);
+    work->out[1] = within(log_precision, net->log_precision);
 }
 
 int gc_convnet_begin(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,
