@@ -61,7 +61,7 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
         folder = Path(name)
         alone = folder / "alone"
         alone.mkdir()
-        paper = (INCLUDE / "weights.h").read_text().replace("    .blocks = &gc_blocks,\n", "")
+        paper = (INCLUDE / "weights.h").read_text().replace("    .convnet = &gc_gyrocal,\n", "")
         (alone / "weights.h").write_text(paper)
         ours = _figures(cpus.cost(CPU, "inference_paper", include_dirs=[alone]))
         gyrocal = _figures(cpus.cost(CPU, "inference_gyrocal"))

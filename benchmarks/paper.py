@@ -3,9 +3,9 @@
 A campaign is three days of 13, 7 and 28 scenarios. What a method must learn, it learns on other scenarios than those that it
 is judged by: `prior` and `shrunk` on the days that are left (leave one day out), or on all but the last two scenarios of the
 last day, as in the paper. Networks and model are those that ship, made from scenarios drawn apart: the model by `gyrocal add`
-from one simulated campaign (docs/calibration.md); the C core answers by its calibration.h. What that model says of scale and
-bias is the network's prior too; a table of its own gives network and limit flat ones. The last two tables plant what nobody
-was told of: how far off the answers are before and after the effect is added, and how often the misfit says so.
+from one simulated campaign (docs/calibration.md); the C core answers by its calibration.h. The campaign's own priors of scale
+and bias are the network's, as they are the limit's; a table of its own gives both flat ones. The last two tables plant what
+nobody was told of: how far off the answers are before and after the effect is added, and how often the misfit says so.
 
     gyrocal benchmark paper
 """
@@ -24,10 +24,9 @@ import numpy as np
 import polars as pl
 
 from gyrocal.calibration import limit
-from gyrocal.calibration.calibrate import network_prior
 from gyrocal.calibration.estimator import Calibration, Column, calibration_of
 from gyrocal.calibration.header import render
-from gyrocal.calibration.network import FaceNetwork, Network
+from gyrocal.calibration.network import FaceNetwork, Network, Prior
 from gyrocal.calibration.scenarios import Simulation, answers
 from gyrocal.core.estimator import CoreEstimator
 from gyrocal.device.monitor import misfit_limit
@@ -101,7 +100,7 @@ def answered(campaign: Campaign) -> tuple[Array, Array]:
     errors = found.copy()
     up, down = campaign.up, campaign.down
     ours, papers = FaceNetwork.shipped(), Network.shipped()
-    prior = network_prior(MODEL / "model.toml", "z")
+    prior = Prior(limit.table2().scale, limit.table2().bias_dps)
     model = shipped().answers(up[:, :MOST], down[:, :MOST], SECONDS, limit.PROTOCOL)
     for k, seconds in enumerate(SECONDS):
         windows = round(seconds / 2)
@@ -223,7 +222,7 @@ def judge_hidden(scenarios: int, tests: int) -> dict[str, Any]:
     up, down, scale, bias = Simulation(truth(64), limit.PROTOCOL, SECONDS[-1], by_sample=True).draw(tests, rng)
     by_model = {method: core.answers(up, down, SECONDS, limit.PROTOCOL) for method, core in cores.items()}
     values, net, rows = np.column_stack([scale, bias]), FaceNetwork.shipped(), []
-    prior = network_prior(MODEL / "model.toml", "z")
+    prior = Prior(limit.table2().scale, limit.table2().bias_dps)
     for k, seconds in enumerate(SECONDS):
         n = net.samples(k)
         y = net.estimate(up[:, :n], down[:, :n], k, TABLE_RATE_DPS, -TABLE_RATE_DPS, prior)

@@ -42,14 +42,16 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
 
 
 def population(n: int, seed: int = SEED) -> dict[str, Any]:
-    """``n`` scenarios of ``table2`` of as many sensors."""
+    """``n`` scenarios of ``table2`` of as many sensors, spread that far about the campaign's."""
     data, rng = paper_windows(n, seed), np.random.default_rng(seed)
     scale, bias = rng.uniform(-SCALE_WITHIN, SCALE_WITHIN, n), rng.uniform(-BIAS_WITHIN_DPS, BIAS_WITHIN_DPS, n)
-    for face, w_dps in (("up", data["w_up_dps"]), ("down", data["w_down_dps"])):
-        # the sensor's answer is rounded to counts, so is what is added to it
-        added = np.rint(((scale - data["scale"]) * w_dps + bias - data["bias_dps"]) / LSB_DPS) * LSB_DPS
-        data[face] = data[face] + added[:, None]
-    return data
+    # whole counts are added, so that readings stay whole counts
+    up, down = (np.rint((scale * w_dps + bias) / LSB_DPS) * LSB_DPS for w_dps in (data["w_up_dps"], data["w_down_dps"]))
+    return data | {
+        "up": data["up"] + up[:, None], "down": data["down"] + down[:, None],
+        "scale": data["scale"] + (up - down) / (data["w_up_dps"] - data["w_down_dps"]),
+        "bias_dps": data["bias_dps"] + (up + down) / 2,
+    }  # fmt: skip
 
 
 def judge(data: dict[str, Any]) -> list[dict[str, Any]]:

@@ -18,6 +18,8 @@ from gyrocal_export.nets.gyrocal import LARGEST_LOG_PRECISION, STAGES, GyrocalNe
 from gyrocal_export.quantize import Writer, codes
 
 LAYERS = ("first", "second", "third", "fourth", "last")
+PARTS = 6
+"""Of the third layer's sum."""
 POOLED = {"first": "pool", "second": "second_pool"}
 """The convolutions, and the average pool behind each."""
 
@@ -63,7 +65,7 @@ def to_onnx(net: GyrocalNet, metadata: dict[str, str], *, int8: bool) -> onnx.Mo
     seen = np.arange(times)[None] < [[shape.features(k)] for k in range(STAGES)]
     h = writer.node("Mul", [h, of_stage("seen", np.repeat(seen, shape.second_channels, axis=1))], "features.seen")
     by_time = numbers["third.weight"].reshape(-1, shape.second_channels, times).swapaxes(1, 2)
-    h = writer.node("Gemm", [h, weight("third", by_time.reshape(len(by_time), -1))], "third.sum", transB=1)
+    h = _sum_of_parts(writer, h, weight("third", by_time.reshape(len(by_time), -1)), times, shape.second_channels)
     h = writer.node("Add", [h, of_stage("start", numbers["start"])], "third.started")
     h = writer.node("LeakyRelu", [h], "third.leaky", alpha=shape.leak)
     h = writer.node("LeakyRelu", [dense("fourth", h)], "fourth.leaky", alpha=shape.leak)
@@ -86,6 +88,18 @@ def to_onnx(net: GyrocalNet, metadata: dict[str, str], *, int8: bool) -> onnx.Mo
     helper.set_model_props(model, metadata)
     onnx.checker.check_model(model, full_check=True)
     return model
+
+
+def _sum_of_parts(writer: Writer, x: str, weight: str, times: int, channels: int) -> str:
+    """``x`` [N, times · channels] by ``weight``, as a sum over a few times each: long sums round more, and this one cancels."""
+    sizes = [channels * len(part) for part in np.array_split(np.arange(times), PARTS)]
+    writer.constant("third.sizes", np.array(sizes, np.int64))
+    pieces = {name: [f"third.{name}.{i}" for i in range(len(sizes))] for name in ("input", "weight")}
+    for name, whole in (("input", x), ("weight", weight)):
+        writer.nodes.append(helper.make_node("Split", [whole, "third.sizes"], pieces[name], name=f"third.{name}.split", axis=1))
+    pairs = zip(pieces["input"], pieces["weight"], strict=True)
+    sums = [writer.node("Gemm", list(pair), f"third.sum.{i}", transB=1) for i, pair in enumerate(pairs)]
+    return writer.node("Sum", sums, "third.sum")
 
 
 def tables(model: onnx.ModelProto, source: str) -> str:

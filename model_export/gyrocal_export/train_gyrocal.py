@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,19 @@ from torch import Tensor
 
 from gyrocal.calibration import limit
 from gyrocal.calibration.estimator import Calibration, calibration_of
-from gyrocal.calibration.scenarios import Faces, Float32, Protocol
+from gyrocal.calibration.network import FaceAnswers, Prior, merge
+from gyrocal.calibration.scenarios import Faces, Float32, Protocol, Simulation, answers
 from gyrocal.error_model.model import Model
+from gyrocal.recording.session import Array
 from gyrocal_export import run_folder
 from gyrocal_export.files import two_digits_up
 from gyrocal_export.nets.gyrocal import STAGES, GyrocalNet, GyrocalShape, Range, negative_log_likelihood
+from gyrocal_export.quantize import by_channel, codes
 from gyrocal_export.run_folder import Report, Training
 
-GRID = 64
-"""Values that stand for a nonlinear parameter in the faces that are drawn."""
+GRID, COARSE = 64, 12
+"""Values that stand for a nonlinear parameter in the faces that are drawn, and in the answer that is exact."""
+STAGE_S = 2.0
 STEPS_AN_EPOCH = 400
 SAMPLES_OFF = 2.0
 """Times the training data's largest |sample - column| is accepted: more noise than that, or a spike."""
@@ -37,20 +41,23 @@ class GyrocalConfig(Training):
     faces: int = 1024
     """A step."""
     validation_faces: int = 20_000
+    test_scenarios: int = 4000
     range_faces: int = 1_000_000
     """Drawn to find the largest deviations."""
     learning_rate: float = 6e-3
-    weight_decay: float = 0.02
+    weight_decay: float = 0.1
     spread: float = 2.0
     """Effects are so many times as large or small at most: who has seen one size alone is too sure of others."""
+    settling_steps: int = 1200
+    settling_rate: float = 1e-3
     shape: GyrocalShape = field(default_factory=GyrocalShape)
 
 
-def known(config: GyrocalConfig) -> tuple[Calibration, Protocol]:
+def known(config: GyrocalConfig, grid: int = GRID) -> tuple[Calibration, Protocol]:
     """What the training draws from: a fitted model, or the laws of the campaign ``table2``."""
     if config.model is None:
-        return limit.table2(GRID), limit.PROTOCOL
-    return calibration_of(Model.open(config.model), config.axis, alternatives=GRID), Protocol()
+        return limit.table2(grid), limit.PROTOCOL
+    return calibration_of(Model.open(config.model), config.axis, alternatives=grid), Protocol()
 
 
 def train_gyrocal(config: GyrocalConfig, out: Path, report: Report) -> dict[str, Any]:
@@ -73,7 +80,7 @@ def train_gyrocal(config: GyrocalConfig, out: Path, report: Report) -> dict[str,
     calibration, protocol = known(config)
     shape = config.shape
     faces = Faces(calibration, protocol, STAGES * shape.stage_columns, shape.pool, config.spread)
-    training_seed, validation_seed, range_seed = np.random.SeedSequence(config.seed).spawn(3)
+    training_seed, validation_seed, range_seed, test_seed, settling_seed = np.random.SeedSequence(config.seed).spawn(5)
     rng = np.random.default_rng(training_seed)
 
     sizes = _sizes(config, faces, np.random.default_rng(range_seed))
@@ -101,13 +108,15 @@ def train_gyrocal(config: GyrocalConfig, out: Path, report: Report) -> dict[str,
             return float(_loss(net, checked_on))
 
     best = run_folder.keep_best(out, config, epoch, check, lambda: save(net, out / "net.pt", protocol), report)
-    as_known = Faces(calibration, protocol, STAGES * shape.stage_columns, shape.pool)
-    metrics = best | evaluate(load(out)[0], as_known.draw(config.validation_faces, np.random.default_rng(validation_seed)))
+    save(settled(load(out)[0], config, faces, np.random.default_rng(settling_seed)), out / "net.pt", protocol)
+    coarse, rng = known(config, grid=COARSE)[0], np.random.default_rng(test_seed)
+    metrics = best | evaluate(load(out)[0], coarse, protocol, config.test_scenarios, rng)
     data = {
         "source": f"effects and noise drawn from {calibration.name}, afresh for every step; no scale, no bias",
         "labels": "the truth that was drawn",
         "training_faces": config.epochs * STEPS_AN_EPOCH * config.faces,
         "validation_faces": config.validation_faces,
+        "test_scenarios": config.test_scenarios,
     }
     run_folder.finish(out, config.named(), ["--net gyrocal"], data, metrics)
     return metrics
@@ -157,19 +166,66 @@ def _loss(net: GyrocalNet, columns: Float32) -> Tensor:
     return torch.stack([negative_log_likelihood(*answer) for answer in _answers(net, columns)]).mean()
 
 
-def evaluate(net: GyrocalNet, columns: Float32) -> dict[str, Any]:
-    """Mean absolute error of u = w·scale + bias of one face after 2, 4 and 6 s, how often the truth is within one standard
-    deviation; beside it that of the face's mean."""
+def settled(net: GyrocalNet, config: GyrocalConfig, faces: Faces, rng: np.random.Generator) -> GyrocalNet:
+    """The network with its weights rounded to int8, as they are exported, and its biases and linear part trained anew: rounding
+    moves the mean of the correction, and that is an error of scale.
+    """
+    learned = []
+    for name, values in net.named_parameters():
+        if name.endswith(".weight"):
+            code, step = codes(values.detach().numpy().astype(np.float64))
+            values.data.copy_(torch.from_numpy((code * by_channel(step, code)).astype(np.float32)))
+        else:
+            learned.append(values)
+    optimiser = torch.optim.Adam(learned, lr=config.settling_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config.settling_steps)
+    for _ in range(config.settling_steps):
+        value = _loss(net, faces.draw(config.faces, rng))
+        optimiser.zero_grad()
+        value.backward()
+        optimiser.step()
+        schedule.step()
+    return net
+
+
+def evaluate(net: GyrocalNet, calibration: Calibration, protocol: Protocol, n: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Mean absolute errors after 2, 4 and 6 s on ``n`` scenarios drawn from a calibration, its priors of scale and bias merged
+    in, and how often the truth is within one standard deviation; beside it the model's exact answer from blocks of 0.25 s, and
+    the priors' means. A flat prior stays flat; the truth is zero then.
+    """
+    scale, bias_dps = ((mean, sd if np.isfinite(sd) else 0.0) for mean, sd in (calibration.scale, calibration.bias_dps))
+    drawn_from = replace(calibration, scale=scale, bias_dps=bias_dps)
+    up, down, *drawn = Simulation(drawn_from, protocol, STAGE_S * STAGES, by_sample=True).draw(n, rng)
+    truth, prior = np.column_stack(drawn), Prior(calibration.scale, calibration.bias_dps)
     rows = []
-    for k, (correction, log_precision, truth) in enumerate(_answers(net, columns)):
-        with torch.no_grad():
-            error = (correction - truth).abs()
-            covered = float((error < torch.exp(-0.5 * log_precision)).double().mean())
-        seconds = 2.0 * (k + 1)
-        unit = net.sizes.unit_dps
-        rows.append({"method": "net", "seconds": seconds, "u_mae_dps": unit * float(error.mean()), "covered": covered})
-        rows.append({"method": "mean", "seconds": seconds, "u_mae_dps": unit * float(truth.abs().mean())})
+    for k in range(STAGES):
+        seconds = STAGE_S * (k + 1)
+        y = merge(_face(net, up, k, protocol.table_dps), _face(net, down, k, -protocol.table_dps), prior)
+        exact = answers(calibration, up, down, seconds, protocol)
+        means = {
+            "net": y[:, :2],
+            "model": np.column_stack([exact.scale, exact.bias_dps]),
+            "mean": np.broadcast_to([calibration.scale[0], calibration.bias_dps[0]], truth.shape),
+        }
+        for method, found in means.items():
+            error = np.abs(found - truth)
+            row = {"method": method, "seconds": seconds, "scale_mae": error[:, 0].mean(), "bias_mae_dps": error[:, 1].mean()}
+            if method == "net":
+                covered = np.mean(error < y[:, 2:], axis=0)
+                row |= {"scale_covered": covered[0], "bias_covered": covered[1]}
+            rows.append({name: value if isinstance(value, str) else float(value) for name, value in row.items()})
     return {"errors": rows}
+
+
+def _face(net: GyrocalNet, residual_dps: Array, stage: int, w_dps: float) -> FaceAnswers:
+    """The network before it is exported: what `gyrocal.calibration.network` gives of the same readings [n, samples]."""
+    y = residual_dps[:, : net.shape.pool * net.shape.stage_columns * (stage + 1)]
+    mean, sign, unit = y.mean(1), np.sign(w_dps), net.sizes.unit_dps
+    columns = sign * (y.reshape(len(y), -1, net.shape.pool).mean(-1) - mean[:, None]) / unit
+    with torch.no_grad():
+        correction, log_precision = net.of_columns(torch.from_numpy(columns.astype(np.float32)), stage)
+    precision = np.exp(log_precision.double().numpy()) / unit**2
+    return FaceAnswers(w_dps, mean + sign * unit * correction.double().numpy(), precision, np.ones(len(y), bool))
 
 
 def save(net: GyrocalNet, path: Path, protocol: Protocol) -> None:

@@ -98,7 +98,7 @@ def test_baseline_answers_are_the_closed_form(sim: Sim, tmp_path: Path, axis: in
 def without_gyrocal(folder: Path) -> Path:
     """A folder with a weights.h of network `paper` alone."""
     folder.mkdir()
-    (folder / "weights.h").write_text((INCLUDE / "weights.h").read_text().replace("    .blocks = &gc_blocks,\n", ""))
+    (folder / "weights.h").write_text((INCLUDE / "weights.h").read_text().replace("    .convnet = &gc_gyrocal,\n", ""))
     return folder
 
 
@@ -118,17 +118,32 @@ def test_the_papers_answers_are_means_over_consecutive_windows(sim: Sim, build: 
             assert s["scale_se"] == s["bias_se_dps"] == ""
 
 
-def test_readings_beyond_the_training_range_give_no_answer_by_network(sim: Sim, tmp_path: Path) -> None:
-    """Two dps off for a quarter of a second: the network was not made for this, says so once and gives no answer."""
-    rng = np.random.default_rng(17)
-    runs = pair(rng)
+def test_readings_unlike_the_training_data_get_no_answer_by_network(sim: Sim, tmp_path: Path) -> None:
+    """Two dps off for a quarter of a second, or one spike: told once; no answer of a stage that holds it."""
+    runs = pair(np.random.default_rng(17))
     assert "net_range" not in sim(write_rows(tmp_path / "a.rows", runs))
-    runs[1]["counts"][100:140, 3] += round(2.0 / LSB_DPS)
-    text = sim(write_rows(tmp_path / "b.rows", runs))
-    assert [s["name"] for s in sentences(text, "ERR")].count("net_range") == 1
-    said = [s for s in sentences(text, "CAL") if s["method"] == "cnn"]
-    assert not said
-    assert [s["method"] for s in sentences(text, "CAL")] == ["baseline"] * 3
+    clean = runs[1]["counts"].copy()
+    for first, until, answered in ((100, 140, []), (100, 101, []), (400, 440, ["2"])):
+        runs[1]["counts"] = clean.copy()
+        runs[1]["counts"][first:until, 3] += round(2.0 / LSB_DPS)
+        text = sim(write_rows(tmp_path / "b.rows", runs))
+        assert [s["name"] for s in sentences(text, "ERR")].count("net_range") == 1
+        assert [s["seconds"] for s in sentences(text, "CAL") if s["method"] == "cnn"] == answered
+        assert sum(s["method"] == "baseline" for s in sentences(text, "CAL")) == 3
+
+
+def test_a_sensor_far_from_the_campaigns_is_answered_as_well(sim: Sim, tmp_path: Path) -> None:
+    """True scale -1 %, bias 0.1 dps, and the other way about -3 % and 10 dps: within five of its standard errors, in range."""
+    for scale, bias_dps in ((-0.01, 0.1), (0.03, -10.0), (-0.03, 10.0)):
+        rng = np.random.default_rng(31)
+        runs = [make_run(rng, np.full(900, (1 + scale) * f * 78.0 + bias_dps), ticks(900), f) for f in (1, -1)]
+        text = sim(write_rows(tmp_path / "a.rows", runs))
+        said = [s for s in sentences(text, "CAL") if s["method"] == "cnn"]
+        assert [s["seconds"] for s in said] == ["2", "4", "6"]
+        for s in said:
+            assert abs(s.number("scale") - scale) < 5 * s.number("scale_se")
+            assert abs(s.number("bias_dps") - bias_dps) < 5 * s.number("bias_se_dps")
+        assert abs(said[-1].number("scale") - scale) < 0.0002
 
 
 @pytest.mark.parametrize("run_with_gap", [0, 1])

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gyrocal.calibration.network import BlockNetwork
+from gyrocal.calibration.network import FaceNetwork
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web import training
 from gyrocal.web.training import Training
@@ -54,7 +54,7 @@ def test_trained_verified_and_exported(
     assert network.locator("tbody tr").nth(2).inner_text().split("\t")[1:3] == [
         f"{100 * last[method]['scale_mae']:.4f}" for method in ("net", "model")
     ]
-    assert BlockNetwork.open(folder / "mine/model.int8.onnx").rate_hz == 145.0
+    assert FaceNetwork.open(folder / "mine/model.int8.onnx").rate_hz == 145.0
     assert json.loads((folder / "mine/config.json").read_text())["epochs"] == 1
 
     device = page.locator("[aria-label='to the device']")

@@ -280,7 +280,7 @@ static void stand_still(sim_t *sim, const rows_run_t *run) {
 /* A part whose own clock makes its nominal output data rate the rows' true one. */
 static double clock_of(double rate_hz) {
     const double root_hz = GC_LSM6DSO_ROOT_HZ;
-    return gc_lsm6dso_odr_for(rate_hz) == rate_hz ? rate_hz * exp2(rint(log2(root_hz / rate_hz))) / root_hz : 1.0;
+    return gc_part_odr_for(&gc_lsm6dso, rate_hz) == rate_hz ? rate_hz * exp2(rint(log2(root_hz / rate_hz))) / root_hz : 1.0;
 }
 
 static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run, bool stream) {

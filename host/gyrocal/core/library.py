@@ -35,7 +35,7 @@ NET_SHIM = """
 
 const gc_cnn_net_t *gyrocal_net(void);
 const gc_convnet_t *gyrocal_convnet(void);
-int gyrocal_convnet_infer(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double sign, float *out);
+int gyrocal_convnet_infer(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double w_dps, float *out);
 int gyrocal_convnet_face(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double w_dps, double *out);
 void gyrocal_convnet_merge(const double *prior_mean, const double *prior_root, const double *faces, uint32_t n, double *out);
 int gyrocal_net_run(const float *up, const float *down, uint32_t n, float w_up_dps, float w_down_dps, float *out);
@@ -44,18 +44,15 @@ const gc_cnn_net_t *gyrocal_net(void) { return &gc_net; }
 const gc_convnet_t *gyrocal_convnet(void) { return gc_net.convnet; }
 
 /* out: [n][2], NaN where out of range */
-int gyrocal_convnet_infer(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double sign, float *out)
+int gyrocal_convnet_infer(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double w_dps, float *out)
 {
     for (uint32_t i = 0; i < n; i++, counts += gc_convnet_samples(gc_net.convnet, stage), out += 2) {
-        float columns[GC_CONVNET_MAX_COLUMNS];
-        double mean;
-        int error = gc_convnet_columns(gc_net.convnet, counts, stage, lsb_dps, sign, columns, &mean);
-        if (!error) {
-            error = gc_convnet_infer(gc_net.convnet, columns, stage, out);
-        } else if (error == GC_E_NET_RANGE) {
-            out[0] = out[1] = (float)NAN;
-            error = GC_OK;
-        }
+        gc_convnet_work_t work = {.out = {NAN, NAN}};
+        gc_convnet_face_t face;
+        int error = gc_convnet_face(gc_net.convnet, counts, stage, lsb_dps, w_dps, &work, &face);
+        error = error == GC_E_NET_RANGE ? GC_OK : error;
+        out[0] = work.out[0];
+        out[1] = work.out[1];
         if (error) {
             return error;
         }
@@ -67,8 +64,9 @@ int gyrocal_convnet_infer(const int16_t *counts, uint32_t n, unsigned stage, dou
 int gyrocal_convnet_face(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double w_dps, double *out)
 {
     for (uint32_t i = 0; i < n; i++, counts += gc_convnet_samples(gc_net.convnet, stage), out += 2) {
+        gc_convnet_work_t work;
         gc_convnet_face_t face = {0.0, NAN, NAN};
-        int error = gc_convnet_face(gc_net.convnet, counts, stage, lsb_dps, w_dps, &face);
+        int error = gc_convnet_face(gc_net.convnet, counts, stage, lsb_dps, w_dps, &work, &face);
         if (error && error != GC_E_NET_RANGE) {
             return error;
         }
@@ -367,7 +365,7 @@ class CoreFaceNetwork:
         """
         x = self._counts(counts, stage)
         out = np.empty((len(x), 2), np.float32)
-        self._check(self._library.gyrocal_convnet_infer(x, len(x), stage, lsb_dps, np.sign(w_dps), out), w_dps)
+        self._check(self._library.gyrocal_convnet_infer(x, len(x), stage, lsb_dps, w_dps, out), w_dps)
         return out
 
     def face(self, counts: ArrayLike, stage: int, lsb_dps: float, w_dps: float) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gyrocal.calibration.network import STAGES_S, FaceNetwork, Network, open_network
 from gyrocal.core.library import CoreFaceNetwork, CoreNetwork
 from gyrocal.errors import GyrocalError, InputError
-from gyrocal.simulation.simulate import LSB_DPS, paper_windows
+from gyrocal.simulation.simulate import LSB_DPS, WHITE_SD_DPS, paper_windows
 from gyrocal_firmware import INCLUDE
 
 TOLERANCE = 2e-6
@@ -47,20 +47,24 @@ def counts(net: FaceNetwork, seed: int, n: int) -> dict[str, NDArray[np.int16]]:
 
 
 def _odd(net: FaceNetwork, rng: np.random.Generator, n: int, samples: int) -> NDArray[np.float64]:
-    """Deviations [n, samples] of the same spread as the training data's, or up to their range, or beyond it; kinds by lot."""
+    """Deviations [n, samples] unlike a turntable's, up to the network's range or beyond it; kinds by lot.
+
+    All but constant readings have a sensor's white noise.
+    """
     t = np.linspace(-1.0, 1.0, samples)
     size = rng.uniform(0, 1, (n, 1)) * net.column_range_dps
     cycles = rng.uniform(0.3, 40.0, (n, 1))
+    shape = n, samples
     kinds = [
-        np.zeros((n, samples)),
         size * np.sin(np.pi * cycles * (t + rng.uniform(0, 1, (n, 1)))),
         size * np.sign(t - rng.uniform(-0.9, 0.9, (n, 1))),
         size * t,
-        rng.normal(0.0, 0.04, (n, samples)) + (rng.random((n, samples)) < 0.01) * net.sample_range_dps / 2,
-        (rng.random((n, samples)) < 1 / samples) * 249.0,
-        np.sign(rng.normal(size=(n, samples))) * 250.0,
+        (rng.random(shape) < 0.01) * net.sample_range_dps / 2,
+        (rng.random(shape) < 1 / samples) * 249.0,
+        np.sign(rng.normal(size=shape)) * 250.0,
     ]
-    return np.stack(kinds)[rng.integers(0, len(kinds), n), np.arange(n)]
+    noisy = np.stack(kinds) + rng.normal(0.0, WHITE_SD_DPS, shape)
+    return np.concatenate([noisy, np.zeros((1, *shape))])[rng.integers(0, len(kinds) + 1, n), np.arange(n)]
 
 
 def _with_extremes(plain: list[NDArray[np.float32]], seed: int, n: int) -> Pair:
@@ -152,7 +156,7 @@ def _gyrocal(net: FaceNetwork, header: Path, seed: int, n: int) -> tuple[Arrays,
                 raise GyrocalError(f"{core.source}: not the range of {net.source}: export both together")
             reference.append(want[known])
             off.append(np.abs(got - want)[known])
-    return reference, off
+    return [np.concatenate(reference)], [np.concatenate(off)]
 
 
 def _same(net: Network | FaceNetwork, core: CoreNetwork | CoreFaceNetwork, names: tuple[str, ...]) -> None:

@@ -33,7 +33,7 @@ class GyrocalShape:
     stage_columns: int = 10
     first_channels: int = 8
     first_kernel: int = 5
-    second_channels: int = 8
+    second_channels: int = 12
     second_kernel: int = 3
     second_pool: int = 2
     hidden: int = 32

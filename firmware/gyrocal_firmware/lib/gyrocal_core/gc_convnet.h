@@ -22,7 +22,9 @@ extern "C" {
 #define GC_CONVNET_STAGES 3u
 #define GC_CONVNET_MAX_COLUMNS 32u
 #define GC_CONVNET_MAX_ROWS 256u /* of the first convolution: channels x times */
-#define GC_CONVNET_MAX_FEATURES 128u
+#define GC_CONVNET_MAX_FEATURES 160u /* of the second: times x channels */
+#define GC_CONVNET_MAX_TAPS 32u   /* of a kernel, all channels */
+#define GC_CONVNET_MAX_SUMS 320u  /* of the second convolution: taps x times */
 #define GC_CONVNET_MAX_HIDDEN 64u
 
 /* The first convolution's taps are `pool` samples apart: with its average pool it is a convolution over means of `pool` samples,
@@ -56,21 +58,35 @@ typedef struct {
     double precision; /* 1/dps^2 */
 } gc_convnet_face_t;
 
+typedef struct {
+    unsigned stage;
+    bool convolved;    /* the first layer is done, */
+    uint32_t channels; /* so many channels of the second, */
+    uint32_t hidden;   /* so many neurons of the third */
+    double w_dps;
+    double mean_dps; /* of measured - true rate */
+    float columns[GC_CONVNET_MAX_COLUMNS];
+    float sums[GC_CONVNET_MAX_SUMS];
+    float features[GC_CONVNET_MAX_FEATURES];
+    float third[GC_CONVNET_MAX_HIDDEN];
+    float out[2]; /* the correction, in units, and the logarithm of its precision */
+} gc_convnet_work_t;
+
 /* Samples of each run that stage 0, 1 or 2 takes: those of the first 2, 4 or 6 s. */
 uint32_t gc_convnet_samples(const gc_convnet_t *net, unsigned stage);
 
-/* The columns of a stage: means of the counts less the mean of all of them, `unit` of the table's unit a count; the mean, counts.
- * Returns 0 or GC_E_NET_RANGE, where a reading is not like any of the training data. */
-int gc_convnet_columns(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double sign, float *columns,
-                       double *mean);
-/* out: the correction (units) and the logarithm of its precision. Returns 0 or GC_E_NET_MEMORY. */
-int gc_convnet_infer(const gc_convnet_t *net, const float *columns, unsigned stage, float out[2]);
-
-/* One face. counts: consecutive samples from the run's first one on, at least gc_convnet_samples. w_dps: the true rate about the
- * sensed axis, +table_dps or -table_dps within 3 %.
- * Returns 0, GC_E_NET_RATE, GC_E_NET_RANGE or GC_E_NET_MEMORY (a table larger than the arrays here). */
+/* A face in parts, none of which takes long. counts: consecutive samples from the run's first one on, at least
+ * gc_convnet_samples; they are not needed after the beginning. w_dps: the true rate about the sensed axis, +table_dps or
+ * -table_dps within 3 %.
+ * Returns 0, GC_E_NET_RATE, GC_E_NET_RANGE (a reading is not like any of the training data) or GC_E_NET_MEMORY (a table larger
+ * than the arrays here). */
+int gc_convnet_begin(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,
+                     gc_convnet_work_t *work);
+/* The next part; true where the face is done. */
+bool gc_convnet_go_on(const gc_convnet_t *net, gc_convnet_work_t *work, gc_convnet_face_t *face);
+/* All parts at once. */
 int gc_convnet_face(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,
-                    gc_convnet_face_t *out);
+                    gc_convnet_work_t *work, gc_convnet_face_t *face);
 /* Scale and bias from both faces and the priors of the calibration (NULL: flat); misfit is left as it is. */
 void gc_convnet_merge(const gc_calibration_t *calibration, const gc_convnet_face_t *up, const gc_convnet_face_t *down,
                       gc_answer_t *answer);

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-/* ---- network gyrocal: a run a part, and the two are merged ---- */
+/* ---- network gyrocal: one run, then the other, each in parts, and the two are merged ---- */
 
 static uint32_t gyrocal_samples(const gc_net_t *net, unsigned stage) {
     return gc_convnet_samples(net->table->convnet, stage);
@@ -19,14 +19,22 @@ static int gyrocal_check(const gc_net_t *net) {
 
 static int gyrocal_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES],
                          const gc_calibration_t *prior, unsigned stage, bool *done, gc_net_answer_t *answer) {
+    const gc_convnet_t *convnet = net->table->convnet;
     const gc_net_run_t *run = &runs[work->half ? GC_SENSE_NEGATIVE : GC_SENSE_POSITIVE];
     gc_convnet_face_t face;
-    const int error = gc_convnet_face(net->table->convnet, run->counts, stage, run->lsb_dps, run->w_dps, &face);
-    *done = work->half;
-    work->half = !work->half && error == GC_OK;
-    if (error != GC_OK) {
+    *done = false;
+    if (!work->begun) {
+        const int error = gc_convnet_begin(convnet, run->counts, stage, run->lsb_dps, run->w_dps, &work->face);
+        work->begun = error == GC_OK;
+        work->half = work->half && work->begun;
         return error;
     }
+    if (!gc_convnet_go_on(convnet, &work->face, &face)) {
+        return GC_OK;
+    }
+    work->begun = false;
+    *done = work->half;
+    work->half = !work->half;
     if (!*done) {
         work->first = face;
         return GC_OK;

@@ -46,8 +46,10 @@ typedef struct {
 
 /* An answer in progress. Zeros begin a pair of runs. */
 typedef struct {
-    bool half; /* the run of positive sense is done: */
+    bool half;  /* the run of positive sense is done: */
     gc_convnet_face_t first;
+    bool begun; /* the other one, or this one, is in progress: */
+    gc_convnet_work_t face;
     unsigned windows; /* that are done, of this pair, and the sums of their answers: */
     double sum[2];
     float up[GC_MAX_CNN_WINDOW], down[GC_MAX_CNN_WINDOW], scratch[GC_MAX_CNN_SCRATCH];
