@@ -16,6 +16,7 @@ LAYERS = [
     {"port"},
     {"outliers"},
     {"effects"},
+    {"variables"},
     {"formula"},
     {"model", "blocks", "noise"},
     {"allan", "fit"},

@@ -23,10 +23,12 @@ from gyrocal.fit import LEAST_WHITE_DPS, Fit, fit
 from gyrocal.heldout import Prediction
 from gyrocal.model import Model
 from gyrocal.outliers import outliers
-from gyrocal.probes import Finding, beside, probe, slow_probes, too_much_power
+from gyrocal.probes import Finding, beside, of_session, probe, too_much_power
 from gyrocal.session import AXES, Array, Session
 from gyrocal.spectrum import Spectrum, spectrum
 from gyrocal.threads import each, one_thread
+from gyrocal.variables.frequency import Frequency
+from gyrocal.variables.reading import Reading
 
 ALARM = 0.01
 """Chance of crying misfit on a session that holds none, all tests together (the contract allows 0.02)."""
@@ -141,9 +143,9 @@ def _floor(fitted: Fit, axis: str, where: list[Finding], white_power: float) -> 
     Where probes found something, drift and turn-on bias are those that are left beside it: else they would swallow it.
     """
     found = fitted.axes[axis]
-    kinds = [f.kind for f in where if f.axis == axis and f.kind is not None]
-    if kinds:
-        found = beside(found, axis, kinds)
+    shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
+    if shapes:
+        found = beside(found, axis, shapes)
     return float(np.sqrt(white_power + found.slow_power))
 
 
@@ -205,16 +207,16 @@ def find_misfit(
     """Every probe on every axis; those that noise explains with less than its share of :data:`ALARM`, strongest first."""
     if sum(b.t_s.size for b in fitted.blocks) < LEAST_BLOCKS:
         return []
-    probes = {axis: slow_probes(session, AXES.index(axis)) for axis in fitted.axes}
-    tests = sum(len(kinds) for on_axis in probes.values() for _, kinds in on_axis)
+    probes = {axis: of_session(session, AXES.index(axis)) for axis in fitted.axes}
+    tests = sum(len(shapes) for on_axis in probes.values() for _, shapes in on_axis)
     share = ALARM / (tests + 4 * len(fitted.axes))
 
     def on(axis: str) -> list[Finding]:
         found = []
-        for against, kind in ((against, kind) for against, kinds in probes[axis] for kind in kinds):
+        for against, shape in ((against, shape) for against, shapes in probes[axis] for shape in shapes):
             if progress is not None:
                 progress(f"looking at {axis} against {against.replace('_', ' ')}")
-            finding = probe(fitted.axes[axis], axis, against, kind, share)
+            finding = probe(fitted.axes[axis], axis, against, shape, share)
             if finding is not None and finding.chance < share:
                 found.append(finding)
         return found + _beyond_noise(session, fitted, axis, spectra[axis], share)
@@ -234,11 +236,11 @@ def _beyond_noise(session: Session, fitted: Fit, axis: str, lines: Spectrum, sha
             / np.sqrt(np.median(lines.level) * session.sample_rate_hz / 2)
         )
         note = f"a line of {amplitude_dps * 1e3:.3g} mdps at {frequency_hz:.4g} Hz"
-        found.append(Finding(axis, "frequency", strength, chance, amplitude_dps, note))
+        found.append(Finding(axis, Frequency.name, strength, chance, amplitude_dps, note))
     bump = lines.bump()
     if bump is not None and bump[4] < share:
         note = f"{bump[2] * 1e3:.3g} mdps that wander between {bump[0]:.3g} and {bump[1]:.3g} Hz"
-        found.append(Finding(axis, "frequency", bump[3], bump[4], bump[2], note))
+        found.append(Finding(axis, Frequency.name, bump[3], bump[4], bump[2], note))
     found.append(too_much_power(fitted.axes[axis], axis, share))
     found.append(reading_fault(session, axis, share, fitted.model.value("quantization", axis, "lsb_dps")))
     if not fitted.model.value("bias_jumps", axis, "outliers"):
@@ -274,7 +276,7 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
             z = float(norm.isf(max(chance, 1e-300)))
         if chance < alarm and (worst is None or z > worst.strength):
             note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
-            worst = Finding(axis, "reading", float(z), chance, 2**bit * session.lsb_dps, note)
+            worst = Finding(axis, Reading.name, float(z), chance, 2**bit * session.lsb_dps, note)
     return worst
 
 
@@ -315,7 +317,7 @@ def single_readings(session: Session, axis: str) -> Finding | None:
     if session.lsb_dps is not None and np.mean(np.abs(np.abs(apart) - 256 * session.lsb_dps) < 6 * white) > 0.9:
         note += ", 256 counts: the two bytes of a reading are not of one sample"
     strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
-    return Finding(axis, "reading", strength, 0.0, size_dps, note)
+    return Finding(axis, Reading.name, strength, 0.0, size_dps, note)
 
 
 def residual_table(comparison: Comparison) -> pl.DataFrame:

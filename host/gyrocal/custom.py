@@ -19,28 +19,20 @@ from gyrocal import heldout
 from gyrocal.compare import Comparison
 from gyrocal.diagnose import Diagnosis, add, diagnose, held_out_gain
 from gyrocal.effects import base
+from gyrocal.effects.quantities import turns
 from gyrocal.errors import InputError
 from gyrocal.fit import AxisFit, carry_spreads, choose_variant, finish, fit_noise, refine, with_noise
-from gyrocal.formula import VARIABLES, FormulaEffect
+from gyrocal.formula import FormulaEffect
 from gyrocal.model import Model, Term
-from gyrocal.probes import Finding, Transient, Wave
+from gyrocal.probes import Finding
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import one_thread
+from gyrocal.variables.base import symbols, variables
+from gyrocal.variables.shapes import ShapeOfEachRun
+from gyrocal.variables.terms import hinges
 
 Progress = Callable[[str], None]
 
-VARIABLE = {
-    "time": ("t",), "power_on_time": ("power_on_s",), "temperature": ("temp_c",), "rate": ("rate",),
-    "acceleration": ("ax", "ay", "az"), "table_angle": ("turn",),
-}  # fmt: skip
-"""What a comparison holds the residual against, in a formula's names."""
-NO_FORMULA = {
-    "frequency": "it is a line in the spectrum that is no steady tone: look for what vibrates, or record for longer",
-    "reading": "bits of the reading are wrong, which no formula mends: look at how the driver puts its bytes together",
-}
-KNOTS = 31
-"""Of a piecewise-linear curve, where the variable's values are evenly many."""
-HARMONICS = 8
 RATE_UNIT_DPS = 100.0
 MOST_TERMS = 8
 
@@ -84,9 +76,7 @@ def propose(found: Diagnosis, name: str = "custom", progress: Progress | None = 
             tried.append(_judge(comparison, axis, against, FormulaEffect(formula, name)))
     if not tried:
         first = findings[0].against
-        raise InputError(
-            f"no formula for what shows on {axis} against {first}: {NO_FORMULA.get(first, 'it has no shape of its own')}"
-        )
+        raise InputError(f"no formula for what shows on {axis} against {first}: {variables()[first].no_formula}")
     return _simplest_of_the_best(tried)
 
 
@@ -140,80 +130,34 @@ def _formulas(
     comparison: Comparison, axis: str, findings: Sequence[Finding], progress: Progress | None
 ) -> list[str]:  # fmt: skip
     """Formulas in the variable that these findings are against."""
-    own = [f for f in findings if f.kind is not None and f.kind.scope == "run"]
-    if own:
-        return _each_run(own)
-    if findings[0].against not in VARIABLE:
-        return []
+    each_run = [f.shape for f in findings if isinstance(f.shape, ShapeOfEachRun)]
+    if each_run:
+        return type(each_run[0]).formula(each_run)
+    variable = variables()[findings[0].against]
     session = comparison.fit.session
     current = comparison.fit.axes[axis]
-    times_rate = any(r.axis == axis and not r.rate_is_mean and np.any(r.rate_dps) for r in session.runs)
     smooth: list[str] = []
     pieces: list[str] = []
-    for variable in VARIABLE[findings[0].against]:
-        values = _values(session, axis, variable)
-        smooth += smooth_terms(variable, values)
-        pieces += hinges(variable, values)
-    if times_rate and findings[0].against != "rate":
+    for symbol in variable.searched:
+        values = _values(session, axis, symbol)
+        smooth += variable(session.runs).terms(symbol, values)
+        pieces += hinges(symbol, values)
+    if variable.times_rate and turns(session.runs, AXES.index(axis)):
         smooth, pieces = ([*terms, *(f"(rate/{RATE_UNIT_DPS:g})*{t}" for t in terms)] for terms in (smooth, pieces))
     formulas = []
-    for terms in (smooth, pieces):
+    for terms in filter(None, (smooth, pieces)):
         if progress is not None:
-            progress(f"choosing among {len(terms)} terms in {', '.join(VARIABLE[findings[0].against])}")
+            progress(f"choosing among {len(terms)} terms in {', '.join(variable.searched)}")
         chosen = select(current, axis, terms)
         if chosen:
             formulas.append(" + ".join(f"k{i}*{t}" for i, t in enumerate(chosen, start=1)))
     return list(dict.fromkeys(formulas))
 
 
-def _each_run(findings: Sequence[Finding]) -> list[str]:
-    """Waves and transients of a run's own phase or size: as the probes found them."""
-    waves = sorted(f.kind.order for f in findings if isinstance(f.kind, Wave))
-    if waves:
-        parts = [f"{a}{k}*{wave}({k}*theta)" for k in waves for a, wave in (("a", "cos"), ("b", "sin"))]
-        return [f"{' + '.join(parts)}; each run"]
-    return [f"A*exp(-t/tau); tau={f.kind.tau_s:g}; each run" for f in findings if isinstance(f.kind, Transient)]
-
-
-def _values(session: Session, axis: str, variable: str) -> Array:
-    """All values of a variable over a session, sorted out of its runs."""
-    parts = [VARIABLES[variable][1](r, AXES.index(axis)) for r in session.runs]
+def _values(session: Session, axis: str, symbol: str) -> Array:
+    """The values of a symbol [n] in all runs of a session that have it."""
+    parts = [symbols()[symbol].values(r, AXES.index(axis)) for r in session.runs]
     return np.concatenate([p for p in parts if p is not None])
-
-
-def smooth_terms(variable: str, values: Array) -> list[str]:
-    """Powers, sines, an exponential and a kink in a variable, centred and scaled so that coefficients are in deg/s."""
-    if variable == "turn":
-        waves = [f"{wave}({k}*theta)" for k in range(1, HARMONICS + 1) for wave in ("cos", "sin")]
-        return [*waves, "(turn - 0.5)", "abs(turn - 0.5)"]
-    low, high = np.quantile(values, [0.01, 0.99])
-    half = _round((high - low) / 2)
-    if half == 0:
-        return []
-    if variable in ("t", "power_on_s"):
-        decays = [f"exp(-{variable}/{_round(high / k):g})" for k in (2, 5, 10, 20, 40)]
-        return [
-            f"({variable}/{_round(high):g})",
-            f"({variable}/{_round(high):g})**2",
-            f"({variable}/{_round(high):g})**3",
-            *decays,
-        ]
-    middle = 0.0 if low < 0 < high else _round((high + low) / 2, 3)
-    u = f"({variable}/{half:g})" if middle == 0 else f"(({variable} - {middle:g})/{half:g})"
-    return [u, f"{u}**2", f"{u}**3", f"{u}**4", f"abs{u}", f"exp{u}", f"exp(-{u})", f"sin(pi*{u})", f"cos(pi*{u})"]
-
-
-def hinges(variable: str, values: Array) -> list[str]:
-    """A line, and a bend at each of some knots: together any piecewise-linear curve."""
-    span = float(np.ptp(values))
-    if span == 0:
-        return []
-    knots = [_round(float(k), 3) for k in np.quantile(values, np.arange(1, KNOTS + 1) / (KNOTS + 1))]
-    return [variable, *dict.fromkeys(f"max({variable} - {k:g}, 0)".replace("- -", "+ ") for k in knots)]
-
-
-def _round(value: float, digits: int = 2) -> float:
-    return float(f"{value:.{digits}g}")
 
 
 def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:

@@ -37,6 +37,7 @@ from gyrocal.model import BASE, RANDOM, Model, Term
 from gyrocal.reml import Spreads
 from gyrocal.session import AXES, Array, Session
 from gyrocal.threads import each, one_thread
+from gyrocal.variables.reading import Reading
 
 FDR = 0.05
 FAMILY_ALARM = 0.01
@@ -423,7 +424,7 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
     """Does the candidate go at what is most wrong with the axis? One that picks crumbs beside it is not what is missing."""
     if c.effect.at_reading(c.values) or (c.explained or 0.0) > MOST_EXPLAINED:
         return True
-    found = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != "reading"]
+    found = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != Reading.name]
     return (c.gain or 0.0) >= LEAST_OF_FINDING * max(found, default=0.0)
 
 

@@ -84,7 +84,7 @@ class SessionFile(BaseModel):
 class Run:
     """One recording. Arrays are read from the file at first use and kept.
 
-    Attributes follow the contract's names; ``rate_dps`` is the true rate about the sensed axis, the face's sign applied.
+    Attributes have the names of session.toml's keys; ``rate_dps`` is the true rate about the sensed axis in the sensor's sign.
     """
 
     index: int
