@@ -11,10 +11,10 @@ import sys
 import numpy as np
 
 from gyrocal.effects.base import effect
-from gyrocal.fit import fit
-from gyrocal.model import Model, Term
-from gyrocal.session import Run, Session
-from gyrocal.simulate import simulate
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.fit import fit
+from gyrocal.recording.session import Run, Session
+from gyrocal.simulation.simulate import simulate
 
 SESSIONS = 400
 SCENARIOS, SECONDS = 12, 10.0

@@ -7,7 +7,7 @@ python benchmarks/cpus.py docs/cpus.md     puts it between the marks in that fil
 import sys
 from pathlib import Path
 
-from gyrocal import cpus
+from gyrocal.core import cpus
 
 BEGIN, END = "<!-- table: python benchmarks/cpus.py docs/cpus.md -->\n", "<!-- end of table -->\n"
 COLUMNS = ("part", "CPU", "instructions", "largest", "flash, bytes", "RAM, bytes", "stack, bytes")

@@ -30,14 +30,14 @@ def measure(rows: int) -> tuple[float, float, float, str]:
 
 def make(folder: Path, rows: int) -> None:
     """Nine power cycles, each face up and face down, with a ripple of the table."""
-    from gyrocal.simulate import simulate
+    from gyrocal.simulation.simulate import simulate
 
     simulate(folder, "paper", ["table_ripple"], seed=1, scenarios=RUNS // 2, seconds=rows / RUNS / RATE_HZ, parquet=True)
 
 
 def diagnose(folder: Path) -> None:
-    from gyrocal.diagnose import diagnose as of
-    from gyrocal.session import Session
+    from gyrocal.diagnosis.diagnose import diagnose as of
+    from gyrocal.recording.session import Session
 
     began = time.perf_counter()
     session = Session.open(folder)

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 
-from gyrocal import wire
+from gyrocal.device import wire
 
 SENTENCES = 400_000
 CHUNK = 4096

@@ -21,10 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal import core, cpus
-from gyrocal.network import Network, image
-from gyrocal.output import stdout, table
-from gyrocal.verify import windows
+from gyrocal.calibration.network import Network, image
+from gyrocal.core import cpus
+from gyrocal.core import library as core
+from gyrocal.core.verify import windows
+from gyrocal.present.output import stdout, table
 from gyrocal_firmware import INCLUDE
 
 CPU = next(cpu for cpu in cpus.CPUS if cpu.name == "cortex-m4f")

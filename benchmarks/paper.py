@@ -22,19 +22,19 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from gyrocal import limit
-from gyrocal.calibration_header import render
-from gyrocal.core_estimator import CoreEstimator
-from gyrocal.diagnose import add
+from gyrocal.calibration import limit
+from gyrocal.calibration.estimator import Calibration, Column, calibration_of
+from gyrocal.calibration.header import render
+from gyrocal.calibration.network import BlockNetwork, Network
+from gyrocal.calibration.scenarios import Simulation, answers
+from gyrocal.core.estimator import CoreEstimator
+from gyrocal.device.monitor import misfit_limit
+from gyrocal.diagnosis.diagnose import add
 from gyrocal.effects import base
-from gyrocal.estimator import Calibration, Column, calibration_of
-from gyrocal.model import Model
-from gyrocal.monitor import misfit_limit
-from gyrocal.network import BlockNetwork, Network
-from gyrocal.output import stdout, table
-from gyrocal.scenarios import Simulation, answers
-from gyrocal.session import AXES, Array, Run, Session
-from gyrocal.simulate import RATE_HZ, TABLE_RATE_DPS, WHITE_SD_DPS, paper_windows
+from gyrocal.error_model.model import Model
+from gyrocal.present.output import stdout, table
+from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.simulation.simulate import RATE_HZ, TABLE_RATE_DPS, WHITE_SD_DPS, paper_windows
 
 SEEDS = 42
 SAMPLE_SEEDS = 2
@@ -359,7 +359,7 @@ def _draw(report: dict[str, Any], by_second: Array, labels: Array, truths: Array
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter, ScalarFormatter
 
-    from gyrocal.pictures import BLUE, GREEN, GREY, ORANGE, PURPLE
+    from gyrocal.present.pictures import BLUE, GREEN, GREY, ORANGE, PURPLE
 
     figure = Figure(figsize=(8, 3.2), layout="constrained", dpi=110)
     for j, (axes, name, factor) in enumerate(zip(figure.subplots(1, 2), ("scale, %", "bias, mdps"), (100, 1e3), strict=True)):

@@ -7,9 +7,10 @@ import time
 import numpy as np
 import polars as pl
 
-from gyrocal import device, wire
-from gyrocal.port import Link, PortGone
-from gyrocal.session import Run, Session
+from gyrocal.device import simulated as device
+from gyrocal.device import wire
+from gyrocal.device.port import Link, PortGone
+from gyrocal.recording.session import Run, Session
 
 RATE_HZ = 416.0
 SECONDS = 300.0

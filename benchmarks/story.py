@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import argparse
 
-from gyrocal.diagnose import add, diagnose
+from gyrocal.diagnosis.diagnose import add, diagnose
 from gyrocal.effects.base import effects
-from gyrocal.simulate import simulate
+from gyrocal.simulation.simulate import simulate
 
 INNATE = ("scale", "bias")
 

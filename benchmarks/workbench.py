@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.wire import encode
+from gyrocal.device.wire import encode
 
 RATE_HZ = 145.0
 RUNS = 18
@@ -289,7 +289,7 @@ def in_browser(browser: Any, folder: Path, port: str, seconds: float, rows: int)
 
 def campaign(folder: Path, rows: int) -> None:
     """A session of so many rows whose table ripples."""
-    from gyrocal.simulate import simulate
+    from gyrocal.simulation.simulate import simulate
 
     seconds = rows / RUNS / RATE_HZ
     simulate(folder, "paper", ["table_ripple"], 1, scenarios=RUNS // 2, seconds=seconds, parquet=True)

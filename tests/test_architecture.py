@@ -1,7 +1,9 @@
-"""Arrows point one way: this fails when an import points the other."""
+"""The folders are the layers: an import that points up, or a folder or module that no layer knows, fails."""
 
 import ast
+import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,40 +11,103 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_export", ROOT / "firmware/gyrocal_firmware"
 
-# From the bottom up; a file may import what stands in its own row or a row above it. Folders stand for their files.
+# From the bottom up. A folder (or a single module beside the folders) may import itself and what stands before it.
 LAYERS = [
-    {"errors", "threads", "__init__"},
-    {"session", "output", "wire", "core", "network", "spectrum", "climate", "campaigns"},
-    {"port"},
-    {"outliers"},
-    {"effects"},
-    {"variables"},
-    {"formula"},
-    {"model", "blocks", "noise"},
-    {"allan", "fit"},
-    {"heldout", "probes", "simulate", "estimator", "importer"},
-    {"scenarios", "spreads", "device", "record", "monitor", "verify"},
-    {"compare", "calibrate", "calibration_header", "core_estimator", "limit"},
-    {"diagnose", "custom", "pictures"},
-    {"report", "api"},
-    {"demo", "web"},
-]
+    "__init__", "errors", "threads",
+    "recording", "noise", "effects", "variables", "error_model", "simulation", "inference", "diagnosis", "calibration",
+    "core", "device", "present",
+    "api", "demo", "benchmark", "web", "commands", "cli", "__main__",
+]  # fmt: skip
+DOTTED = re.compile(r"gyrocal(?:\.\w+)+\.?")
+"""A module's name written as text, as in ``import_module("gyrocal.web.panels")``."""
 
 
-def imports(path: Path) -> set[str]:
+def imports(path: Path, package: str = "") -> set[str]:
+    """Dotted names that a file imports, anywhere in it: inside functions, for type checking, relative, or named as text."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
+    prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            found.add(node.module)
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            module = ".".join([*above, *([node.module] if node.module else [])])
+            found |= {f"{module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
+            found |= {node.value.rstrip(".")} if DOTTED.fullmatch(node.value) and not node.value.endswith(".onnx") else set()
     return found
 
 
 def python_files(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.py"))
+
+
+def layer_of(path: Path, host: Path) -> str:
+    return path.relative_to(host).parts[0].removesuffix(".py")
+
+
+def layers_found(host: Path) -> set[str]:
+    """The folders that hold Python files, and the single modules beside them."""
+    return {layer_of(path, host) for path in python_files(host)}
+
+
+def arrows_up(host: Path) -> Iterator[str]:
+    """One line for each import of the package that does not point to the importer's own layer or one below it."""
+    for path in python_files(host):
+        package = ".".join(["gyrocal", *path.relative_to(host).parent.parts])
+        importer = layer_of(path, host)
+        for name in sorted(imports(path, package)):
+            pieces = name.split(".")
+            if pieces[0] != "gyrocal":
+                continue
+            imported = pieces[1] if len(pieces) > 1 and not pieces[1].startswith("__") else "__init__"
+            if imported not in LAYERS:
+                yield f"{path.relative_to(host)} imports {name}, which no layer knows"
+            elif LAYERS.index(imported) > LAYERS.index(importer):
+                yield f"{path.relative_to(host)} imports {name}, which stands above it"
+
+
+def test_every_folder_and_module_is_a_layer() -> None:
+    assert layers_found(HOST) == set(LAYERS)
+
+
+def test_imports_point_down() -> None:
+    assert list(arrows_up(HOST)) == []
+
+
+def test_every_folder_says_what_it_may_import() -> None:
+    for layer in LAYERS:
+        if (HOST / layer).is_dir():
+            text = ast.get_docstring(ast.parse((HOST / layer / "__init__.py").read_text(encoding="utf-8"))) or ""
+            assert "imports" in text, f"{layer}/__init__.py"
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from gyrocal.diagnosis.diagnose import diagnose\n",
+        "import gyrocal.diagnosis\n",
+        "from gyrocal import diagnosis\n",
+        "from ..diagnosis import diagnose\n",
+        "from .. import diagnosis\n",
+        "def f() -> None:\n    from gyrocal.diagnosis import diagnose\n",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from gyrocal.diagnosis import diagnose\n",
+        "from importlib import import_module\nimport_module('gyrocal.diagnosis.diagnose')\n",
+        "from importlib import import_module\nimport_module(f'gyrocal.diagnosis.{1}')\n",
+        "from gyrocal.attic import old\n",
+    ],
+)
+def test_no_import_upwards_escapes(source: str, tmp_path: Path) -> None:
+    (tmp_path / "inference").mkdir()
+    (tmp_path / "inference" / "fit.py").write_text(source)
+    assert len(list(arrows_up(tmp_path))) == 1
+
+
+def test_an_unknown_folder_is_seen(tmp_path: Path) -> None:
+    (tmp_path / "attic").mkdir()
+    (tmp_path / "attic" / "old.py").touch()
+    assert layers_found(tmp_path) - set(LAYERS) == {"attic"}
 
 
 def test_torch_and_onnx_live_in_model_export_alone() -> None:
@@ -60,23 +125,6 @@ def test_firmware_package_knows_nobody() -> None:
     for path in [p for p in python_files(FIRMWARE) if p.parent.name not in ("test", "monitor")]:  # PlatformIO's plug-ins
         names = {name.split(".")[0] for name in imports(path)}
         assert names <= set(sys.stdlib_module_names), path
-
-
-@pytest.mark.parametrize("path", python_files(HOST), ids=lambda p: str(p.relative_to(HOST)))
-def test_host_reads_from_the_bottom_up(path: Path) -> None:
-    parts = path.relative_to(HOST).parts
-    room = parts[0].removesuffix(".py")
-    height = {name: i for i, layer in enumerate(LAYERS) for name in layer}
-    for name in imports(path):
-        pieces = name.split(".")
-        if pieces[0] != "gyrocal" or len(pieces) < 2:
-            continue
-        other = pieces[1]
-        assert room in ("commands", "cli", "web", "__main__") or other not in ("commands", "cli", "web"), (
-            f"{path.name} imports {name}"
-        )
-        if room in height and other in height:
-            assert height[other] <= height[room], f"{path.name} imports {name}, which stands above it"
 
 
 def test_core_includes_only_itself_and_freestanding_c() -> None:

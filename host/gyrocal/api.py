@@ -8,19 +8,21 @@
     model = model.add(best.effect.id, best.axis)
     print(compare(session, model).pooled)
 
-Tables are polars frames (``session.runs[0].table``, ``residual_table``), pictures matplotlib figures (:mod:`gyrocal.pictures`).
+Tables are polars frames (``session.runs[0].table``, ``residual_table``), pictures matplotlib figures
+(:mod:`gyrocal.present.pictures`).
 """
 
-from gyrocal.calibrate import Estimate, calibrate
-from gyrocal.compare import Comparison, compare, residual_table
-from gyrocal.diagnose import Candidate, Diagnosis, add, diagnose
+from gyrocal.calibration.calibrate import Estimate, calibrate
+from gyrocal.diagnosis.compare import Comparison, compare, residual_table
+from gyrocal.diagnosis.diagnose import Candidate, Diagnosis, add, diagnose
+from gyrocal.error_model.formula import FormulaEffect
+from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError
-from gyrocal.fit import Fit, fit
-from gyrocal.model import Model, Term
-from gyrocal.session import Run, Session
-from gyrocal.simulate import simulate
+from gyrocal.inference.fit import Fit, fit
+from gyrocal.recording.session import Run, Session
+from gyrocal.simulation.simulate import simulate
 
 __all__ = [
-    "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Fit", "GyrocalError", "InputError", "Model", "Run",
-    "Session", "Term", "add", "calibrate", "compare", "diagnose", "fit", "residual_table", "simulate",
+    "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Fit", "FormulaEffect", "GyrocalError", "InputError",
+    "Model", "Run", "Session", "Term", "add", "calibrate", "compare", "diagnose", "fit", "residual_table", "simulate",
 ]  # fmt: skip

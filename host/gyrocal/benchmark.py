@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from gyrocal.errors import GyrocalError, InputError
-from gyrocal.output import stderr, stdout, table
+from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = {"blind": ROOT / "tests" / "blind", "paper": ROOT / "benchmarks", "inference": ROOT / "benchmarks"}

@@ -15,19 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal import calibration_header
-from gyrocal.calibrate import Estimate
-from gyrocal.compare import Comparison
-from gyrocal.device import SimulatedDevice, replay
-from gyrocal.diagnose import Diagnosis, add, diagnose
+from gyrocal.calibration import header
+from gyrocal.calibration.calibrate import Estimate
+from gyrocal.core.verify import verify
+from gyrocal.device.port import Link
+from gyrocal.device.record import Recorder
+from gyrocal.device.simulated import SimulatedDevice, replay
+from gyrocal.device.wire import Sentence
+from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose
+from gyrocal.error_model.model import Model
 from gyrocal.errors import GyrocalError, InputError
-from gyrocal.model import Model
-from gyrocal.port import Link
-from gyrocal.record import Recorder
-from gyrocal.session import Session
-from gyrocal.simulate import simulate
-from gyrocal.verify import verify
-from gyrocal.wire import Sentence
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
 
 HIDDEN = "table_ripple"
 MARK = ".gyrocal-demo"
@@ -102,7 +102,7 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
 
     progress("writing headers, building the device with them, running it again")
     include = folder / "include"
-    calibration_header.write(model, include / "calibration.h")
+    header.write(model, include / "calibration.h")
     after = _answers(replay(fresh, stream="off", include_dir=include), fresh, truths)
 
     progress("comparing the C network with onnxruntime")
@@ -190,7 +190,7 @@ def _parity(seed: int) -> dict[str, Any]:
 
 def draw(story: Story) -> None:
     """``errors.png``: the device's mean error before and after, against seconds."""
-    from gyrocal import pictures
+    from gyrocal.present import pictures
 
     lines = {f"{m}, before": story.before.errors[m] for m in ("baseline", "cnn") if m in story.before.errors}
     lines |= {"model, with the effect added": story.after.errors["model"]}
@@ -200,8 +200,8 @@ def draw(story: Story) -> None:
 
 def show(story: Story) -> None:
     """The story on the terminal."""
-    from gyrocal.output import mdps, stdout, table
-    from gyrocal.report import print_before_after, print_comparison, sizes, verdict_text
+    from gyrocal.present.output import mdps, stdout, table
+    from gyrocal.present.report import print_before_after, print_comparison, sizes, verdict_text
 
     stdout.print("\n1. The device calibrates with eq. (4): scale, bias, white noise", style="bold")
     rows = [

@@ -10,14 +10,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gyrocal.calibrate import baseline
+from gyrocal.calibration.calibrate import baseline
+from gyrocal.calibration.estimator import calibration_of
+from gyrocal.calibration.network import image
+from gyrocal.calibration.scenarios import Protocol, Simulation
+from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.estimator import calibration_of
-from gyrocal.model import Model
-from gyrocal.network import image
-from gyrocal.scenarios import Protocol, Simulation
-from gyrocal.session import Run, Session
-from gyrocal.simulate import paper_windows
+from gyrocal.recording.session import Run, Session
+from gyrocal.simulation.simulate import paper_windows
 
 SIMULATED_SECONDS = 6.0
 RECORDED_SECONDS = 50.0  # what follows is for the labels alone

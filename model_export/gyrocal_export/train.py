@@ -81,7 +81,7 @@ def train(config: Config, out: Path, report: Report) -> dict[str, Any]:
     metrics = best | evaluate(load(out)[0], fixed, validation)
     named = replace(config.named(), sessions=tuple(Path(s).name for s in config.sessions))
     data = {
-        "source": list(named.sessions) or f"{named.model or 'gyrocal.simulate.paper_windows'}, afresh for every epoch",
+        "source": list(named.sessions) or f"{named.model or 'gyrocal.simulation.paper_windows'}, afresh for every epoch",
         "labels": "baseline over the whole runs" if config.sessions else "the simulated truth",
         "training_scenarios": len(fixed.label),
         "validation_scenarios": len(validation.label),

@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gyrocal import limit
-from gyrocal.estimator import Calibration, calibration_of
-from gyrocal.model import Model
-from gyrocal.scenarios import Protocol, Simulation, answers
+from gyrocal.calibration import limit
+from gyrocal.calibration.estimator import Calibration, calibration_of
+from gyrocal.calibration.scenarios import Protocol, Simulation, answers
+from gyrocal.error_model.model import Model
 from gyrocal_export import run_folder
 from gyrocal_export.files import two_digits_up
 from gyrocal_export.nets.gyrocal import (

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from gyrocal import heldout
-from gyrocal.diagnose import Candidate, Diagnosis, add, diagnose
+from gyrocal.diagnosis.diagnose import Candidate, Diagnosis, add, diagnose
 from gyrocal.effects import base
-from gyrocal.fit import Fit, fit, likelihood_ratio
-from gyrocal.model import Model, Term
-from gyrocal.session import AXES, Session
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference import heldout
+from gyrocal.inference.fit import Fit, fit, likelihood_ratio
+from gyrocal.recording.session import AXES, Session
 
 from . import stepwise
 from .generator import DIGITAL, Case, Effect, Truth, detectability, make

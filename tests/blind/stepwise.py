@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from gyrocal.blocks import Blocks, by_sample, reduce_session
 from gyrocal.effects import base
-from gyrocal.model import BASE, RANDOM
-from gyrocal.session import AXES, Session
+from gyrocal.error_model.model import BASE, RANDOM
+from gyrocal.inference.blocks import Blocks, by_sample, reduce_session
+from gyrocal.recording.session import AXES, Session
 
 Array = NDArray[np.float64]
 Fitted = tuple[float, int, int]  # sum of squares, parameters, samples

@@ -9,8 +9,8 @@ import pytest
 
 from gyrocal import benchmark as verb
 from gyrocal.cli import main
-from gyrocal.heldout import Prediction
-from gyrocal.session import Session
+from gyrocal.inference.heldout import Prediction
+from gyrocal.recording.session import Session
 
 from . import benchmark, stepwise
 from .benchmark import Answer, Outcome, error_dps, score

@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 import pytest
 
 from gyrocal.effects.base import effects
-from gyrocal.session import Run
 from gyrocal_firmware import CORE
+from make_runs import make_run
 
 from .conftest import Build, run
 
@@ -44,25 +43,15 @@ def test_c_column_is_the_python_column(
     rng = np.random.default_rng(1)
     t_s = np.round(np.arange(200) / 145, 6)
     sign = 1.0 if face == "up" else -1.0
-    frame = pl.DataFrame(
-        {
-            "t_s": t_s,
-            **{name: rng.normal(0, 1, 200) for name in ("gx_dps", "gy_dps", "gz_dps")},
-            **{name: rng.normal(0, 0.1, 200) for name in ("ax_g", "ay_g")},
-            "az_g": sign + rng.normal(0, 0.01, 200),
-            "temp_c": 25 + 0.01 * np.arange(200),
-        }
-    )
-    recorded = Run(0, "a.csv", "s000", face, "z", table_dps, None, None, 3.0, 145.0, frame=frame)
+    acc_g, temp_c = rng.normal([0, 0, sign], 0.5, (200, 3)), rng.uniform(-20, 70, 200)
+    columns = {f"a{a}_g": acc_g[:, k] for k, a in enumerate("xyz")} | {"temp_c": temp_c}
+    recorded = make_run(t_s, table_rate_dps=table_dps, face=face, power_on_s=3.0, **columns)
     effect = effects()[effect_id]
     for values in effect.variants([recorded], 2):
         expected = effect.columns(recorded, 2, values)
         arguments = effect.device_arguments(values)
         assert len(arguments) == expected.shape[1]
-        rows = np.column_stack(
-            [t_s, np.full(200, sign * table_dps), table_dps * t_s / 360, frame["temp_c"], t_s + 3.0]
-            + [frame[name] for name in ("ax_g", "ay_g", "az_g")]
-        )
+        rows = np.column_stack([t_s, np.full(200, sign * table_dps), table_dps * t_s / 360, temp_c, t_s + 3.0, *acc_g.T])
         for k, arg in enumerate(arguments):
             line = " ".join(repr(float(x)) for x in (*arg, 0, 0, 0, 0)[:4])
             text = "".join(" ".join(map(repr, map(float, row))) + f" {line}\n" for row in rows)

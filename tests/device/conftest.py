@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-import polars as pl
 import pytest
 
-from gyrocal.session import Run, Session
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
 
 LSB_DPS = 0.00875
 
@@ -15,10 +15,10 @@ LSB_DPS = 0.00875
 def session(require_tool: Callable[[str], str]) -> Session:
     """Two scenarios of an up and a down run, 7 s at 145 Hz with jitter and a gap; whole counts throughout."""
     require_tool("cc")
-    return make_session(seconds=7.0)
+    return two_faces(seconds=7.0)
 
 
-def make_session(seconds: float, rate_hz: float = 145.0, scenarios: int = 2, seed: int = 5) -> Session:
+def two_faces(seconds: float, rate_hz: float = 145.0, scenarios: int = 2, seed: int = 5) -> Session:
     rng = np.random.default_rng(seed)
     runs = []
     for i in range(2 * scenarios):
@@ -31,28 +31,11 @@ def make_session(seconds: float, rate_hz: float = 145.0, scenarios: int = 2, see
         sign = 1 if face == "up" else -1
         counts = np.array([3, -5, round(sign * 78.3 / LSB_DPS)]) + rng.integers(-40, 40, (len(t_us), 3))
         acc = np.array([0, 0, sign * 16393]) + rng.integers(-30, 30, (len(t_us), 3))
-        frame = pl.DataFrame(
-            {
-                "t_s": t_us * 1e-6,
-                **{f"g{a}_dps": counts[:, k] * LSB_DPS for k, a in enumerate("xyz")},
-                **{f"a{a}_g": acc[:, k] * 6.1e-5 for k, a in enumerate("xyz")},
-                "temp_c": 25.0 + rng.integers(-300, 300, len(t_us)) / 256.0,
-            }
-        )
-        power_on_s = 3.0 if face == "up" else 20.0
         runs.append(
-            Run(
-                i,
-                f"{i:03d}_{face}.csv",
-                f"s{i // 2:03d}",
-                face,
-                "z",
-                78.0,
-                None,
-                None,
-                power_on_s,
-                rate_hz,
-                frame=frame,
+            make_run(
+                t_us * 1e-6, counts * LSB_DPS, face=face, scenario=f"s{i // 2:03d}", rate_hz=rate_hz,
+                power_on_s=3.0 if face == "up" else 20.0, temp_c=25.0 + rng.integers(-300, 300, len(t_us)) / 256.0,
+                **{f"a{a}_g": acc[:, k] * 6.1e-5 for k, a in enumerate("xyz")},
             )
-        )
-    return Session(rate_hz, tuple(runs), full_scale_dps=250.0, lsb_dps=LSB_DPS)
+        )  # fmt: skip
+    return make_session(*runs, full_scale_dps=250.0, lsb_dps=LSB_DPS)

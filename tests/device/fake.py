@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from gyrocal import wire
+from gyrocal.device import wire
 
 HELLO = {
     "proto": 1, "fw": "fake", "sensor": "LSM6DSO", "rate_hz": 100.0, "full_scale_dps": 250.0, "lsb_dps": 0.00875,

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gyrocal import device
 from gyrocal.cli import main
-from gyrocal.monitor import Event, Monitor
-from gyrocal.port import Link
-from gyrocal.session import Session
+from gyrocal.device import simulated as device
+from gyrocal.device.monitor import Event, Monitor
+from gyrocal.device.port import Link
+from gyrocal.recording.session import Session
 
-from .conftest import make_session
+from .conftest import two_faces
 from .fake import FakeDevice
 
 
@@ -82,7 +82,7 @@ def test_unplugging_heals_where_asked() -> None:
 
 def test_each_sensor_of_a_board_has_its_own(require_tool: Callable[[str], str]) -> None:
     require_tool("cc")
-    parts = [make_session(7.0, scenarios=1, seed=seed) for seed in (5, 6)]
+    parts = [two_faces(7.0, scenarios=1, seed=seed) for seed in (5, 6)]
     samples: list[Event] = []
     with device.SimulatedDevice(parts) as simulated, Link(simulated.port) as link:
         monitor = Monitor(link)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.device.port import Link, PortGone, SerialPort, open_port
 from gyrocal.errors import DeviceError
-from gyrocal.port import Link, PortGone, SerialPort, open_port
 
 from .fake import FakeDevice
 

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import device
 from gyrocal.cli import main
+from gyrocal.device import simulated as device
+from gyrocal.device.port import Link
+from gyrocal.device.record import Recorder, Report, Wanted
 from gyrocal.errors import DeviceError, InputError
-from gyrocal.port import Link
-from gyrocal.record import Recorder, Report, Wanted
-from gyrocal.session import Session
+from gyrocal.recording.session import Session
 
-from .conftest import make_session
+from .conftest import two_faces
 from .fake import FakeDevice
 
 UP = Wanted("up", 0.5, table_rate_dps=78.0)
@@ -63,7 +63,7 @@ def test_two_commands_make_a_calibration(
 ) -> None:
     """What lies in the port's buffers when a reader leaves is gone, so each run is longer than what is wanted of it."""
     require_tool("cc")
-    session, out = make_session(seconds=20.0, scenarios=1), tmp_path / "out"
+    session, out = two_faces(seconds=20.0, scenarios=1), tmp_path / "out"
     with device.SimulatedDevice(session) as simulated:
         for face in ("up", "down"):
             options = ["--port", simulated.port, "--face", face, "--rate", "78", "--seconds", "5", "--json"]
@@ -165,7 +165,7 @@ def test_a_session_of_another_rate_or_no_session_is_left_alone(tmp_path: Path) -
 def test_a_device_that_fails_leaves_what_came(
     after, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gyrocal.record.SILENCE_S", 0.5)
+    monkeypatch.setattr("gyrocal.device.record.SILENCE_S", 0.5)
 
     def run(fake: FakeDevice) -> None:
         stream(list(range(20)))(fake)

@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import device, wire
 from gyrocal.cli import main
+from gyrocal.device import simulated as device
+from gyrocal.device import wire
+from gyrocal.device.port import Link, PortGone
+from gyrocal.device.wire import Sentence
 from gyrocal.errors import InputError
-from gyrocal.port import Link, PortGone
-from gyrocal.session import Session
-from gyrocal.wire import Sentence
+from gyrocal.recording.session import Session
 
-from .conftest import LSB_DPS, make_session
+from .conftest import LSB_DPS, two_faces
 
 
 def listen(port: str) -> tuple[list[Sentence], wire.Reader]:
@@ -58,7 +59,7 @@ def test_every_row_is_served_once_at_its_own_time(session: Session) -> None:
 
 
 def test_through_the_fifo_every_row_comes_too() -> None:
-    session = make_session(seconds=3.0, rate_hz=104.0, scenarios=1)
+    session = two_faces(seconds=3.0, rate_hz=104.0, scenarios=1)
     raw = wire.raw_table(s for s in device.replay(session, fifo=20) if s.tag == "RAW" and not s.text.startswith("-1"))
     ends = np.flatnonzero(raw.number == 0)
     for run, start, stop in zip(session.runs, ends, [*ends[1:], len(raw)], strict=True):
@@ -118,7 +119,7 @@ def test_commands_reach_the_core_through_the_port(session: Session) -> None:
 
 
 def test_speed_is_kept() -> None:
-    session = make_session(seconds=3.0, scenarios=1)
+    session = two_faces(seconds=3.0, scenarios=1)
     with device.SimulatedDevice(session, speed=20) as simulated:
         began = time.monotonic()
         heard, _ = listen(simulated.port)
@@ -129,7 +130,7 @@ def test_speed_is_kept() -> None:
 
 def test_full_scale_follows_the_session_and_the_data(session: Session) -> None:
     assert device.full_scale_for(session) == 250.0
-    fast = make_session(seconds=2.0, scenarios=1)
+    fast = two_faces(seconds=2.0, scenarios=1)
     frame = fast.runs[0].table
     for peak, expected in ((286.0, 250.0), (287.0, 500.0), (560.0, 500.0), (1200.0, 2000.0)):
         run = fast.runs[0].part(0, len(fast.runs[0]))
@@ -142,7 +143,7 @@ def test_full_scale_follows_the_session_and_the_data(session: Session) -> None:
 
 
 def test_rates_off_the_parts_grid_keep_their_mean_and_stay_within_a_count() -> None:
-    session = make_session(seconds=2.0, scenarios=1)
+    session = two_faces(seconds=2.0, scenarios=1)
     frame = session.runs[0].table
     rates = np.round(np.random.default_rng(8).normal(-0.6, 0.05, (len(frame), 3)) / 0.061) * 0.061
     run = session.runs[0].part(0, len(frame))
@@ -154,7 +155,7 @@ def test_rates_off_the_parts_grid_keep_their_mean_and_stay_within_a_count() -> N
 
 
 def test_what_a_session_lacks_is_made_up_as_documented() -> None:
-    bare = make_session(seconds=2.0, scenarios=1)
+    bare = two_faces(seconds=2.0, scenarios=1)
     runs = []
     for run in bare.runs:
         part = run.part(0, len(run))

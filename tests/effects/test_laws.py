@@ -9,7 +9,7 @@ from scipy import signal
 from gyrocal.effects.base import effect
 from gyrocal.effects.earth_rate import known_dps
 from gyrocal.effects.quantities import temperature_slope_c_s
-from gyrocal.session import Run
+from gyrocal.recording.session import Run
 
 from .conftest import Array, MakeRun
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gyrocal.effects.base import effect, effects, parse
-from gyrocal.session import Run
+from gyrocal.recording.session import Run
 
 from .conftest import MakeRun
 

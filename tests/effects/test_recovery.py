@@ -7,10 +7,10 @@ import pytest
 from scipy import signal
 
 from gyrocal.effects.base import effect
-from gyrocal.fit import fit
-from gyrocal.model import Model, Term
-from gyrocal.session import Session
-from gyrocal.simulate import simulate
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.fit import fit
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
 
 from .conftest import Array, make
 

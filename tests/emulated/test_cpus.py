@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import calibration_header, core, cpus, device, simulate
-from gyrocal.model import Model, Term
+from gyrocal.calibration import header
+from gyrocal.core import cpus, library
+from gyrocal.device import simulated
+from gyrocal.error_model.model import Model, Term
+from gyrocal.simulation import simulate
 from gyrocal_firmware import CORE, INCLUDE, ROOT, SIM
 
 BITS = ROOT / "test" / "test_same_bits" / "bits.c"
@@ -28,7 +31,7 @@ def first_difference(ours: bytes, theirs: bytes) -> str:
 
 
 def bits_here() -> bytes:
-    program = core.build("bits", [BITS, *core.core_sources()], [INCLUDE, CORE])
+    program = library.build("bits", [BITS, *library.core_sources()], [INCLUDE, CORE])
     return subprocess.run([program], capture_output=True, check=True).stdout
 
 
@@ -36,7 +39,7 @@ def bits_here() -> bytes:
 def test_computes_the_same_bits(cpu: cpus.Cpu, require_tool: Require, tmp_path: Path) -> None:
     require(cpu, require_tool)
     here = bits_here()
-    there = cpus.run(cpu, cpus.build(cpu, [BITS, *core.core_sources()], tmp_path / "bits.elf"))
+    there = cpus.run(cpu, cpus.build(cpu, [BITS, *library.core_sources()], tmp_path / "bits.elf"))
     lines = here.splitlines()
     assert {line.split()[0] for line in lines} == {b"math", b"inference", b"baseline", b"estimator", b"wire"}
     assert sum(line.startswith(b"estimator 0 ") for line in lines) == 3
@@ -47,7 +50,7 @@ def test_a_fused_multiply_add_would_be_seen(require_tool: Require, tmp_path: Pat
     """It changes last bits, which is why the core is compiled without."""
     cpu = next(c for c in cpus.CPUS if c.name == "cortex-m4f")
     require(cpu, require_tool)
-    sources = [BITS, *core.core_sources()]
+    sources = [BITS, *library.core_sources()]
     there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "bits.elf", flags=("-O2", "-ffp-contract=fast")))
     assert there != bits_here()
 
@@ -59,7 +62,7 @@ def headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     paper = Model.builtin("paper").terms
     ripple = Term("table_ripple", "z", {"amplitude_1": 0.0016, "amplitude_2": 0.0005})
     drift = Term("colored_noise", "z", {"sd_dps": 0.002, "tau_s": 30.0})
-    calibration_header.write(Model("rippling", (*paper, ripple, drift), {"z": 0.0448}), folder / "calibration.h")
+    header.write(Model("rippling", (*paper, ripple, drift), {"z": 0.0448}), folder / "calibration.h")
     return folder
 
 
@@ -68,7 +71,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Up and down for 7 s each, the table rippling."""
     path = tmp_path_factory.mktemp("rows") / "pair.rows"
     session, _ = simulate.simulate(None, "paper", ["table_ripple"], 3, scenarios=1, seconds=7)
-    path.write_bytes(device.rows_bytes(session))
+    path.write_bytes(simulated.rows_bytes(session))
     return path
 
 
@@ -79,8 +82,8 @@ def test_a_whole_calibration_says_the_same_words(
     """The simulated device, compiled for that CPU: every sentence, raw samples and answers, byte for byte."""
     require(cpu, require_tool)
     options = [str(rows), "--speed", "max", "--stream", "raw"]
-    here = subprocess.run([core.build_sim(headers), *options], capture_output=True, check=True).stdout
-    sources = [*core.core_sources(), *sorted(SIM.glob("*.c"))]
+    here = subprocess.run([library.build_sim(headers), *options], capture_output=True, check=True).stdout
+    sources = [*library.core_sources(), *sorted(SIM.glob("*.c"))]
     there = cpus.run(cpu, cpus.build(cpu, sources, tmp_path / "sim.elf", [headers]), options)
     answers = [line.split(b",")[4:6] for line in here.splitlines() if line.startswith(b"$CAL")]
     want = [[b"method=" + m, b"seconds=" + s] for s in (b"2", b"4", b"6") for m in (b"baseline", b"model", b"cnn")]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.wire import Reader, Sentence, raw_table
+from gyrocal.device.wire import Reader, Sentence, raw_table
 from gyrocal_firmware import CORE, INCLUDE, SIM, SRC
 
 HERE = Path(__file__).parent

@@ -9,9 +9,10 @@ from tempfile import TemporaryDirectory
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gyrocal import importer, wire
+from gyrocal.device import wire
 from gyrocal.errors import DeviceError, GyrocalError, InputError
-from gyrocal.session import Session
+from gyrocal.recording import importer
+from gyrocal.recording.session import Session
 
 NAMES = st.text(st.characters(min_codepoint=97, max_codepoint=122), min_size=1, max_size=8)
 WORDS = st.text(st.characters(min_codepoint=33, max_codepoint=126, exclude_characters=",*$="), max_size=12)

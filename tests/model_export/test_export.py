@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gyrocal.calibration.network import Network, image
 from gyrocal.cli import main
+from gyrocal.core.verify import TOLERANCE, verify, windows
+from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.model import Model
-from gyrocal.network import Network, image
-from gyrocal.verify import TOLERANCE, verify, windows
 from gyrocal_firmware import INCLUDE
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import limit
+from gyrocal.calibration import limit
+from gyrocal.calibration.network import STAGES_S, BlockNetwork
+from gyrocal.calibration.scenarios import Protocol, Simulation
 from gyrocal.cli import main
+from gyrocal.core.verify import verify
+from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
-from gyrocal.model import Model, Term
-from gyrocal.network import STAGES_S, BlockNetwork
-from gyrocal.scenarios import Protocol, Simulation
-from gyrocal.simulate import paper_windows
-from gyrocal.verify import verify
+from gyrocal.simulation.simulate import paper_windows
 
 
 @pytest.fixture(autouse=True)

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 import pytest
 
 from gyrocal.cli import main
 from gyrocal.errors import InputError
-from gyrocal.session import Run, Session
+from make_runs import make_run, make_session
 
 
 @pytest.fixture(autouse=True)
@@ -26,12 +25,11 @@ def session(folder: Path, scenarios: int = 3, seconds: float = 8.0, **changes: f
     for i in range(scenarios):
         for face, w in (("up", 78.0), ("down", -78.0)):
             t_s = np.arange(round(seconds * 145)) / 145
-            gyro = rng.normal(0, 0.05, (3, t_s.size))
-            gyro[0] += 1.01 * w + 0.2
-            frame = pl.DataFrame({"t_s": t_s, "gx_dps": gyro[0], "gy_dps": gyro[1], "gz_dps": gyro[2]})
-            rate = changes.get(f"rate_{i}", 78.0)
-            runs.append(Run(2 * i, f"{i}_{face}.csv", f"s{i}", face, "x", rate, None, None, None, 145.0, frame=frame))
-    Session(145.0, tuple(runs), axis="x").save(folder)
+            gyro = rng.normal(0, 0.05, (3, t_s.size)).T
+            gyro[:, 0] += 1.01 * w + 0.2
+            rate_dps = changes.get(f"rate_{i}", 78.0)
+            runs.append(make_run(t_s, gyro, table_rate_dps=rate_dps, face=face, axis="x", scenario=f"s{i}"))
+    make_session(*runs, axis="x").save(folder)
     return folder
 
 

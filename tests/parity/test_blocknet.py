@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import limit
-from gyrocal.core import CoreBlockNetwork
+from gyrocal.calibration import limit
+from gyrocal.calibration.network import STAGES_S, BlockNetwork
+from gyrocal.core.library import CoreBlockNetwork
+from gyrocal.core.verify import TOLERANCE, block_means, held_to, verify
 from gyrocal.errors import InputError
-from gyrocal.network import STAGES_S, BlockNetwork
-from gyrocal.simulate import BIAS_MEAN_DPS, SCALE_MEAN, paper_windows
-from gyrocal.verify import TOLERANCE, block_means, held_to, verify
+from gyrocal.simulation.simulate import BIAS_MEAN_DPS, SCALE_MEAN, paper_windows
 from parity.surgery import WEIGHTS, with_largest_negated
 
 DATA = Path(str(files("gyrocal"))) / "data"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gyrocal import cpus
-from gyrocal.core import CoreNetwork
+from gyrocal.core import cpus
+from gyrocal.core.library import CoreNetwork
 from gyrocal_firmware import CORE
 
 WINDOWS = """/* The windows of the test. */

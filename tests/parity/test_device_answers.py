@@ -6,16 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal import calibration_header
-from gyrocal.calibrate import Estimate, calibrate
+from gyrocal.calibration import header
+from gyrocal.calibration.calibrate import Estimate, calibrate
 from gyrocal.cli import main
-from gyrocal.device import SimulatedDevice, replay
-from gyrocal.fit import fit
-from gyrocal.model import Model, Term
-from gyrocal.port import Link
-from gyrocal.record import Recorder
-from gyrocal.session import Run, Session
-from gyrocal.simulate import simulate
+from gyrocal.device.port import Link
+from gyrocal.device.record import Recorder
+from gyrocal.device.simulated import SimulatedDevice, replay
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.fit import fit
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
 
 ROUNDING = {"baseline": (1e-8, 1e-8), "model": (1e-7, 1e-7), "cnn": (1e-7, 1e-5)}
 """Relative-ish limits on scale (fraction) and bias (deg/s): nine digits on the wire, the network in float32."""
@@ -36,7 +36,7 @@ def replayed(model: Model, tmp_path_factory: pytest.TempPathFactory, require_too
     """A session as it came back over the port, and the `$CAL` sentences that came with it."""
     require_tool("cc")
     folder = tmp_path_factory.mktemp("replayed")
-    calibration_header.write(model, folder / "include" / "calibration.h")
+    header.write(model, folder / "include" / "calibration.h")
     session, _ = simulate(None, "table2", seed=6, scenarios=4, seconds=7.0)
     with SimulatedDevice(session, include_dir=folder / "include") as device, Link(device.port) as link:
         report = Recorder(link, folder / "s", wanted=None).record()
@@ -74,13 +74,7 @@ def test_standard_errors_agree_too(replayed: tuple[Session, list[dict]], model: 
 @pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
 def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
     session, said = replayed
-    turned = session.with_runs(
-        Run(
-            r.index, r.file, r.scenario, "down" if r.face == "up" else "up", r.axis, r.table_rate_dps, None, r.day,
-            r.power_on_s, r.sample_rate_hz, frame=r.table,
-        )
-        for r in session.runs
-    )  # fmt: skip
+    turned = session.with_runs(replace(r, face="down" if r.face == "up" else "up", frame=r.table) for r in session.runs)
     scale, bias_dps = largest_difference(calibrate(turned, None, [method], model), said, method)
     assert scale > 100 * ROUNDING[method][0] or bias_dps > 100 * ROUNDING[method][1]
 
@@ -89,7 +83,7 @@ def test_what_takes_long_comes_in_parts(model: Model, tmp_path: Path, require_to
     """Six alternatives: a part of the model's answer a sample, so that none is missed meanwhile; then the network's, a face a
     sample. At the end of a run that is over sooner, all that is left at once."""
     require_tool("cc")
-    calibration_header.write(model, tmp_path / "calibration.h")
+    header.write(model, tmp_path / "calibration.h")
     whole, _ = simulate(None, "table2", seed=7, scenarios=1, seconds=7.0)
     short = whole.with_runs(r.part(0, n) for r, n in zip(whole.runs, (1015, 873), strict=True))
     said = [[s for s in replay(of, include_dir=tmp_path) if s.tag in ("RAW", "CAL")] for of in (whole, short)]
@@ -111,12 +105,7 @@ def test_a_gap_silences_the_network_on_both(tmp_path: Path, require_tool, capsys
     for run in whole.runs:
         gap_at = (0, 1, 289, 290, 579, 580, 869, 870)[run.index // 2] if run.index % 2 else 0
         table = run.table if gap_at == 0 else run.table[:gap_at].vstack(run.table[gap_at + 1 :])
-        runs.append(
-            Run(
-                run.index, run.file, run.scenario, run.face, run.axis, run.table_rate_dps, None, run.day,
-                run.power_on_s, run.sample_rate_hz, frame=table,
-            )
-        )  # fmt: skip
+        runs.append(replace(run, frame=table))
     session = whole.with_runs(runs)
     said = replay(session, stream="off")
     device = [s.real("seconds") for s in said if s.tag == "CAL" and s.fields["method"] == "cnn"]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gyrocal.core import Core
+from gyrocal.core.library import Core
 
 FLT_MIN = np.finfo(np.float32).tiny
 

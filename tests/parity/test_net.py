@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.core import CoreNetwork
+from gyrocal.calibration.network import Network
+from gyrocal.core.library import CoreNetwork
+from gyrocal.core.verify import TOLERANCE, verify, windows
 from gyrocal.errors import InputError
-from gyrocal.network import Network
-from gyrocal.simulate import paper_windows
-from gyrocal.verify import TOLERANCE, verify, windows
+from gyrocal.simulation.simulate import paper_windows
 from parity.surgery import WEIGHTS, with_largest_negated
 
 DATA = Path(str(files("gyrocal"))) / "data"
@@ -83,13 +83,13 @@ def test_quantising_costs_at_most_one_percent() -> None:
 def test_the_answer_does_not_depend_on_the_level_of_optimisation(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    import gyrocal.core
+    import gyrocal.core.library
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     up, down = windows(Network.shipped(), seed=2, n=300)
     answers = []
     for level in ("-O0", "-O2", "-O3"):
-        monkeypatch.setattr(gyrocal.core, "FLAGS", ("-std=c99", level, "-ffp-contract=off"))
+        monkeypatch.setattr(gyrocal.core.library, "FLAGS", ("-std=c99", level, "-ffp-contract=off"))
         answers.append(CoreNetwork().run(up, down, 78.0, -78.0))
     assert np.array_equal(answers[0], answers[1])
     assert np.array_equal(answers[0], answers[2])

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal import limit
-from gyrocal.calibration_header import render
-from gyrocal.core_estimator import CoreEstimator
+from gyrocal.calibration import limit
+from gyrocal.calibration.estimator import Posterior, calibration_of
+from gyrocal.calibration.header import render
+from gyrocal.calibration.scenarios import answers
+from gyrocal.core.estimator import CoreEstimator
+from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.estimator import Posterior, calibration_of
-from gyrocal.model import Model
-from gyrocal.scenarios import answers
-from gyrocal.simulate import paper_windows
+from gyrocal.simulation.simulate import paper_windows
 
 MODEL = Path(str(files("gyrocal"))) / "data" / "table2" / "model.toml"
 HEADER = MODEL.with_name("calibration.h")

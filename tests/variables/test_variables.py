@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 import gyrocal.variables
-from gyrocal.compare import compare
-from gyrocal.custom import keep
-from gyrocal.formula import FormulaEffect
-from gyrocal.pictures import residual_against
-from gyrocal.session import AXES, Run, Session
-from gyrocal.simulate import simulate
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.custom import keep
+from gyrocal.error_model.formula import FormulaEffect
+from gyrocal.present.pictures import residual_against
+from gyrocal.recording.session import AXES, Run, Session
+from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.base import Symbol, Variable, symbols, variables
 from gyrocal.variables.shapes import Shape
 from gyrocal.web.against import Panel, opened_by, panels

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gyrocal.errors import GyrocalError
-from gyrocal.simulate import simulate
+from gyrocal.simulation.simulate import simulate
 from gyrocal.web.jobs import Cancelled, Jobs
 
 from .loop import finish

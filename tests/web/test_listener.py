@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from device.fake import FakeDevice
-
-from gyrocal.record import Wanted
-from gyrocal.session import Session
+from gyrocal.device.record import Wanted
+from gyrocal.recording.session import Session
 from gyrocal.web.live import Live
 
 from .loop import finish

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.device import SimulatedDevice, TcpOutlet, replay
-from gyrocal.session import Session
-from gyrocal.simulate import simulate
-from gyrocal.wire import PROTOCOL, encode
+from gyrocal.device.simulated import SimulatedDevice, TcpOutlet, replay
+from gyrocal.device.wire import PROTOCOL, encode
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gyrocal.errors import InputError
-from gyrocal.simulate import simulate
+from gyrocal.simulation.simulate import simulate
 from gyrocal.web.places import Places
 
 
@@ -79,7 +79,7 @@ def test_sessions_are_found_and_named(session: Path) -> None:
 
 @pytest.mark.parametrize("top", ["", "mine/", "a/b/"])
 def test_an_upload_is_a_session(tmp_path: Path, session: Path, top: str) -> None:
-    from gyrocal.session import Session
+    from gyrocal.recording.session import Session
 
     folder = Places([tmp_path]).unpack(zipped(contents(session, top)), "mine.zip")
     assert folder == tmp_path.resolve() / "mine"

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.output import mdps
-from gyrocal.simulate import simulate
+from gyrocal.present.output import mdps
+from gyrocal.simulation.simulate import simulate
 
 SECONDS, SCENARIOS = 20, 3
 

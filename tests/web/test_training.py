@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from gyrocal.network import BlockNetwork
-from gyrocal.simulate import simulate
+from gyrocal.calibration.network import BlockNetwork
+from gyrocal.simulation.simulate import simulate
 from gyrocal.web import training
 from gyrocal.web.training import Training
 

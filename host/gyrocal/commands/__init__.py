@@ -1,6 +1,6 @@
 """One file a command: ``gyrocal VERB`` is ``run`` in ``commands/VERB.py`` (``import`` is ``import_.py``).
 
-Here are the options that several commands share.
+Here are the options that several commands share. It imports whatever lies below it; only ``cli`` imports it.
 """
 
 from pathlib import Path

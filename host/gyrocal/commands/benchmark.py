@@ -12,7 +12,7 @@ def run(
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
     from gyrocal.benchmark import benchmark, show
-    from gyrocal.output import emit
+    from gyrocal.present.output import emit
 
     found = benchmark(name, sample=sample, quiet=as_json)
     if as_json:

@@ -19,10 +19,10 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
-    from gyrocal.calibrate import calibrate
+    from gyrocal.calibration.calibrate import calibrate
     from gyrocal.errors import InputError
-    from gyrocal.output import emit, mdps, table
-    from gyrocal.session import Session
+    from gyrocal.present.output import emit, mdps, table
+    from gyrocal.recording.session import Session
 
     try:
         spans = None if seconds is None else [float(s) for s in seconds.split(",")]

@@ -20,11 +20,11 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Hold the model against the measurements: the error left beyond the noise, and where it shows."""
-    from gyrocal.compare import compare, write_residuals
+    from gyrocal.diagnosis.compare import compare, write_residuals
     from gyrocal.errors import InputError
-    from gyrocal.output import emit, working
-    from gyrocal.report import print_comparison, write_page
-    from gyrocal.session import Session
+    from gyrocal.present.output import emit, working
+    from gyrocal.present.report import print_comparison, write_page
+    from gyrocal.recording.session import Session
 
     for target in (html, pictures, residuals):
         if target is not None and not target.absolute().parent.is_dir():
@@ -37,7 +37,7 @@ def run(
             say("drawing")
             write_page(html, found)
         if pictures is not None:
-            from gyrocal.pictures import save
+            from gyrocal.present.pictures import save
 
             say("drawing")
             save(found, pictures)

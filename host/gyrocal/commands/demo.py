@@ -15,7 +15,7 @@ def run(
 ) -> None:
     """The whole story with no hardware: an effect hidden in a simulated device is found, added, and its error falls."""
     from gyrocal.demo import demo, show
-    from gyrocal.output import emit, working
+    from gyrocal.present.output import emit, working
 
     with working(as_json) as say:
         story = demo(out, seed, say)

@@ -36,9 +36,9 @@ def run(
     import contextlib
     import signal
 
-    from gyrocal import device
+    from gyrocal.device import simulated as device
     from gyrocal.errors import InputError
-    from gyrocal.session import Session
+    from gyrocal.recording.session import Session
 
     if fault == "list":
         print(device.faults(), end="")

@@ -18,10 +18,10 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Find the physical effect that the model is missing, with evidence on held-out data."""
-    from gyrocal.diagnose import diagnose
-    from gyrocal.output import emit, working
-    from gyrocal.report import print_diagnosis
-    from gyrocal.session import Session
+    from gyrocal.diagnosis.diagnose import diagnose
+    from gyrocal.present.output import emit, working
+    from gyrocal.present.report import print_diagnosis
+    from gyrocal.recording.session import Session
 
     with working(as_json) as say:
         found = diagnose(Session.open(session), model, formulas=formula or (), progress=say)

@@ -18,8 +18,8 @@ def run(
 
     In it, `pio run -t upload` builds and flashes it, `pio device monitor` reads it.
     """
+    from gyrocal.core.firmware_project import create
     from gyrocal.errors import InputError
-    from gyrocal.firmware_project import create
 
     if axis not in ("x", "y", "z"):
         raise InputError(f"--axis {axis}: want x, y or z")

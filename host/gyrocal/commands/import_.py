@@ -53,7 +53,7 @@ def run(
     gyrocal import up.csv out --map t_s=time:ms --map gx_dps=gyr_x:rad/s --map gy_dps=gyr_y:rad/s
     --map gz_dps=gyr_z:rad/s --face up --rate 78
     """
-    from gyrocal import importer
+    from gyrocal.recording import importer
 
     cuts = [importer.Cut.parse(text) for text in runs or ()]
     if sections is not None:

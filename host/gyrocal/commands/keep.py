@@ -19,10 +19,10 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Keep what `diagnose` calls unknown as an effect of your own: find a formula, add it, show the error before and after."""
-    from gyrocal.custom import keep
-    from gyrocal.output import emit, plus_minus, stdout, working
-    from gyrocal.report import print_before_after
-    from gyrocal.session import Session
+    from gyrocal.diagnosis.custom import keep
+    from gyrocal.present.output import emit, plus_minus, stdout, working
+    from gyrocal.present.report import print_before_after
+    from gyrocal.recording.session import Session
 
     model_file(model)
     opened = Session.open(session)

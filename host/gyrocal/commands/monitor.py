@@ -22,8 +22,8 @@ def run(
     import sys
     import time
 
-    from gyrocal.monitor import Monitor
-    from gyrocal.port import Link
+    from gyrocal.device.monitor import Monitor
+    from gyrocal.device.port import Link
 
     with Link(port, reconnect=reconnect) as link, contextlib.suppress(KeyboardInterrupt):
         monitor = Monitor(link)

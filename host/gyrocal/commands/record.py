@@ -28,8 +28,9 @@ def run(
     """
     from rich.console import Console
 
-    from gyrocal import output, record
-    from gyrocal.port import Link
+    from gyrocal.device import record
+    from gyrocal.device.port import Link
+    from gyrocal.present import output
 
     wanted = None if follow else record.wanted(face, rate, seconds, turn_deg, axis)
     console = Console(stderr=True)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.campaigns import CAMPAIGNS
 from gyrocal.commands import OwnEffects
+from gyrocal.simulation.campaigns import CAMPAIGNS
 
 
 def run(
@@ -27,8 +27,8 @@ def run(
     parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet instead of CSV.")] = False,
 ) -> None:
     """Simulate a campaign with known truth: a session folder, and what was planted beside it."""
-    from gyrocal.output import stdout, working
-    from gyrocal.simulate import simulate
+    from gyrocal.present.output import stdout, working
+    from gyrocal.simulation.simulate import simulate
 
     with working() as say:
         session, truth = simulate(

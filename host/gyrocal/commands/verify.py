@@ -20,8 +20,8 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Run the C core and onnxruntime on the same windows; exit 1 if they differ by more than rounding."""
-    from gyrocal.output import emit
-    from gyrocal.verify import verify
+    from gyrocal.core.verify import verify
+    from gyrocal.present.output import emit
 
     found = verify(net, header, seed, windows)
     if as_json:

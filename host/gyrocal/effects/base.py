@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 Values = dict[str, float]
 Mask = np.ndarray[Any, np.dtype[np.bool_]]

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
-from gyrocal.outliers import STANDS_OUT as OUTLIER_SPREADS
-from gyrocal.outliers import outliers
-from gyrocal.session import Array, Run
+from gyrocal.recording.outliers import STANDS_OUT as OUTLIER_SPREADS
+from gyrocal.recording.outliers import outliers
+from gyrocal.recording.session import Array, Run
 
 MOST = 4
 """Jumps a run that are told apart."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Effect, Parameter, Values, stack
 from gyrocal.effects.quantities import MOVING_TEMPERATURE, temperature_moves, warming_c
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 POWERS = {"k1_dps_per_c": 1, "k2_dps_per_c2": 2, "k3_dps_per_c3": 3}
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class ColoredNoise(Effect):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from gyrocal.effects.base import Effect, Parameter, elapsed_s, stack
 from gyrocal.effects.quantities import power_on_time_s
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class Drift(Effect):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 EARTH_DPS = 15.041067 / 3600
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, stack
 from gyrocal.effects.quantities import acceleration_g
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 COMPONENTS = {"gx_dps_per_g": 0, "gy_dps_per_g": 1, "gz_dps_per_g": 2}
 LEAST_CHANGE_G = 0.05

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Effect, Parameter, stack
 from gyrocal.effects.quantities import VARYING_RATE, rate_slope_dps_s, rate_varies
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class Lag(Effect):

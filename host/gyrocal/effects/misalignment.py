@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, stack
-from gyrocal.session import AXES, Array, Run
+from gyrocal.recording.session import AXES, Array, Run
 
 ABOUT = {"m": AXES, **{f"m_{axis}": (axis,) for axis in AXES}}
 

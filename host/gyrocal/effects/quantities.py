@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gyrocal.effects.base import elapsed_s
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 REFERENCE_C = 25.0
 """Bias and scale are stated at this temperature."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values
 from gyrocal.effects.quantities import grid_dps
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class Quantization(Effect):

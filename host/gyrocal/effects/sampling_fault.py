@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Mask, Parameter, Values
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 def stale(run: Run) -> Mask:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Mask, Parameter, Values
 from gyrocal.effects.quantities import white_sd_dps
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 BELOW = 3.0
 """Spreads of the noise below the largest reading that are looked at."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, stack
 from gyrocal.effects.quantities import TURNING, rate_about, turns
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class ScaleAsymmetry(Effect):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Effect, Parameter, stack
 from gyrocal.effects.quantities import MOVING_TEMPERATURE, TURNING, rate_about, temperature_moves, turns, warming_c
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class ScaleTemperature(Effect):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class SpinUp(Effect):

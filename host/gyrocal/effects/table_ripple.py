@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, stack, table_angle_rad
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 ORDERS = (1, 2, 3, 4)
 

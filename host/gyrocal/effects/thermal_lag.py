@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, stack
 from gyrocal.effects.quantities import TEMPERATURE_WINDOW_S, temperature_by_second, temperature_slope_c_s
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 LEAST_CHANGE_C = 0.2
 

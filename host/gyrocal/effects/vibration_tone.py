@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 LOWEST_HZ = 1.0
 PEAKS = 2
@@ -15,7 +15,7 @@ PEAKS = 2
 
 def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
     """Frequencies [k] and the mean periodogram [k] of the readings about each run's mean, over its level between lines."""
-    from gyrocal.spectrum import spectrum
+    from gyrocal.noise.spectrum import spectrum
 
     steady = [r for r in runs if not r.rate_is_mean]
     residuals = [r.gyro_dps[:, axis] - (r.rate_dps if r.axis_index == axis else 0.0) for r in steady]

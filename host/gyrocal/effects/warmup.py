@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, stack
 from gyrocal.effects.quantities import power_on_time_s
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class Warmup(Effect):

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from gyrocal.effects.quantities import acceleration_g
-from gyrocal.session import AXES, Array, Run
+from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import Symbol, Variable
 from gyrocal.variables.shapes import Columns, Shape
 

@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from gyrocal.effects.quantities import turns
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables import terms
 from gyrocal.variables.shapes import Shape, Steps
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import elapsed_s
 from gyrocal.effects.quantities import rate_about, rate_slope_dps_s, rate_varies
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Columns, Shape, Steps
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import Variable
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 
 
 class Shape(Effect):

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import table_angle_rad
 from gyrocal.effects.quantities import turns
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables import terms
 from gyrocal.variables.base import Symbol, Variable
 from gyrocal.variables.shapes import Columns, Shape, TableWave

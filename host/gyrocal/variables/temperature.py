@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from gyrocal.effects.quantities import temperature_c
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Shape
 

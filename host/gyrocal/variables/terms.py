@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.session import Array
+from gyrocal.recording.session import Array
 
 KNOTS = 31
 """Bends that a piecewise-linear curve may have, where the variable's values are evenly many."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from gyrocal.effects.base import elapsed_s
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables import terms
 from gyrocal.variables.base import Symbol, Variable
 from gyrocal.variables.shapes import Shape, Transient

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gyrocal.session import Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import Variable, variables
 
 

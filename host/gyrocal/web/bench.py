@@ -10,17 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal import firmware_project, heldout, report
-from gyrocal.allan import allan_deviation, model_deviation
 from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Session, compare, diagnose, simulate
 from gyrocal.api import add as add_effect
-from gyrocal.blocks import Blocks, known_dps
-from gyrocal.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
-from gyrocal.custom import keep
+from gyrocal.calibration.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
+from gyrocal.core import firmware_project
+from gyrocal.core.verify import verify
+from gyrocal.diagnosis.custom import keep
 from gyrocal.effects import base
-from gyrocal.model import BASE, RANDOM
-from gyrocal.session import AXES, Array, Run
-from gyrocal.verify import verify
+from gyrocal.error_model.model import BASE, RANDOM
+from gyrocal.inference import heldout
+from gyrocal.inference.blocks import Blocks, known_dps
+from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.present import report
+from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.web.against import panels
 from gyrocal.web.decimate import Pyramid, thinned
 from gyrocal.web.report import page

@@ -16,10 +16,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from gyrocal.device.monitor import SAMPLE_UNITS, Monitor, Sensor
+from gyrocal.device.port import POLL_S, REPLAY_NOTE, Link, Port, PortGone, open_port
+from gyrocal.device.record import Recorded, Recorder, Wanted
 from gyrocal.errors import DeviceError, GyrocalError
-from gyrocal.monitor import SAMPLE_UNITS, Monitor, Sensor
-from gyrocal.port import POLL_S, REPLAY_NOTE, Link, Port, PortGone, open_port
-from gyrocal.record import Recorded, Recorder, Wanted
 
 RETRY_S = 1.0
 STATUS_S = 0.2

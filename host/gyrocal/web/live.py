@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from gyrocal.errors import InputError
 
 if TYPE_CHECKING:
-    from gyrocal.record import Wanted
+    from gyrocal.device.record import Wanted
     from gyrocal.web.listener import News
     from gyrocal.web.samples import Samples
 

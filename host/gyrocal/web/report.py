@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.resources import files
 
-from gyrocal import __version__, pictures
+from gyrocal import __version__
 from gyrocal.api import Comparison
-from gyrocal.report import headline, level_rows
+from gyrocal.present import pictures
+from gyrocal.present.report import headline, level_rows
 from gyrocal.web import charts
 from gyrocal.web.views import Bar, CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gyrocal.output import plus_minus
+from gyrocal.present.output import plus_minus
 from gyrocal.web.views import Card
 
 

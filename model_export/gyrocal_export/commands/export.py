@@ -32,9 +32,9 @@ def run(
     except ImportError as error:
         raise GyrocalError(f"exporting a run needs {error.name}: pip install 'gyrocal[train]'") from error
     if model is not None:
-        from gyrocal import calibration_header
-        from gyrocal.model import Model
+        from gyrocal.calibration import header
+        from gyrocal.error_model.model import Model
 
-        contents["calibration.h"] = calibration_header.render(Model.open(model), axis).encode()
+        contents["calibration.h"] = header.render(Model.open(model), axis).encode()
     written = [str(path) for path in write_all(out, contents)]
     print(json.dumps({"files": written}) if as_json else "\n".join(written))

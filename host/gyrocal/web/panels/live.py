@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import background_tasks, ui
 
+from gyrocal.device.monitor import misfits as doubtful
 from gyrocal.errors import InputError
-from gyrocal.monitor import misfits as doubtful
 from gyrocal.web import charts
 from gyrocal.web.chips import chip, press
 from gyrocal.web.panels.start import HIDDEN
@@ -20,7 +20,7 @@ from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 
 if TYPE_CHECKING:
-    from gyrocal.record import Wanted
+    from gyrocal.device.record import Wanted
     from gyrocal.web.page import Tab
 
 FRAME_S = 0.033
@@ -310,7 +310,7 @@ class LivePanel:
         return self.bench.places.free("recorded").name
 
     def _start(self, name: str, run: tuple[str, float, float] | None) -> None:
-        from gyrocal.record import wanted
+        from gyrocal.device.record import wanted
 
         try:
             folder = self.bench.places.inside(name or "")
@@ -423,7 +423,7 @@ def _number(text: Any, otherwise: float) -> float:
 
 def _scenario(folder: Any, run: Wanted | None) -> str:
     """The power cycle that a new run belongs to: the last one, or a new one where that has such a run already."""
-    from gyrocal.session import read_header
+    from gyrocal.recording.session import read_header
 
     if not (folder / "session.toml").is_file():
         return "s000"

@@ -1,0 +1,324 @@
+"""Scale and bias of one calibration by the model: the host's twin of ``gc_estimator``.
+
+The same blocks of 0.25 s, the same noise, the same priors as the device (ARCHITECTURE.md): a model fitted to a campaign becomes
+a :class:`Calibration`, Gaussian priors and effect columns, and a few seconds of two runs become scale and bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Values
+from gyrocal.error_model.model import Model, Term
+from gyrocal.errors import InputError
+from gyrocal.noise.whitening import Noise, normal_equations
+from gyrocal.recording.session import AXES, Array, Run
+
+BLOCK_US = 250_000
+MAX_COLUMNS = 8
+"""Effect columns that the device holds."""
+MOST_ALTERNATIVES = 8
+MOST_HYPOTHESES = 4096
+"""Combinations of the runs' alternatives that are weighed; of more, the least likely ones of each run are left out."""
+TIGHTEST = 1e-6
+"""No prior is tighter than this fraction of a typical size: what a fit cannot spread it has not proven constant."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One effect column: which of the effect's columns, and its prior (sd infinite = flat)."""
+
+    effect: Effect
+    values: Values = field(repr=False)
+    index: int
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a device knows before it measures. Parameters in the order [run columns, shared columns, bias, scale].
+
+    The last ``alternatives`` run columns exclude each other: one of them acts in a run, each as likely as another before it is
+    measured. So a nonlinear parameter that differs from run to run (a time constant) is told from a few of its values.
+    """
+
+    name: str
+    axis: str
+    run_columns: tuple[Column, ...]
+    shared_columns: tuple[Column, ...]
+    bias_dps: tuple[float, float]
+    scale: tuple[float, float]
+    """(mean, sd) of the priors; sd infinite = flat."""
+    noise: Noise
+    alternatives: int = 0
+    faults: tuple[tuple[Effect, Values], ...] = ()
+    """Faults of the reading: what they leave of a block no longer says what the sensor felt."""
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        return self.run_columns + self.shared_columns
+
+    @property
+    def prior_mean(self) -> Array:
+        return np.array([*(c.mean for c in self.columns), self.bias_dps[0], self.scale[0]])
+
+    @property
+    def prior_information(self) -> Array:
+        """1/sd of each parameter; 0 = flat."""
+        sd = np.array([*(c.sd for c in self.columns), self.bias_dps[1], self.scale[1]])
+        return np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300), 0.0)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Scale (fraction) and bias (deg/s) with standard errors; ``misfit`` is the root of chi-square per degree of freedom."""
+
+    scale: float
+    scale_se: float
+    bias_dps: float
+    bias_se_dps: float
+    misfit: float | None
+
+
+def calibration_of(
+    model: Model, axis: str, white_sd_dps: float | None = None, *, alternatives: int | None = None
+) -> Calibration:  # fmt: skip
+    """The priors that a fitted model gives for its axis.
+
+    The spread of a random effect over the campaign is the prior's; to it add the standard errors of mean and spread. A model
+    that has not been fitted, or on too few power cycles to know their spread, leaves scale and bias flat. ``alternatives``
+    values stand for a nonlinear parameter that differs from run to run, by default as many as the device has room for.
+    """
+    run_columns: list[Column] = []
+    shared_columns: list[Column] = []
+    spread_terms: list[tuple[Term, Column]] = []
+    faults: list[tuple[Effect, Values]] = []
+    priors = {"bias": (0.0, np.inf), "scale": (0.0, np.inf)}
+    for term in model.on(axis):
+        kind = term.effect
+        if kind.id in ("turn_on_bias", "colored_noise"):
+            continue
+        if kind.at_reading(term.values):
+            faults += [(kind, term.values)] if term.values else []
+            continue
+        if kind.id in priors:
+            priors[kind.id] = _base_prior(model, axis, kind.id)
+            continue
+        if not all(name in term.values for name in kind.nonlinear) or not kind.used(term.values):
+            raise InputError(f"model {model.name}: {kind.id} on {axis} has no values; fit it with `gyrocal add`")
+        mean = (
+            kind.coefficients(term.values)
+            if kind.scope == "session" or kind.common_mean
+            else np.zeros(kind.spread(term.values).size)
+        )
+        spread = kind.spread(term.values)
+        se = (
+            kind.spread({n: term.se.get(n, 0.0) for n in term.values})
+            if kind.scope == "run" and not kind.common_mean
+            else _se(kind, term.values, term.se)
+        )
+        ranges = {n: kind.parameter(n).typical[1] for n in kind.used(term.values)}
+        typical = [size if np.isfinite(size) else abs(term.values[n]) for n, size in ranges.items()]  # a formula's has none
+        smallest = TIGHTEST * np.repeat(typical, mean.size // len(typical))
+        sd = np.sqrt(spread**2 + se**2 + smallest**2)
+        columns = [Column(kind, term.values, j, float(mean[j]), float(sd[j])) for j in range(mean.size)]
+        if spread_parameter(term) is not None and not spread_terms:  # one effect's alternatives at most
+            spread_terms.append((term, columns[0]))
+            continue
+        (run_columns if kind.scope == "run" else shared_columns).extend(columns)
+    each: list[Column] = []
+    for term, column in spread_terms:
+        count = alternatives or max(2, min(MOST_ALTERNATIVES, MAX_COLUMNS - len(run_columns) - len(shared_columns)))
+        each = [replace(column, values=v) for v in alternative_values(term, count)]
+    white = model.white_sd_dps.get(axis, white_sd_dps)
+    if white is None or white <= 0:
+        raise InputError(f"model {model.name}: no white noise level for {axis}; fit it with `gyrocal add` or give white_sd_dps")
+    noise = Noise(white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0))
+    return Calibration(
+        model.name, axis, (*run_columns, *each), tuple(shared_columns), priors["bias"], priors["scale"], noise,
+        len(each), tuple(faults),
+    )  # fmt: skip
+
+
+def spread_parameter(term: Term) -> str | None:
+    """The parameter that differs from run to run, where the model knows its spread (``NAME_sd``)."""
+    name = term.spreadable
+    return name if name is not None and term.values.get(f"{name}_sd", 0.0) > 0 else None
+
+
+def alternative_values(term: Term, count: int) -> list[Values]:
+    """``count`` values of the spread parameter, equally likely: evenly in its logarithm over mean +- sqrt(3) sd."""
+    name = spread_parameter(term)
+    assert name is not None
+    middle, sd = term.values[name], term.values[f"{name}_sd"]
+    steps = np.sqrt(3.0) * sd / middle * (2 * (np.arange(count) + 0.5) / count - 1)
+    return [{**term.values, name: float(middle * np.exp(step))} for step in steps]
+
+
+def _se(kind: Effect, values: Values, se: Values) -> Array:
+    return np.array([np.hypot(se.get(n, 0.0), se.get(f"{n}_sd", 0.0)) for n in kind.used(values)])
+
+
+def _base_prior(model: Model, axis: str, effect_id: str) -> tuple[float, float]:
+    term = model.term(effect_id, axis)
+    name = "bias_dps" if effect_id == "bias" else "scale"
+    spread_term, spread_name = (model.term("turn_on_bias", axis), "sd_dps") if effect_id == "bias" else (term, "scale_sd")
+    if term is None or name not in term.values or spread_term is None or spread_name not in spread_term.values:
+        return 0.0, np.inf
+    parts = [spread_term.values[spread_name], spread_term.se.get(spread_name, 0.0), term.se.get(name, 0.0)]
+    return term.values[name], float(np.sqrt(np.sum(np.square(parts))) + TIGHTEST)
+
+
+def run_blocks(run: Run, calibration: Calibration) -> tuple[Array, Array, Array]:
+    """Block means of [run, shared, bias, scale, y - w], shape [q, m], the blocks' times (s) and numbers of samples [m]."""
+    axis = AXES.index(calibration.axis)
+    rate_dps = run.rate_dps if run.axis_index == axis else np.zeros(len(run))
+    columns = np.column_stack([
+        *(c.effect.columns(run, axis, c.values)[:, c.index] for c in calibration.columns),
+        np.ones(len(run)), rate_dps, run.gyro_dps[:, axis] - rate_dps,
+    ])  # fmt: skip
+    label = np.zeros(len(run), dtype=np.int64) if run.rate_is_mean else run.t_us // BLOCK_US
+    blocks, first, count = np.unique(label, return_index=True, return_counts=True)
+    means = np.add.reduceat(columns, first, axis=0) / count[:, None]
+    full = np.asarray(run.rate_is_mean | (2e6 * count >= run.sample_rate_hz * BLOCK_US))
+    for kind, values in calibration.faults:
+        usable = kind.usable(run, axis, values)
+        full = full if usable is None else full & np.logical_and.reduceat(usable, first)
+    return means[full].T, blocks[full] * BLOCK_US * 1e-6, count[full].astype(float)
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Answers for many calibrations at once, arrays [n]; NaN where the runs do not fix both scale and bias.
+
+    ``log_evidence`` is the log-likelihood of the data up to a constant of the noise and of what is flat.
+    """
+
+    scale: Array
+    scale_se: Array
+    bias_dps: Array
+    bias_se_dps: Array
+    chi2: Array
+    log_evidence: Array
+
+
+def _hypotheses(calibration: Calibration, gram: Array) -> tuple[Array, Array]:
+    """What one run says of [shared, bias, scale, y - w] under each of its alternatives.
+
+    ``gram`` [n, q, q] as :func:`run_equations` gives it. Returns equations [n, K, r, r] and the logarithm [n, K] of the
+    determinant that integrating the run's own coefficients leaves.
+    """
+    k, a = len(calibration.run_columns), calibration.alternatives
+    plain = k - a
+    information, mean = calibration.prior_information, calibration.prior_mean
+    gram = gram.copy()
+    for i in range(k):
+        square = information[i] ** 2
+        gram[:, i, i] += square
+        gram[:, i, -1] += square * mean[i]
+        gram[:, -1, i] += square * mean[i]
+    own_y2 = information[:k] ** 2 * mean[:k] ** 2
+    logdet = np.zeros(len(gram))
+    if plain:
+        norm = np.sqrt(np.maximum(np.einsum("nii->ni", gram[:, :plain, :plain]), 0.0))
+        norm = np.where(norm > 0, norm, 1.0)
+        inner = gram[:, :plain, :plain] / (norm[:, :, None] * norm[:, None, :])
+        inner += np.eye(plain) * (np.einsum("nii->ni", inner) == 0)[:, :, None]
+        cross = gram[:, :plain, plain:] / norm[:, :, None]
+        logdet = np.linalg.slogdet(inner)[1] + 2 * np.log(norm).sum(1) - 2 * _log_positive(information[:plain]).sum()
+        gram = gram[:, plain:, plain:] - cross.swapaxes(1, 2) @ np.linalg.solve(inner, cross)
+    gram[:, -1, -1] += own_y2[:plain].sum()
+    if not a:
+        return gram[:, None], logdet[:, None]
+    pivot = np.einsum("nii->ni", gram[:, :a, :a])
+    cross, rest = gram[:, :a, a:], gram[:, a:, a:]
+    equations = rest[:, None] - cross[..., :, None] * cross[..., None, :] / pivot[..., None, None]
+    equations[..., -1, -1] += own_y2[plain:]
+    return equations, logdet[:, None] + np.log(pivot) - 2 * np.log(information[plain:k])
+
+
+def _log_positive(x: Array) -> Array:
+    return np.log(x[x > 0])
+
+
+def posterior(calibration: Calibration, grams: Sequence[Array]) -> Posterior:
+    """The exact posterior of scale and bias, from the equations [n, q, q] of each run that shares them.
+
+    Linear terms are integrated out in closed form; combinations of the runs' alternatives are weighed by their evidence.
+    """
+    s = len(calibration.shared_columns)
+    n = s + 2
+    k = len(calibration.run_columns)
+    runs = [_hypotheses(calibration, g) for g in grams]
+    most = max(1, int(MOST_HYPOTHESES ** (1 / len(runs)) + 1e-9))
+    root = calibration.prior_information[k:, None] * np.column_stack([np.eye(n), calibration.prior_mean[k:]])
+    prior = root.T @ root
+    equations, logdet = _likeliest(*runs[0], most, prior)
+    for other in runs[1:]:
+        more, more_logdet = _likeliest(*other, most, prior)
+        equations = (equations[:, :, None] + more[:, None]).reshape(len(more), -1, n + 1, n + 1)
+        logdet = (logdet[:, :, None] + more_logdet[:, None]).reshape(len(more), -1)
+    equations = equations + prior
+    h, g = equations[..., :n, :n], equations[..., :n, n]
+    norm = np.sqrt(np.maximum(np.einsum("...ii->...i", h), 0.0))
+    used = norm.max(axis=(0, 1)) > 0
+    if not used[-2:].all():
+        return Posterior(*np.full((6, len(h)), np.nan))
+    h, g, norm = h[..., used, :][..., used], g[..., used], norm[..., used]
+    norm = np.where(norm > 0, norm, 1.0)
+    scaled = h / (norm[..., :, None] * norm[..., None, :])
+    known = np.linalg.eigvalsh(scaled)[..., 0].min(axis=1) >= 1e-12
+    scaled[~known] = np.eye(int(used.sum()))
+    cov = np.linalg.inv(scaled) / (norm[..., :, None] * norm[..., None, :])
+    beta = np.einsum("...ij,...j->...i", cov, g)
+    chi2 = np.maximum(equations[..., n, n] - np.einsum("...i,...i->...", g, beta), 0.0)
+    log_weight = (
+        -0.5 * (chi2 + logdet + np.linalg.slogdet(scaled)[1] + 2 * np.log(norm).sum(-1))
+        + _log_positive(calibration.prior_information[k:]).sum()
+    )
+    top = log_weight.max(axis=1, keepdims=True)
+    weight = np.exp(log_weight - top)
+    total = weight.sum(axis=1, keepdims=True)
+    weight /= total
+    mean = np.einsum("nk,nki->ni", weight, beta)
+    variance = np.einsum("nk,nki->ni", weight, np.einsum("nkii->nki", cov) + (beta - mean[:, None]) ** 2)
+    sd = np.sqrt(variance)
+    alternatives = len(runs) * np.log(max(1, calibration.alternatives))
+    found = (mean[:, -1], sd[:, -1], mean[:, -2], sd[:, -2], (weight * chi2).sum(1), (top + np.log(total))[:, 0] - alternatives)
+    return Posterior(*(np.where(known, x, np.nan) for x in found))
+
+
+def _likeliest(equations: Array, logdet: Array, most: int, prior: Array) -> tuple[Array, Array]:
+    """At most ``most`` alternatives of a run, by their likelihood at its best values of what runs share."""
+    if logdet.shape[1] <= most:
+        return equations, logdet
+    both = equations + prior
+    h, g = both[..., :-1, :-1], both[..., :-1, -1]
+    chi2 = both[..., -1, -1] - np.einsum("nki,nkij,nkj->nk", g, np.linalg.pinv(h, hermitian=True), g)
+    order = np.argsort(chi2 + logdet, axis=1)[:, :most]
+    return np.take_along_axis(equations, order[..., None, None], 1), np.take_along_axis(logdet, order, 1)
+
+
+def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
+    """Scale and bias from runs that share them; None where the runs do not fix both."""
+    k, a = len(calibration.run_columns), calibration.alternatives
+    blocks = [b for b in (run_blocks(run, calibration) for run in runs) if b[2].size]
+    if not blocks:
+        return None
+    grams = [normal_equations(means[None], t_s, count, calibration.noise)[0] for means, t_s, count in blocks]
+    found = posterior(calibration, grams)
+    if not np.isfinite(found.scale[0]):
+        return None
+    flat = calibration.prior_information == 0
+    shared_norm = sum(np.diag(gram[0])[k:-1] for gram in grams)
+    absent = int(np.count_nonzero((shared_norm == 0) & flat[k:]))
+    # each alternative has a prior and is a parameter; of the others, those with a prior count as data
+    dof = sum(count.size for _, _, count in blocks) - len(blocks) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
+    return Answer(
+        float(found.scale[0]), float(found.scale_se[0]), float(found.bias_dps[0]), float(found.bias_se_dps[0]),
+        float(np.sqrt(found.chi2[0] / dof)) if dof > 0 else None,
+    )  # fmt: skip

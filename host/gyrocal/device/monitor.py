@@ -1,0 +1,260 @@
+"""From a device's port onto the screen: state, samples, results, and what was lost on the way."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gyrocal.device.port import Link, PortGone, describe_error
+from gyrocal.device.wire import Sentence, parse_real, parse_value, raw_table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+EVENTS = {"HEL": "hello", "RUN": "run", "CAL": "result", "STA": "state", "ACK": "ack", "ERR": "error"}
+SAMPLE_UNITS = ("gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
+RATE_OVER_S = 2.0
+BLOCKS_A_SECOND = 8.0
+"""Of two faces."""
+
+Event = dict[str, Any]
+
+
+def misfit_limit(seconds: float) -> float:
+    """As in the core (gc_device.h): a misfit above it after so many seconds of each face is more than noise shows."""
+    return 1 + 2.5 / math.sqrt(2 * BLOCKS_A_SECOND * seconds)
+
+
+def misfits(result: Event) -> bool:
+    """Is a result's misfit above the limit of its seconds?"""
+    misfit, seconds = result.get("misfit"), result.get("seconds")
+    return isinstance(misfit, int | float) and misfit > misfit_limit(seconds if isinstance(seconds, int | float) else 6.0)
+
+
+@dataclass
+class Sensor:
+    """What one sensor of the board has said: state, settings, latest sample, results."""
+
+    state: str = "?"
+    face: str = ""
+    missed: int = 0
+    hello: dict[str, str] = field(default_factory=dict)
+    samples: int = 0
+    latest: Event | None = None
+    results: dict[tuple[Any, ...], Event] = field(default_factory=dict)
+    _arrivals: deque[tuple[float, int]] = field(default_factory=deque, repr=False)
+
+    def take(self, samples: list[Event]) -> None:
+        self.samples += len(samples)
+        self.latest = samples[-1]
+        self._arrivals.append((time.monotonic(), len(samples)))
+
+    def rate_hz(self) -> float:
+        """Samples a second over the last two seconds of this machine's time."""
+        now = time.monotonic()
+        while self._arrivals and now - self._arrivals[0][0] > RATE_OVER_S:
+            self._arrivals.popleft()
+        if not self._arrivals:
+            return 0.0
+        return sum(n for _, n in self._arrivals) / max(now - self._arrivals[0][0], 0.1)
+
+
+class Monitor:
+    """Listens to a device and keeps what a person wants to see of it; :meth:`screen` draws it.
+
+    ``sensors`` are those of the board that have spoken, by their number.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        self.sensors: dict[int, Sensor] = {}
+        self.errors: deque[str] = deque(maxlen=4)
+
+    def run(self, heard: Callable[[list[Event]], None], seconds: float | None = None) -> None:
+        """Listen until the device ends or ``seconds`` are over.
+
+        ``heard`` is called some twenty times a second or more, with what has happened since: dictionaries with
+        ``event`` (hello, sample, run, result, state, ack, error), ``t_us`` and ``imu``, and at last one ``end``.
+
+        Raises:
+            DeviceError: nobody answers at the port, or a sentence is not of this version.
+        """
+        deadline = np.inf if seconds is None else time.monotonic() + seconds
+        reason = "the time is over"
+        connected = True
+        with contextlib.suppress(PortGone):  # what it said before it went is kept
+            self.link.greet()
+            self._ask()
+        while time.monotonic() < deadline:
+            try:
+                sentences = self.link.receive()
+                if self.link.connected and not connected:
+                    self.link.send("hello")
+                    self._ask()
+                connected = self.link.connected
+            except PortGone as gone:
+                reason = str(gone)
+                break
+            heard(self._digest(sentences))
+        heard([{"event": "end", "reason": reason, **self.counts()}])
+
+    def counts(self) -> dict[str, int]:
+        """Good, lost and bad sentences so far, and restarts of the device."""
+        r = self.link.reader
+        return {"good": r.good, "lost": r.lost, "bad": r.bad + r.overlong, "restarts": r.restarts}
+
+    def _ask(self) -> None:
+        self.link.send("stream raw")
+        self.link.send("status")
+
+    def _tell(self, command: str) -> None:
+        with contextlib.suppress(PortGone):  # the next read will say so, once what it said is read
+            self.link.send(command)
+
+    def _digest(self, sentences: list[Sentence]) -> list[Event]:
+        events: list[Event] = []
+        samples: list[Sentence] = []
+        for sentence in sentences:
+            if sentence.tag == "RAW":
+                samples.append(sentence)
+            elif sentence.tag in EVENTS:
+                events += self._samples(samples)
+                samples = []
+                events.append(self._other(sentence))
+        return events + self._samples(samples)
+
+    def _samples(self, sentences: list[Sentence]) -> list[Event]:
+        if not sentences:
+            return []
+        table = raw_table(sentences)
+        values = table.counts
+        for imu in set(table.imu.tolist()):
+            mine, sensor = table.imu == imu, self._sensor(imu)
+            values[mine] *= _unit(sensor, "lsb_dps", "lsb_dps", "lsb_dps", "lsb_g", "lsb_g", "lsb_g", "lsb_c")
+            values[mine, 6] += _unit(sensor, "zero_c")
+        events: list[Event] = []
+        for sentence, n, row in zip(sentences, table.number.tolist(), values.tolist(), strict=True):
+            named = {name: None if v != v else round(v, 9) for name, v in zip(SAMPLE_UNITS, row, strict=True)}
+            events.append({"event": "sample", "t_us": sentence.t_us, "imu": sentence.imu, "n": n, **named})
+        for imu in set(table.imu.tolist()):
+            self.sensors[imu].take([e for e in events if e["imu"] == imu])
+        return events
+
+    def _sensor(self, imu: int) -> Sensor:
+        return self.sensors.setdefault(imu, Sensor())
+
+    def _other(self, sentence: Sentence) -> Event:
+        kind, fields = EVENTS[sentence.tag], sentence.fields
+        sensor = self._sensor(sentence.imu)
+        values = {name: parse_value(text) for name, text in fields.items() if name != "state"}
+        if "state" in fields:
+            values["state"] = fields["state"]
+        if kind == "hello":
+            sensor.hello = fields
+            if not self.link.answered:  # it has just started: its settings may still be on their way
+                self._tell("hello")
+        elif kind == "state":
+            sensor.state, sensor.face = fields.get("state", "?"), fields.get("face", "")
+            missed = parse_real(fields.get("missed", ""))
+            sensor.missed = sensor.missed if missed is None else int(missed)
+        elif kind == "run":
+            sensor.face = fields.get("face", "")
+            sensor.state = "recording" if fields.get("state") == "start" else "idle"
+            if sensor.state == "idle":
+                self._tell("status")  # it may be waiting for a flip, or be done
+        elif kind == "result":
+            sensor.results[values.get("axis"), values.get("method"), values.get("seconds")] = values
+        elif kind == "error":
+            which = f"sensor {sentence.imu}: " if len(self.sensors) > 1 else ""
+            self.errors.append(which + describe_error(sentence))
+        return {"event": kind, "t_us": sentence.t_us, "imu": sentence.imu, **values}
+
+    def screen(self) -> RenderableType:
+        """The present state, for a terminal."""
+        from rich.console import Group
+        from rich.text import Text
+
+        counts = self.counts()
+        missed = sum(sensor.missed for sensor in self.sensors.values())
+        loss = Text(f"{counts['lost']} lost, {counts['bad']} bad, {missed} missed, {counts['restarts']} restarts")
+        loss.stylize("bold red" if counts["lost"] or counts["bad"] or missed else "dim")
+        head = Text.assemble(
+            (self.link.name, "bold"), "" if self.link.connected else ("  disconnected, trying again", "bold red"), "   ", loss
+        )
+        parts = [part for imu in sorted(self.sensors) for part in self._sensor_lines(imu)]
+        errors = [Text(error, style="red") for error in self.errors]
+        return Group(head, *parts, *errors)
+
+    def _sensor_lines(self, imu: int) -> list[RenderableType]:
+        from rich.text import Text
+
+        sensor = self.sensors[imu]
+        hello = sensor.hello
+        state = Text.assemble(
+            ("● ", "red" if sensor.state == "recording" else "dim"),
+            f"sensor {imu} " if len(self.sensors) > 1 else "",
+            (f"{sensor.state} {sensor.face}", "bold"),
+            f"  {hello.get('sensor', '?')}, firmware {hello.get('fw', '?')}, {hello.get('rate_hz', '?')} Hz, "
+            f"+-{hello.get('full_scale_dps', '?')} deg/s, {sensor.samples} samples, {sensor.rate_hz():.0f} a second",
+        )
+        return [state, _sample_line(sensor), _result_table(sensor)]
+
+
+def _unit(sensor: Sensor, *names: str) -> np.ndarray[Any, Any]:
+    """What the sensor says of its counts; NaN before it has."""
+    found = [parse_real(sensor.hello.get(name, "")) for name in names]
+    return np.array([np.nan if value is None else value for value in found])
+
+
+def _sample_line(sensor: Sensor) -> RenderableType:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2), header_style="dim")
+    cells = []
+    for name in SAMPLE_UNITS:
+        quantity, unit = name.rsplit("_", 1)
+        table.add_column(f"{quantity} {UNIT_WORDS[unit]}", justify="right", min_width=10)
+        value = None if sensor.latest is None else sensor.latest[name]
+        cells.append("" if value is None else f"{value:.3f}")
+    table.add_row(*cells)
+    return table
+
+
+def _result_table(sensor: Sensor) -> RenderableType:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2), header_style="dim")
+    for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
+        table.add_column(name, justify="left" if name in ("axis", "method") else "right")
+    for values in sensor.results.values():
+        table.add_row(
+            str(values.get("axis", "")),
+            str(values.get("method", "")),
+            _number(values.get("seconds"), "g"),
+            _with_error(values.get("scale"), values.get("scale_se"), 100.0),
+            _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
+            _number(values.get("temp_c"), ".1f"),
+            Text(_number(values.get("misfit"), ".2f"), style="bold red" if misfits(values) else ""),
+        )
+    return table
+
+
+UNIT_WORDS = {"dps": "deg/s", "g": "g", "c": "degC"}
+
+
+def _number(value: Any, form: str) -> str:
+    return "" if value is None else format(value, form)
+
+
+def _with_error(value: float | None, error: float | None, factor: float) -> str:
+    if value is None:
+        return ""
+    return f"{factor * value:.4f}" + ("" if error is None else f" ± {factor * error:.4f}")

@@ -1,0 +1,313 @@
+"""A device at a port: a serial device, a pseudo terminal or ``socket://host:port``.
+
+:class:`Link` is what the rest uses: sentences come out, commands go in and are answered. Opening a serial port may
+reset the board, so the host waits for its hello before it says anything else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import urlsplit
+
+from gyrocal.device.wire import PROTOCOL, Reader, Sentence
+from gyrocal.errors import DeviceError
+
+BAUD = 921600
+POLL_S = 0.05
+"""A read returns after this time at the latest."""
+CHUNK = 65536
+HELLO_S = 5.0
+ANSWER_S = 3.0
+RETRY_S = 0.5
+REPLAY_NOTE = "replay: this device starts and stops its runs by itself"
+"""The log line by which a simulated device says so to whoever opens its port."""
+REFUSALS = range(-29, -19)
+"""Error codes (gc_error.h) that answer a command; others tell of the sensor."""
+
+
+class PortGone(DeviceError):
+    """The device was unplugged, or the simulated one came to its end."""
+
+
+class Port(Protocol):
+    """Bytes in and out. ``read`` waits for at most ``POLL_S``; an empty answer means that nothing came."""
+
+    def read(self) -> bytes: ...
+    def write(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+
+class SerialPort:
+    """A serial device or a pseudo terminal, through pyserial (its other URLs too)."""
+
+    def __init__(self, name: str, baud: int = BAUD) -> None:
+        import serial
+
+        self.name = name
+        try:
+            self._serial = serial.serial_for_url(name, baudrate=baud, timeout=POLL_S, write_timeout=ANSWER_S)
+        except (OSError, ValueError, serial.SerialException) as error:
+            raise DeviceError(_why_not_open(name, error)) from None
+
+    def read(self) -> bytes:
+        try:
+            return self._serial.read(min(self._serial.in_waiting or 1, CHUNK))
+        except (OSError, TypeError) as error:  # pyserial's own errors are OSErrors; a closed port gives TypeError
+            raise _gone(self.name, error) from None
+
+    def write(self, data: bytes) -> None:
+        import serial
+
+        try:
+            self._serial.write(data)
+        except serial.SerialTimeoutException:
+            raise DeviceError(
+                f"{self.name}: the device does not take commands; unplug it and plug it in again"
+            ) from None
+        except OSError as error:
+            raise _gone(self.name, error) from None
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._serial.close()
+
+
+class SocketPort:
+    """``socket://host:port``, as ``gyrocal device --tcp`` serves it. (pyserial reads these a byte at a time.)"""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        try:
+            url = urlsplit(name)
+            host, number = url.hostname, url.port
+        except ValueError:
+            host, number = None, None
+        if not host or not number:
+            raise DeviceError(f"{name}: want socket://HOST:PORT, for example socket://127.0.0.1:5000")
+        try:
+            self._socket = socket.create_connection((host, number), timeout=ANSWER_S)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise DeviceError(f"{name}: {reason}; is `gyrocal device --tcp {host}:{number}` running there?") from None
+        self._socket.settimeout(POLL_S)
+
+    def read(self) -> bytes:
+        try:
+            data = self._socket.recv(CHUNK)
+        except TimeoutError:
+            return b""
+        except OSError as error:
+            raise _gone(self.name, error) from None
+        if not data:
+            raise _gone(self.name)
+        return data
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._socket.sendall(data)
+        except OSError as error:
+            raise _gone(self.name, error) from None
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def open_port(name: str, baud: int = BAUD) -> Port:
+    """Open a serial device, a pseudo terminal, or a URL that pyserial knows; DeviceError says what to do."""
+    return SocketPort(name) if name.startswith("socket://") else SerialPort(name, baud)
+
+
+def _gone(name: str, error: BaseException | None = None) -> PortGone:
+    why = f" ({error})" if error is not None and str(error) and not isinstance(error, TypeError) else ""
+    return PortGone(f"{name}: the device is gone: unplugged, or it ended{why}")
+
+
+def _why_not_open(name: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number == errno.EACCES:
+        return f"{name}: no permission; add yourself to its group (sudo usermod -aG dialout $USER) and log in again"
+    if number == errno.EBUSY:
+        return f"{name}: another program has it open; close that one first"
+    if number == errno.ENOENT or (number is None and not Path(name).exists() and "://" not in name):
+        from serial.tools.list_ports import comports
+
+        there = ", ".join(p.device for p in comports() if p.hwid != "n/a")
+        return f"{name}: no such port; plug the device in. Ports here: {there or 'none'}"
+    return f"{name}: cannot be opened as a serial port: {error}"
+
+
+class Link:
+    """A conversation with the device at a port.
+
+    Args:
+        name: the port.
+        reconnect: when the device goes away, try to open the port again until it is back, instead of raising PortGone.
+        baud: for serial devices.
+        opener: opens the port by its name and speed.
+
+    ``reader`` counts good, bad and lost sentences; ``hello`` is the latest ``$HEL``, ``answered`` whether it answers a
+    hello (else the device has just started).
+    """
+
+    def __init__(
+        self, name: str, *, reconnect: bool = False, baud: int = BAUD, opener: Callable[[str, int], Port] = open_port
+    ) -> None:
+        self.name = name
+        self._opener = opener
+        self.reader = Reader()
+        self.hello: Sentence | None = None
+        self.answered = False
+        self._hello_taken = False
+        self._baud = baud
+        self._reconnect = reconnect
+        self._kept: list[Sentence] = []
+        self._retry_at = 0.0
+        self._port: Port | None = opener(name, baud)
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    @property
+    def connected(self) -> bool:
+        return self._port is not None
+
+    @property
+    def replays(self) -> bool:
+        """Whether this is a simulated device that starts and stops runs by itself."""
+        return REPLAY_NOTE in self.reader.logs
+
+    def receive(self) -> list[Sentence]:
+        """What has come, after ``POLL_S`` at the latest; empty if nothing did.
+
+        Raises:
+            PortGone: the device is gone and ``reconnect`` was not asked for.
+        """
+        if self._kept:
+            kept, self._kept = self._kept, []
+            return kept
+        return self._read()
+
+    def greet(self, timeout_s: float = HELLO_S) -> Sentence:
+        """Say hello until the device answers; sentences that come meanwhile are kept for :meth:`receive`.
+
+        The ``$HEL`` of a device that starts does not count: its settings may still be on their way.
+
+        Raises:
+            DeviceError: no answer, or one in another version of the protocol.
+        """
+        deadline = time.monotonic() + timeout_s
+        say_at = 0.0
+        kept: list[Sentence] = []
+        self.answered = False
+        try:
+            while not self.answered:
+                now = time.monotonic()
+                if now > deadline:
+                    heard = (
+                        f"{len(kept)} sentences but no $HEL" if kept else f"{self.reader.bad} lines that do not check"
+                    )
+                    raise DeviceError(
+                        f"{self.name}: no hello from a gyrocal device within {timeout_s:g} s ({heard}); "
+                        f"is its firmware on it, at {self._baud} baud?"
+                    )
+                if now >= say_at:
+                    self.send("hello")
+                    say_at = now + RETRY_S
+                kept += self.receive()
+        finally:
+            self._kept = kept + self._kept
+        assert self.hello is not None
+        proto = self.hello.fields.get("proto")
+        if proto != str(PROTOCOL):
+            raise DeviceError(f"{self.name}: speaks protocol {proto}, this gyrocal speaks {PROTOCOL}; flash it again")
+        return self.hello
+
+    def send(self, text: str) -> None:
+        """Send one command and do not wait for its answer."""
+        self._write(text.encode("ascii") + b"\n")
+
+    def command(self, text: str, timeout_s: float = ANSWER_S) -> Sentence:
+        """Send one command and wait for its ``$ACK``; other sentences are kept for :meth:`receive`.
+
+        Raises:
+            DeviceError: the device refused (its own advice in the message) or did not answer.
+        """
+        word = text.split()[0]
+        self.send(text)
+        deadline = time.monotonic() + timeout_s
+        why = "no answer"
+        kept, self._kept = self._kept, []
+        try:
+            while time.monotonic() < deadline:
+                fresh = self._read()
+                for i, sentence in enumerate(fresh):
+                    if sentence.tag == "ACK" and sentence.fields.get("cmd") == word:
+                        kept += fresh[i + 1 :]
+                        return sentence
+                    kept.append(sentence)
+                    if sentence.tag != "ERR":
+                        continue
+                    why = describe_error(sentence)
+                    if sentence.real("code") in REFUSALS:
+                        kept += fresh[i + 1 :]
+                        raise DeviceError(f"{self.name}: `{text}` refused: {why}")
+        finally:
+            self._kept = kept
+        raise DeviceError(f"{self.name}: `{text}` was not taken within {timeout_s:g} s: {why}")
+
+    def _read(self) -> list[Sentence]:
+        if self._port is None:
+            self._reopen()
+            return []
+        try:
+            sentences = self.reader.feed(self._port.read())
+        except PortGone:
+            if not self._reconnect:
+                raise
+            self.close()
+            return []
+        for sentence in sentences:
+            if sentence.tag == "HEL":
+                self.hello, self.answered, self._hello_taken = sentence, self._hello_taken, False
+            elif sentence.tag == "ACK" and sentence.fields.get("cmd") == "hello":
+                self._hello_taken = True
+        return sentences
+
+    def _reopen(self) -> None:
+        time.sleep(POLL_S)
+        if time.monotonic() < self._retry_at:
+            return
+        self._retry_at = time.monotonic() + RETRY_S
+        with contextlib.suppress(DeviceError):
+            self._port = self._opener(self.name, self._baud)
+
+    def _write(self, data: bytes) -> None:
+        if self._port is None:
+            return
+        try:
+            self._port.write(data)
+        except PortGone:
+            if not self._reconnect:
+                raise
+            self.close()
+
+
+def describe_error(sentence: Sentence) -> str:
+    """An ``$ERR`` in a person's words: its name, code and advice."""
+    fields = sentence.fields
+    advice = fields.get("advice", "").replace("_", " ")
+    return f"{fields.get('name', '?')} ({fields.get('code', '?')})" + (f": {advice}" if advice else "")

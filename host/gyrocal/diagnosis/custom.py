@@ -1,0 +1,212 @@
+"""An effect of one's own for what the library does not explain: a formula found in the data.
+
+For the variable that a diagnosis calls unknown, two kinds of formula are tried: a sum of a few smooth terms out of a small
+library, and a piecewise-linear curve (a linear spline). Which terms belong in it is decided stepwise by Schwarz's criterion
+(BIC) on the generalised least squares of all of them at once, at the noise that is left beside all of them; which formula is
+kept, by the held-out likelihood that decides on every other effect too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose, held_out_gain
+from gyrocal.diagnosis.probes import Finding
+from gyrocal.effects import base
+from gyrocal.effects.quantities import turns
+from gyrocal.error_model.formula import FormulaEffect
+from gyrocal.error_model.model import Model, Term
+from gyrocal.errors import InputError
+from gyrocal.inference import heldout
+from gyrocal.inference.fit import AxisFit, carry_spreads, choose_variant, finish, fit_noise, refine, with_noise
+from gyrocal.recording.session import AXES, Array, Session
+from gyrocal.threads import one_thread
+from gyrocal.variables.base import symbols, variables
+from gyrocal.variables.shapes import ShapeOfEachRun
+from gyrocal.variables.terms import hinges
+
+Progress = Callable[[str], None]
+
+RATE_UNIT_DPS = 100.0
+MOST_TERMS = 8
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A formula for an axis, with the held-out gain in log-likelihood that speaks for it (None: nothing could be left out)."""
+
+    formula: str
+    axis: str
+    against: str
+    terms: int
+    gain: float | None
+    gain_se: float | None
+    unit_gains: Array = field(repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "formula": self.formula, "axis": self.axis, "against": self.against, "heldout_gain": self.gain,
+            "heldout_gain_se": self.gain_se,
+        }  # fmt: skip
+
+
+@one_thread
+def propose(found: Diagnosis, name: str = "custom", progress: Progress | None = None) -> Proposal:
+    """The formula that explains best what a diagnosis calls unknown. InputError where it is not, or where no formula helps."""
+    comparison = found.comparison
+    if found.best is not None:
+        raise InputError(
+            f"{found.best.effect.id} explains it: `gyrocal add {found.best.effect.id}` first, then keep what is left unknown"
+        )
+    if not comparison.where:
+        raise InputError("nothing to keep: the model is adequate")
+    axis = comparison.where[0].axis
+    findings = [f for f in comparison.where if f.axis == axis]
+    tried = []
+    for against in dict.fromkeys(f.against for f in findings):
+        for formula in _formulas(comparison, axis, [f for f in findings if f.against == against], progress):
+            if progress is not None:
+                progress(f"trying {formula}")
+            tried.append(_judge(comparison, axis, against, FormulaEffect(formula, name)))
+    if not tried:
+        first = findings[0].against
+        raise InputError(f"no formula for what shows on {axis} against {first}: {variables()[first].no_formula}")
+    return _simplest_of_the_best(tried)
+
+
+def keep(
+    session: Session, model: Model | str | Path | None = None, name: str = "custom", file: Path | None = None,
+    progress: Progress | None = None,
+) -> tuple[Proposal, Comparison, Comparison, Model]:  # fmt: skip
+    """Diagnose, propose a formula for what is unknown, add it: (proposal, before, after, the fitted model).
+
+    With ``file`` the formula goes into a Python file, an effect to be edited, and the model names it; else into the model.
+    """
+    start = Model.open(model)
+    FormulaEffect("k*t", name)  # is the name free?
+    if name in start.ids:
+        raise InputError(f"the model has an effect {name!r} already; give this one another --name")
+    if file is not None and (file.exists() or file.suffix != ".py" or not file.absolute().parent.is_dir()):
+        raise InputError(f"--file {file}: must be a new .py in a folder that is there")
+    found = propose(diagnose(session, start, progress=progress), name, progress)
+    text = found.formula
+    if file is not None:
+        file.write_text(effect_file(found, name), encoding="utf-8")
+        base.load(file.parent)
+        text = name
+    before, after, fitted = add(session, start, text, progress=progress)
+    return found, before, after, fitted
+
+
+def effect_file(found: Proposal, name: str) -> str:
+    """The proposal as an effect of its own, for a folder given by ``--effects``."""
+    title = "".join(part.capitalize() for part in name.split("_"))
+    formula = found.formula.partition(":")[2].strip()
+    against = found.against.replace("_", " ")
+    return f'''"""Found by `gyrocal keep` on {found.axis}, against {against}. Change what you know better."""
+
+from gyrocal.api import FormulaEffect
+
+
+class {title}(FormulaEffect):
+    id = "{name}"
+
+    def __init__(self) -> None:
+        super().__init__("{formula}", self.id)
+        self.title = "{title}"
+        self.cause = "Not known yet."
+        self.looks_like = "Not known yet."
+        self.measure_next = "Not known yet."
+'''
+
+
+def _formulas(
+    comparison: Comparison, axis: str, findings: Sequence[Finding], progress: Progress | None
+) -> list[str]:  # fmt: skip
+    """Formulas in the variable that these findings are against."""
+    each_run = [f.shape for f in findings if isinstance(f.shape, ShapeOfEachRun)]
+    if each_run:
+        return type(each_run[0]).formula(each_run)
+    variable = variables()[findings[0].against]
+    session = comparison.fit.session
+    current = comparison.fit.axes[axis]
+    smooth: list[str] = []
+    pieces: list[str] = []
+    for symbol in variable.searched:
+        values = _values(session, axis, symbol)
+        smooth += variable(session.runs).terms(symbol, values)
+        pieces += hinges(symbol, values)
+    if variable.times_rate and turns(session.runs, AXES.index(axis)):
+        smooth, pieces = ([*terms, *(f"(rate/{RATE_UNIT_DPS:g})*{t}" for t in terms)] for terms in (smooth, pieces))
+    formulas = []
+    for terms in filter(None, (smooth, pieces)):
+        if progress is not None:
+            progress(f"choosing among {len(terms)} terms in {', '.join(variable.searched)}")
+        chosen = select(current, axis, terms)
+        if chosen:
+            formulas.append(" + ".join(f"k{i}*{t}" for i, t in enumerate(chosen, start=1)))
+    return list(dict.fromkeys(formulas))
+
+
+def _values(session: Session, axis: str, symbol: str) -> Array:
+    """The values of a symbol [n] in all runs of a session that have it."""
+    parts = [symbols()[symbol].values(r, AXES.index(axis)) for r in session.runs]
+    return np.concatenate([p for p in parts if p is not None])
+
+
+def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
+    """The terms that BIC keeps, in their order: forward, and back where a later one makes an earlier one needless."""
+    library = FormulaEffect(" + ".join(f"k{i}*{t}" for i, t in enumerate(terms)), "library")
+    design = current.design.changed([*current.design.terms, Term.of(library, axis, dict.fromkeys(library.linear, 0.0))])
+    rich = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+    layout = design.layout
+    mine = {j: column for j, (i, column) in enumerate(layout.fixed) if i == len(design.terms) - 1}
+    scale = np.sqrt(np.diag(rich.solution.cov))
+    information = np.linalg.inv(rich.solution.cov / np.outer(scale, scale))
+    pull = information @ (rich.solution.beta / scale)
+    base = [j for j in range(len(layout.fixed)) if j not in mine]
+    price = float(np.log(design.n_blocks.sum()))
+
+    def score(chosen: Sequence[int]) -> float:
+        """Twice the log-likelihood that these columns gain, less BIC's price."""
+        index = [*base, *chosen]
+        part = pull[index]
+        return float(part @ np.linalg.lstsq(information[np.ix_(index, index)], part, rcond=None)[0]) - price * len(chosen)
+
+    chosen: list[int] = []
+    best = score(chosen)
+    while True:
+        steps = [[*chosen, j] for j in mine if j not in chosen and len(chosen) < MOST_TERMS]
+        steps += [[k for k in chosen if k != j] for j in chosen]
+        scores = [score(s) for s in steps]
+        if not scores or max(scores) <= best + 1e-6:
+            return [terms[mine[j]] for j in sorted(chosen)]
+        best = max(scores)
+        chosen = steps[int(np.argmax(scores))]
+
+
+def _judge(comparison: Comparison, axis: str, against: str, kind: FormulaEffect) -> Proposal:
+    current = comparison.fit.axes[axis]
+    fitted = finish(refine(choose_variant(current, Term.of(kind, axis))))
+    gains = held_out_gain(current, fitted, heldout.folds(comparison.fit))
+    total = float(np.sum(gains)) if gains.size else None
+    se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
+    return Proposal(f"{kind.id}: {kind.equation}", axis, against, len(kind.linear) + len(kind.nonlinear), total, se, gains)
+
+
+def _simplest_of_the_best(tried: Sequence[Proposal]) -> Proposal:
+    """The fewest parameters among those whose held-out gain is the best's within a standard error of the difference."""
+    best = max(tried, key=lambda p: -np.inf if p.gain is None else p.gain)
+
+    def as_good(p: Proposal) -> bool:
+        difference = best.unit_gains - p.unit_gains
+        spread = float(np.sqrt(difference.size) * np.std(difference, ddof=1)) if difference.size > 1 else 0.0
+        return float(difference.sum()) <= spread
+
+    return min(filter(as_good, tried), key=lambda p: p.terms)

@@ -1,0 +1,199 @@
+"""A user's own effect in one line: ``k1*sin(3*theta) + k2*temp_c*rate``.
+
+Parsed, never run as Python: numbers, the variables and functions below, ``+ - * / **`` and parentheses; every other name is a
+parameter. A parameter that multiplies a whole term is linear, one inside a term is nonlinear and needs a value to start from:
+``A*exp(-t/tau); tau=5``. With ``; each run`` the linear parameters are of another size and sign in each run, about zero.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, Values, effect, effects
+from gyrocal.errors import InputError
+from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import symbols
+
+FUNCTIONS: dict[str, Callable[..., Array]] = {
+    "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
+    "tanh": np.tanh, "sign": np.sign, "max": np.maximum, "min": np.minimum,
+}  # fmt: skip
+PAIRS = ("max", "min")
+"""Functions of two arguments; the others take one."""
+CONSTANTS = {"pi": np.pi}
+EACH_RUN = "each run"
+OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
+}  # fmt: skip
+SEARCH = 10.0
+"""A nonlinear parameter is searched between its start divided and multiplied by this."""
+
+
+class FormulaEffect(Effect):
+    """An effect given by a formula. ``start`` holds its nonlinear parameters' first values. A subclass may stand in a file."""
+
+    cause, looks_like = "Given by the user as a formula.", "whatever has the same shape on this session"
+    measure_next = "vary what the formula depends on"
+
+    def __init__(self, text: str, name: str = "formula") -> None:
+        if not name.isidentifier() or (type(self) is FormulaEffect and name in effects()):
+            raise InputError(f"formula {text!r}: {name!r} cannot be its name; use letters, digits and _, and no effect's id")
+        self.id = name  # type: ignore[misc]
+        self.equation = text  # type: ignore[misc]
+        expression, *settings = (part.strip() for part in text.split(";"))
+        self.scope = "run" if EACH_RUN in settings else "session"  # type: ignore[misc]
+        self.start = dict(_setting(part, text) for part in settings if part not in ("", EACH_RUN))
+        taken = self.start.keys() & (symbols().keys() | CONSTANTS.keys() | FUNCTIONS.keys())
+        if taken:
+            raise InputError(f"formula {text!r}: {sorted(taken)[0]} is not a parameter; give it another name")
+        tree = _parse(expression, text)
+        self.terms = [_term(node, sign, self.start, text) for node, sign in _summands(tree, 1.0)]
+        names = [name for name, _ in self.terms]
+        doubled = {n for n in names if names.count(n) > 1}
+        if doubled:
+            raise InputError(f"formula {text!r}: {sorted(doubled)[0]} multiplies two terms; bracket them together")
+        self.linear = tuple(names)
+        used = {n for _, node in self.terms for n in _names(node)} - CONSTANTS.keys()
+        self.variables = sorted(used & symbols().keys())
+        self.nonlinear = tuple(sorted(used - symbols().keys()))  # type: ignore[misc]
+        unset = [n for n in self.nonlinear if n not in self.start]
+        if unset:
+            raise InputError(f'formula {text!r}: say where {unset[0]} starts, e.g. "{expression}; {unset[0]}=1"')
+        self.title = f"your formula {expression}"  # type: ignore[misc]
+        low = {n: abs(self.start[n]) / SEARCH if n in self.start else 0.0 for n in (*names, *self.nonlinear)}
+        high = {n: abs(self.start[n]) * SEARCH if n in self.start else np.inf for n in low}
+        self.parameters = tuple(Parameter(n, "", (low[n], high[n]), "the user") for n in low)  # type: ignore[misc]
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        for name in self.variables:
+            symbol = symbols()[name]
+            if any(symbol.values(r, axis) is None for r in runs):
+                return f"{name} ({symbol.meaning}) in every run"
+        return None
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        return [{**dict.fromkeys(self.linear, 0.0), **{n: self.start[n] for n in self.nonlinear}}]
+
+    def spread(self, values: Mapping[str, float]) -> Array:
+        return np.array([values.get(n, 0.0) for n in self.used(values)]) if self.scope == "run" else super().spread(values)
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        """Of coefficients that differ from run to run about zero the value is their root mean square."""
+        return dict(zip(self.used(values), map(float, spread), strict=True))
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        return abs(self.start[name]) / SEARCH, abs(self.start[name]) * SEARCH
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        known: dict[str, Any] = {**CONSTANTS, **{n: values.get(n, self.start.get(n)) for n in self.nonlinear}}
+        for name in self.variables:
+            known[name] = symbols()[name].values(run, axis)
+        with np.errstate(all="ignore"):
+            columns = [np.broadcast_to(np.asarray(_value(node, known), dtype=np.float64), len(run)) for _, node in self.terms]
+        if not all(np.all(np.isfinite(c)) for c in columns):
+            raise InputError(f"formula {self.equation!r}: not finite on {run.file}; mind logarithms, roots and divisions")
+        return np.column_stack(columns)
+
+
+def effect_or_formula(text: str) -> Effect:
+    """An effect's id, or ``[NAME:] FORMULA`` as on the command line."""
+    if not any(c in text for c in "*+-/(: "):
+        return effect(text)
+    name, colon, rest = text.partition(":")
+    return FormulaEffect(rest.strip(), name.strip()) if colon else FormulaEffect(text)
+
+
+def _setting(part: str, text: str) -> tuple[str, float]:
+    name, _, value = part.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise InputError(f"formula {text!r}: {part!r} is not name=value with a number") from None
+
+
+def _parse(expression: str, text: str) -> ast.expr:
+    try:
+        tree = ast.parse(expression, mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise InputError(f"formula {text!r}: cannot be read as a formula") from None
+    for node in ast.walk(tree):
+        _check(node, text)
+    return tree
+
+
+def _check(node: ast.AST, text: str) -> None:
+    """Only what a formula is made of; anything else of the language is refused by name."""
+    fine = isinstance(node, ast.Name | ast.Load | ast.UnaryOp | ast.USub | ast.UAdd)
+    fine = fine or (isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool))
+    fine = fine or (isinstance(node, ast.BinOp) and type(node.op) in OPERATORS) or type(node) in OPERATORS
+    if isinstance(node, ast.Call):
+        fine = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and not node.keywords
+        fine = fine and len(node.args) == (2 if node.func.id in PAIRS else 1)  # type: ignore[attr-defined]
+    if not fine:
+        raise InputError(
+            f"formula {text!r}: {type(node).__name__} is not allowed; use numbers, + - * / **, {', '.join(FUNCTIONS)}, "
+            f"pi, {', '.join(symbols())} and names of your own"
+        )
+
+
+def _summands(node: ast.expr, sign: float) -> list[tuple[ast.expr, float]]:
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+        right = sign if isinstance(node.op, ast.Add) else -sign
+        return _summands(node.left, sign) + _summands(node.right, right)
+    if isinstance(node, ast.UnaryOp):
+        return _summands(node.operand, -sign if isinstance(node.op, ast.USub) else sign)
+    return [(node, sign)]
+
+
+def _factors(node: ast.expr) -> list[ast.expr]:
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+        return _factors(node.left) + _factors(node.right)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+        one = ast.BinOp(ast.Constant(1.0), ast.Div(), node.right)
+        return [*_factors(node.left), one]
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return [ast.Constant(-1.0), *_factors(node.operand)]
+    return [node]
+
+
+def _term(node: ast.expr, sign: float, start: Mapping[str, float], text: str) -> tuple[str, ast.expr]:
+    """(its linear parameter, the rest of it): exactly one free name multiplies a term."""
+    factors = _factors(node)
+    fixed = symbols().keys() | CONSTANTS.keys() | start.keys()
+    free = [f for f in factors if isinstance(f, ast.Name) and f.id not in fixed]
+    if len(free) != 1:
+        raise InputError(
+            f"formula {text!r}: the term {ast.unparse(node)!r} needs exactly one parameter of its own in front, e.g. k*(...)"
+        )
+    rest: ast.expr = ast.Constant(sign)
+    for factor in factors:
+        if factor is not free[0]:
+            rest = ast.BinOp(rest, ast.Mult(), factor)
+    parameter = free[0]
+    assert isinstance(parameter, ast.Name)
+    return parameter.id, rest
+
+
+def _names(node: ast.expr) -> set[str]:
+    called = {n.func.id for n in ast.walk(node) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name)} - called
+
+
+def _value(node: ast.expr, known: Mapping[str, Any]) -> Any:
+    """The formula's value, node by node."""
+    if isinstance(node, ast.Constant):
+        return float(node.value)  # type: ignore[arg-type]
+    if isinstance(node, ast.Name):
+        return known[node.id]
+    if isinstance(node, ast.UnaryOp):
+        value = _value(node.operand, known)
+        return -value if isinstance(node.op, ast.USub) else value
+    if isinstance(node, ast.BinOp):
+        return OPERATORS[type(node.op)](_value(node.left, known), _value(node.right, known))
+    assert isinstance(node, ast.Call)
+    assert isinstance(node.func, ast.Name)
+    return FUNCTIONS[node.func.id](*(np.asarray(_value(a, known), dtype=np.float64) for a in node.args))

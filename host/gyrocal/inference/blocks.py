@@ -1,0 +1,127 @@
+"""A session reduced to block means: what slow effects are fitted on.
+
+All effects but tones and reading faults vary slowly against a tenth of a second. Means over blocks of that length lose nothing
+of them (columns are averaged alike, so the fit stays exact) and are a dozen times fewer. Single readings that stand far out are
+brought back to their neighbours first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gyrocal.effects.earth_rate import known_dps as earth_dps
+from gyrocal.recording.outliers import outliers
+from gyrocal.recording.session import Array, Run, Session
+
+BLOCK_S = 0.1
+
+Index = np.ndarray[Any, np.dtype[np.intp]]
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """One run in blocks of equally many samples; a block never spans a gap, a short one at the end is left out.
+
+    ``start`` [m] first sample of each block, ``n`` [m] samples in it, ``t_s`` [m] its mean time, ``y_dps`` [m, 3] mean of
+    measured minus true rate, ``within_ss`` [3] sum of squares about the blocks' means, ``within_n`` its degrees of freedom.
+    """
+
+    run: Run
+    scenario: int
+    start: Index
+    n: Array
+    t_s: Array
+    y_dps: Array
+    within_ss: Array
+    within_n: int
+
+    def mean(self, columns: Array) -> Array:
+        """Block means of per-sample columns [n_samples, k], shape [m, k]."""
+        if not self.start.size:
+            return np.zeros((0, columns.shape[1]))
+        if self.start.size == len(self.run):  # each sample a block
+            return columns
+        stop = int(self.start[-1] + self.n[-1])
+        sums = np.add.reduceat(columns[:stop], self._edges, axis=0)[self._picked]
+        return sums / self.n[:, None]
+
+    @cached_property
+    def _edges(self) -> Index:
+        # reduceat sums up to the next edge: the end of each block is an edge too where samples between blocks are left out
+        stops = (self.start + self.n.astype(np.intp))[:-1]
+        return np.unique(np.concatenate([self.start, stops]))
+
+    @cached_property
+    def _picked(self) -> Index:
+        return np.searchsorted(self._edges, self.start)
+
+    def select(self, kept: np.ndarray[Any, np.dtype[np.bool_]]) -> Blocks:
+        """Some of the blocks, with their part of the scatter within blocks."""
+        share = float(kept.mean())
+        return Blocks(
+            self.run, self.scenario, self.start[kept], self.n[kept], self.t_s[kept], self.y_dps[kept],
+            self.within_ss * share, round(self.within_n * share),
+        )  # fmt: skip
+
+
+def known_dps(run: Run, axis: int) -> Array:
+    """What is known of an axis's true rate, shape [n]: the table's, and the Earth's where the latitude is given."""
+    known = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
+    return known if run.latitude_deg is None else known + earth_dps(run, axis, run.latitude_deg)
+
+
+def residual_dps(run: Run) -> Array:
+    """Measured minus true rate, shape [n, 3]."""
+    return run.gyro_dps - np.column_stack([known_dps(run, axis) for axis in range(3)])
+
+
+def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
+    """Blocks of one run; a run known by its net angle alone is one block."""
+    n = len(run)
+    y = residual_dps(run)
+    if not run.rate_is_mean:
+        for axis in range(3):
+            rows_out, apart_dps = outliers(y[:, axis], run.step_dps[axis])
+            y[rows_out, axis] -= apart_dps
+    size = n if run.rate_is_mean else min(n, max(1, round(block_s * run.sample_rate_hz)))
+    period_s = float(np.median(np.diff(run.t_s)))
+    gap = np.concatenate([[0], np.cumsum(np.diff(run.t_s) > 1.5 * period_s)]) if size < n else np.zeros(n, dtype=int)
+    starts = []
+    for first, length in _stretches(gap):
+        whole = length // size
+        starts.append(first + size * np.arange(whole))
+    start = np.concatenate(starts).astype(np.intp) if starts else np.zeros(0, dtype=np.intp)
+    if start.size == 0:  # nothing but gaps: every sample a block
+        size, start = 1, np.arange(n, dtype=np.intp)
+    rows = start[:, None] + np.arange(size)
+    grouped = y[rows]
+    means = grouped.mean(axis=1)
+    within = ((grouped - means[:, None, :]) ** 2).sum(axis=(0, 1))
+    counted = 0 if run.rate_is_mean else start.size * (size - 1)
+    return Blocks(
+        run, scenario, start, np.full(start.size, float(size)), run.t_s[rows].mean(axis=1), means,
+        within if counted else np.zeros(3), counted,
+    )  # fmt: skip
+
+
+def reduce_session(session: Session, block_s: float = BLOCK_S) -> list[Blocks]:
+    """Blocks of every run, scenarios numbered in order."""
+    number = {name: i for i, name in enumerate(session.scenarios)}
+    return [reduce_run(run, number[run.scenario], block_s) for run in session.runs]
+
+
+def by_sample(blocks: Sequence[Blocks]) -> list[Blocks]:
+    """The same runs with each sample a block of its own: for what varies from sample to sample."""
+    return [b if b.run.rate_is_mean else reduce_run(b.run, b.scenario, 0.0) for b in blocks]
+
+
+def _stretches(label: np.ndarray[Any, Any]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(label)) + 1
+    bounds = np.concatenate([[0], edges, [label.size]])
+    return [(int(a), int(b - a)) for a, b in pairwise(bounds)]

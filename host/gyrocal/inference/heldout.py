@@ -1,0 +1,197 @@
+"""Held-out evaluation: parameters from all runs but some, judged on those.
+
+The unit left out is a day if there are two or more, else a scenario if there are three or more, else a run; where leaving one
+out would leave a parameter unidentified, blocks of time with gaps about them. Samples are never left out at random: they
+share their run's drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gyrocal.inference.blocks import Blocks, known_dps
+from gyrocal.inference.design import Design, Mask
+from gyrocal.inference.fit import AxisFit, Fit
+from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
+from gyrocal.recording.session import Array, Run
+
+TIME_BLOCKS = 5
+GAP_S = 2.0
+SHORTEST_S = 20.0
+
+
+@dataclass(frozen=True)
+class Fold:
+    """What one step leaves out: whole runs (``time`` is None), or a stretch of time of every run (fractions of its length)."""
+
+    label: str
+    runs: tuple[int, ...]
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Held-out samples of one run and axis: their rows, measured and modelled rate."""
+
+    run: Run
+    axis: int
+    rows: slice
+    modelled_dps: Array
+
+    @property
+    def measured_dps(self) -> Array:
+        return self.run.gyro_dps[self.rows, self.axis]
+
+    @property
+    def residual_dps(self) -> Array:
+        return self.measured_dps - self.modelled_dps
+
+
+def folds(fit: Fit, only_day: int | None = None) -> list[Fold]:
+    """The steps of leave-one-out for a fitted model; empty where nothing can be left out."""
+    runs = [b.run for b in fit.blocks]
+    everything = range(len(runs))
+
+    def grouped(labels: list[Any]) -> list[Fold]:
+        return [Fold(str(k), tuple(i for i in everything if labels[i] == k)) for k in dict.fromkeys(labels)]
+
+    days = [r.day for r in runs]
+    scenarios = [r.scenario for r in runs]
+    choices: list[list[Fold]] = []
+    if None not in days and len(set(days)) >= 2:
+        choices.append(grouped(days))
+    elif len(set(scenarios)) >= 3:
+        choices.append(grouped(scenarios))
+    elif len(runs) >= 2:
+        choices.append([Fold(r.file, (i,)) for i, r in enumerate(runs)])
+    for choice in choices:
+        if all(_identified(fit, fold) for fold in choice):
+            if only_day is not None:
+                choice = [f for f in choice if f.label == str(only_day)]
+            return choice
+    if any(r.rate_is_mean for r in runs) or min(r.duration_s for r in runs) < SHORTEST_S:
+        return []
+    edges = np.linspace(0, 1, TIME_BLOCKS + 1)
+    return [
+        Fold(f"time block {k + 1}", tuple(everything), (a, b))
+        for k, (a, b) in enumerate(pairwise(edges))
+    ]
+
+
+def _identified(fit: Fit, fold: Fold) -> bool:
+    kept = np.ones(len(fit.blocks), dtype=bool)
+    kept[list(fold.runs)] = False
+    if not kept.any():
+        return False
+    for axis in fit.axes.values():
+        p = len(axis.design.layout.fixed)
+        gram = axis.grams[kept][:, 1 : 1 + p, 1 : 1 + p].sum(axis=0)
+        everything = axis.grams[:, 1 : 1 + p, 1 : 1 + p].sum(axis=0)
+        scale = np.sqrt(np.maximum(np.diag(everything), 1e-300))
+        if p and np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] < 1e-6:
+            return False
+    return True
+
+
+@dataclass(frozen=True)
+class Step:
+    """One axis with one fold left out."""
+
+    fold: Fold
+    trained: AxisFit
+    solution: Solution
+    spreads: Spreads
+    gain: dict[str, float]
+    """Predictive log-likelihood of each held-out scenario (of each run, where runs are all there is)."""
+
+
+def steps(axis: AxisFit, all_folds: list[Fold]) -> Iterator[Step]:
+    """Leave each fold out in turn: shared parameters and the spreads of runs' own from the rest, noise as fitted."""
+    for fold in all_folds:
+        if fold.time is None:
+            held = np.zeros(len(axis.design.blocks), dtype=bool)
+            held[list(fold.runs)] = True
+            spreads = axis.spreads_without(held)
+            solution = axis.subset(~held, spreads)
+            yield Step(fold, axis, solution, spreads, dict(_gains(axis, held, solution, spreads)))
+        else:
+            yield _time_step(axis, fold)
+
+
+def _gains(axis: AxisFit, held: Mask, trained: Solution, spreads: Spreads) -> Iterator[tuple[str, float]]:
+    runs = [b.run for b in axis.design.blocks]
+    labels = [r.scenario if axis.design.layout.scenario else r.file for r in runs]
+    for label in dict.fromkeys(labels[i] for i in np.flatnonzero(held)):
+        mine = np.array([h and x == label for h, x in zip(held, labels, strict=True)])
+        yield label, axis.subset(~held | mine, spreads).loglik - trained.loglik
+
+
+def _time_step(axis: AxisFit, fold: Fold) -> Step:
+    trained, seen = [], []
+    for b in axis.design.blocks:
+        inside, near = _time_masks(b, fold)
+        trained.append(b.select(~inside & ~near))
+        seen.append(b.select(~near))
+    fits = []
+    for blocks in (trained, seen):
+        usable = [b for b in blocks if b.t_s.size]
+        design = Design(usable, axis.design.axis, axis.design.terms, axis.design.cell_s)
+        grams, logdet = design.grams(axis.noise)
+        fits.append((design, grams, logdet, int(design.n_blocks.sum())))
+    (design, grams, logdet, n), (more, more_grams, more_logdet, more_n) = fits
+    spreads = fit_spreads(design, grams, logdet, design.scenarios, n, axis.spreads)
+    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
+    both = solve(more.layout, more_grams, more_logdet, more.scenarios, more_n, spreads)
+    fitted = AxisFit(design, axis.noise, spreads, solution, axis.design.terms, grams, logdet)
+    return Step(fold, fitted, solution, spreads, {fold.label: both.loglik - solution.loglik})
+
+
+def _time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
+    assert fold.time is not None
+    elapsed = b.t_s - b.run.t_s[0]
+    start, stop = (f * b.run.duration_s for f in fold.time)
+    gap_s = min(GAP_S, 0.05 * b.run.duration_s)
+    inside = (elapsed >= start) & (elapsed < stop)
+    near = ~inside & (elapsed >= start - gap_s) & (elapsed < stop + gap_s)
+    return inside, near
+
+
+def predictions(fit: Fit, all_folds: list[Fold]) -> Iterator[Prediction]:
+    """Every held-out sample, run by run and axis by axis; a run's own phases and onsets are refitted in it."""
+    for axis in fit.axes.values():
+        for step in steps(axis, all_folds):
+            for i in step.fold.runs:
+                if not step.trained.design.blocks[i].run.rate_is_mean:
+                    yield _predict(step, i)
+
+
+def fitted(fit: Fit) -> Iterator[Prediction]:
+    """The same, in sample: where nothing can be left out."""
+    for axis in fit.axes.values():
+        everything = Step(Fold("all", tuple(range(len(fit.blocks)))), axis, axis.solution, axis.spreads, {})
+        for i, b in enumerate(fit.blocks):
+            if not b.run.rate_is_mean:
+                yield _predict(everything, i)
+
+
+def _predict(step: Step, i: int) -> Prediction:
+    axis = step.trained
+    run = axis.design.blocks[i].run
+    u = axis.run_coefficients(i, step.solution.beta, step.spreads)
+    modelled = axis.predict(i, step.solution.beta, u)
+    modelled = modelled + known_dps(run, axis.design.axis)
+    for term in axis.design.terms:
+        if not term.values or not term.effect.at_reading(term.values):
+            continue
+        modelled = term.effect.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
+    rows = slice(0, len(run))
+    if step.fold.time is not None:
+        elapsed = run.t_s - run.t_s[0]
+        first, stop = (int(np.searchsorted(elapsed, f * run.duration_s)) for f in step.fold.time)
+        rows = slice(first, len(run) if step.fold.time[1] >= 1 else stop)
+    return Prediction(run, axis.design.axis, rows, modelled[rows])

@@ -1,0 +1,4 @@
+"""Noise: white noise with drift and its whitening, spectra, Allan deviation.
+
+It imports ``recording``.
+"""

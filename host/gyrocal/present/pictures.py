@@ -1,0 +1,227 @@
+"""Pictures of a comparison and of a calibration's errors, by matplotlib."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.probes import Finding
+from gyrocal.effects.quantities import rate_about
+from gyrocal.errors import InputError
+from gyrocal.inference import heldout
+from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.recording.session import AXES, Array
+from gyrocal.variables.base import Variable, variables
+from gyrocal.variables.shapes import ShapeOfEachRun, Steps
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, told apart by colour-blind eyes too.
+BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#6f6f6f"
+AXIS_COLOURS = {"x": ORANGE, "y": GREEN, "z": BLUE}
+
+
+LEAST_RATE_DPS = 5.0
+RUNS_SHOWN, PERIODS_SHOWN = 4, 3
+STEPS_SHOWN = 24
+
+
+def _figure(width: float, height: float) -> tuple[Figure, Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained", dpi=110)
+    axes = figure.add_subplot()
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def residual_against_time(comparison: Comparison) -> Figure:
+    """Block means of the residual against time in the run, runs on top of each other."""
+    figure, axes = _figure(8, 3.2)
+    for p in heldout.fitted(comparison.fit):
+        name = AXES[p.axis]
+        b = next(b for b in comparison.fit.blocks if b.run is p.run)
+        means = b.mean(p.residual_dps[:, None])[:, 0]
+        axes.plot(b.t_s - p.run.t_s[0], means * 1e3, ".", ms=1.2, alpha=0.5, color=AXIS_COLOURS[name])
+    for name in comparison.fit.axes:
+        axes.plot([], [], "o", color=AXIS_COLOURS[name], label=name)
+    axes.set(xlabel="time in the run, s", ylabel="measured - model, mdps", title="Residual, means of 0.1 s")
+    axes.legend(loc="upper right", ncols=3, frameon=False)
+    return figure
+
+
+def residual_against(comparison: Comparison, finding: Finding) -> Figure | None:
+    """Residual of the finding's axis against what it is found against; None where that has no values (a frequency).
+
+    Dots are means of a second; the line is the mean over as many of them in each of some steps. What grows with the rate is
+    shown as a part of it. What repeats after a period (a turn) is folded there; where its phase differs from run to run, a line
+    a run is drawn instead.
+    """
+    variable = variables()[finding.against](comparison.fit.session.runs)
+    of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
+    each_run = variable.period is not None and isinstance(finding.shape, ShapeOfEachRun)
+    points = _means(comparison, variable, AXES.index(finding.axis))
+    if of_rate:
+        points = [run[np.abs(run[:, 2]) > LEAST_RATE_DPS] for run in points]
+    if not points:
+        return None
+    figure, axes = _figure(8, 3.2)
+    style = {"ls": "-", "lw": 1.2, "alpha": 0.8} if each_run else {"ls": "", "marker": ".", "ms": 3, "alpha": 0.25}
+    shown = points[:RUNS_SHOWN] if each_run else points
+    x, y, rate_dps = np.concatenate(shown).T
+    y = y * 1e3 / rate_dps if of_rate else y
+    if variable.period is not None:
+        x = np.abs(x) if each_run else x % variable.period
+    for part in np.split(np.arange(x.size), np.cumsum([len(run) for run in shown])[:-1]):
+        axes.plot(x[part], y[part], color=AXIS_COLOURS[finding.axis], **style)
+    if each_run and variable.period is not None:
+        axes.set_xlim(0, PERIODS_SHOWN * variable.period)
+    else:
+        order = np.array_split(np.argsort(x), STEPS_SHOWN)
+        axes.plot([x[k].mean() for k in order], [y[k].mean() for k in order], "o-", color="black", ms=4, lw=1.2)
+    axes.axhline(0.0, color=GREY, lw=0.8)
+    label = variable.label(finding.axis if variable.components else "")
+    axes.set(
+        xlabel=f"{label}{f', from the start of each run; the first {RUNS_SHOWN}' if each_run else ''}",
+        ylabel=f"measured - model, {'ppm of the rate' if of_rate else 'mdps'}", title=f"Residual on {finding.axis}",
+    )  # fmt: skip
+    return figure
+
+
+def _means(comparison: Comparison, variable: Variable, axis: int) -> list[Array]:
+    """Means of a second (of a quarter, where the variable has a period) of each run that has the variable.
+
+    Shape [m, 3]: the variable (its component along the axis, where it has components), the residual (mdps) and the true rate
+    about the axis (deg/s).
+    """
+    per_second = 1 if variable.period is None else 4
+    blocks = {b.run.index: b for b in comparison.fit.blocks}
+    out = []
+    for p in heldout.fitted(comparison.fit):
+        values = variable.values(p.run, axis) if p.axis == axis else None
+        if values is None:
+            continue
+        b = blocks[p.run.index]
+        x = values[:, axis] if variable.components else values
+        means = b.mean(np.column_stack([x, p.residual_dps * 1e3, rate_about(p.run, axis)]))
+        step = np.floor((b.t_s - p.run.t_s[0]) * per_second)
+        out.append(np.array([means[step == k].mean(axis=0) for k in np.unique(step)]))
+    return out
+
+
+def spectra(comparison: Comparison) -> Figure:
+    """Amplitude spectral density of the residual, and its level between lines."""
+    figure, axes = _figure(8, 3.2)
+    for name, lines in comparison.spectra.items():
+        if lines.frequency_hz.size:
+            axes.loglog(lines.frequency_hz, np.sqrt(lines.power) * 1e3, lw=0.7, color=AXIS_COLOURS[name], label=name)
+            axes.loglog(lines.frequency_hz, np.sqrt(lines.level) * 1e3, lw=1.5, ls="--", color=AXIS_COLOURS[name])
+    axes.set(xlabel="frequency, Hz", ylabel="mdps/√Hz", title="Spectrum of the residual (dashed: between lines)")
+    axes.legend(frameon=False, ncols=3)
+    return figure
+
+
+def allan(comparison: Comparison) -> Figure:
+    """Allan deviation of the residual and of the model's noise."""
+    figure, axes = _figure(8, 3.2)
+    rate_hz = comparison.fit.session.sample_rate_hz
+    predictions = list(heldout.fitted(comparison.fit))
+    for name, fitted in comparison.fit.axes.items():
+        series = [p.residual_dps for p in predictions if AXES[p.axis] == name]
+        if not series:
+            continue
+        tau_s, deviation = allan_deviation(series, rate_hz)
+        axes.loglog(tau_s, deviation * 1e3, "o-", ms=3, lw=0.8, color=AXIS_COLOURS[name], label=name)
+        axes.loglog(tau_s, model_deviation(tau_s, fitted.noise, rate_hz) * 1e3, "--", lw=1.2, color=AXIS_COLOURS[name])
+    axes.set(xlabel="averaging time, s", ylabel="mdps", title="Allan deviation of the residual (dashed: the noise model)")
+    axes.legend(frameon=False, ncols=3)
+    return figure
+
+
+def levels(comparison: Comparison) -> Figure:
+    """Excess over the floor, axis by axis."""
+    figure, axes = _figure(8, 1.9)
+    for i, (name, level) in enumerate(comparison.per_axis.items()):
+        axes.barh(i, level.floor_dps * 1e3, color=GREY, height=0.6)
+        if level.excess_dps is not None and level.rms_dps is not None:
+            axes.barh(
+                i,
+                (level.rms_dps - level.floor_dps) * 1e3,
+                left=level.floor_dps * 1e3,
+                color=AXIS_COLOURS[name],
+                height=0.6,
+            )
+            axes.text(level.rms_dps * 1e3, i, f"  excess {level.excess_dps * 1e3:.1f}", va="center", fontsize=9)
+    axes.set(
+        yticks=range(len(comparison.per_axis)),
+        yticklabels=list(comparison.per_axis),
+        xlabel="rms of held-out samples, mdps (grey: noise floor)",
+    )
+    axes.margins(x=0.15)
+    return figure
+
+
+def calibration_errors(errors: Mapping[str, Mapping[float, tuple[float, float]]], title: str) -> Figure:
+    """Mean absolute error of scale and bias against seconds, a line a method: {method: {seconds: (scale, bias_dps)}}."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 3.4), layout="constrained", dpi=110)
+    panels = figure.subplots(1, 2)
+    styles = [(GREY, "s"), (PURPLE, "^"), (ORANGE, "D"), (BLUE, "o")]
+    for (method, points), (colour, marker) in zip(errors.items(), styles * len(errors), strict=False):
+        seconds = sorted(points)
+        for k, (axes, factor) in enumerate(zip(panels, (100.0, 1e3), strict=True)):
+            axes.plot(seconds, [points[s][k] * factor for s in seconds], marker=marker, color=colour, label=method)
+    for axes, label in zip(panels, ("scale, %", "bias, mdps"), strict=True):
+        axes.set(
+            xlabel="seconds of each face",
+            ylabel=f"mean error of {label}",
+            xticks=sorted(next(iter(errors.values()))),
+            ylim=(0, None),
+        )
+        axes.grid(alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].legend(frameon=False, fontsize=9)
+    figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def of_comparison(comparison: Comparison) -> dict[str, tuple[str, Figure]]:
+    """Every picture of a comparison: {file name: (title, figure)}."""
+    drawn = {"levels": ("Excess over the floor", levels(comparison))}
+    if comparison.where:
+        first = comparison.where[0]
+        figure = residual_against(comparison, first)
+        if figure is not None:
+            drawn["where"] = (f"Where it fails most: on {first.axis}, against {first.against.replace('_', ' ')}", figure)
+    return drawn | {
+        "time": ("Residual against time", residual_against_time(comparison)),
+        "spectrum": ("Spectrum", spectra(comparison)),
+        "allan": ("Allan deviation", allan(comparison)),
+    }
+
+
+def save(comparison: Comparison, folder: Path) -> None:
+    """Every picture of a comparison as PNG in a folder, made if it is not there."""
+    try:
+        folder.mkdir(exist_ok=True)
+        for name, (_, figure) in of_comparison(comparison).items():
+            figure.savefig(folder / f"{name}.png")
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror}") from None
+
+
+def png_data(figure: Figure) -> str:
+    """The figure as a data URL: smaller than SVG where there are many points."""
+    import base64
+
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()

@@ -1,0 +1,159 @@
+"""Comparison and diagnosis in words: on the terminal, and as a page that stands alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from gyrocal import __version__
+from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.diagnose import Candidate, Diagnosis
+from gyrocal.errors import InputError
+from gyrocal.present.output import mdps, plus_minus, stdout, table
+
+REJECTED_SHOWN = 3
+
+
+def headline(c: Comparison) -> str:
+    """The verdict in a sentence."""
+    if c.verdict == "adequate":
+        return "The model is adequate: what is left over is noise."
+    first = c.where[0]
+    return f"The model does not fit: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
+
+
+def level_rows(c: Comparison) -> list[list[str]]:
+    rows = [[axis, mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2)] for axis, v in c.per_axis.items()]
+    return [*rows, ["all", mdps(c.pooled.rms_dps, 2), mdps(c.pooled.floor_dps, 2), mdps(c.pooled.excess_dps, 2)]]
+
+
+def print_comparison(c: Comparison) -> None:
+    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps"], level_rows(c))
+    stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
+    if c.where:
+        rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
+        table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+    stdout.print(headline(c), style="bold")
+
+
+def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
+    passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
+    rejected = [c for c in d.candidates if c.decision == "reject"]
+    rows = [
+        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+         "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
+        for c in (*passed, *rejected[:REJECTED_SHOWN])
+    ]  # fmt: skip
+    table("", ["effect:", "axis:", "decision:", "explained", "held-out gain", "size:"], rows)
+    if rejected[REJECTED_SHOWN:]:
+        stdout.print(f"rejected too: {by_effect(rejected[REJECTED_SHOWN:])}")
+    unseen = [c for c in d.candidates if c.decision == "not_measurable"]
+    nowhere = {c.effect.id for c in unseen} - {c.effect.id for c in (*passed, *rejected)}
+    if nowhere:
+        on_table = [c for c in unseen if c.effect.id in nowhere and c.axis == d.comparison.fit.session.axis]
+        rows = [[c.effect.id, c.next_measurement] for c in on_table]
+        table("What this session cannot show", ["effect:", "what would show it:"], rows)
+    stdout.print(verdict_text(d), style="bold")
+    target = model if model and model.endswith(".toml") else "model.toml"
+    if d.verdict == "add" and d.best is not None:
+        stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
+    if d.verdict == "unknown":
+        stdout.print(
+            f"next: gyrocal keep {session} --model {target} finds a formula for it and keeps it as an effect of your own"
+        )
+
+
+def by_effect(candidates: Iterable[Candidate]) -> str:
+    """Effects with their axes: "drift (x, y), warmup (z)"."""
+    axes: dict[str, list[str]] = {}
+    for c in candidates:
+        axes.setdefault(c.effect.id, []).append(c.axis)
+    return ", ".join(f"{effect_id} ({', '.join(on)})" for effect_id, on in axes.items())
+
+
+def verdict_text(d: Diagnosis) -> str:
+    """The diagnosis in a sentence or two."""
+    best = d.best
+    if d.verdict == "add" and best is not None:
+        return f"Missing: {best.effect.title.lower()} on {best.axis}. {best.effect.cause.split('. ')[0]}."
+    if d.verdict == "ambiguous" and best is not None:
+        return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
+    if d.verdict == "unknown" and d.unknown is not None:
+        u = d.unknown
+        against = u["against"].replace("_", " ")
+        return f"Something is there that no effect of the library explains: on {u['axis']}, against {against}: {u['shape']}."
+    return "Nothing is missing: what is left over is noise."
+
+
+def sizes(c: Candidate) -> str:
+    """A candidate's parameters with their errors."""
+    units = {p.name: p.unit for p in c.effect.parameters}
+    parts = []
+    for name, value in c.values.items():
+        unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
+        parts.append(f"{name} {plus_minus(value, c.se.get(name), '' if unit == 'fraction' else unit)}")
+    return ", ".join(parts)
+
+
+def explained(before: Comparison, after: Comparison) -> float | None:
+    """1 - (excess after / excess before)^2."""
+    if not before.pooled.excess_dps or after.pooled.excess_dps is None:
+        return None
+    return 1 - (after.pooled.excess_dps / before.pooled.excess_dps) ** 2
+
+
+def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
+    if before.note:
+        stdout.print(before.note, style="bold")
+    rows = []
+    for axis in after.per_axis:
+        old, new = before.per_axis[axis], after.per_axis[axis]
+        rows.append([axis, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
+    rows.append(["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)])
+    table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
+    part = explained(before, after)
+    told = "" if part is None else f"; {part:.1%} of the excess explained"
+    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}{told}")
+    for axis, fitted in after.fit.axes.items():
+        if fitted.scale_spread_dps > 0.1 * after.per_axis[axis].floor_dps:
+            stdout.print(
+                f"of what is left on {axis}, {mdps(fitted.scale_spread_dps)} mdps is the scale's own spread from one power "
+                "cycle to the next, which no model can foretell"
+            )
+    stdout.print(headline(after), style="bold")
+
+
+def write_page(path: Path, c: Comparison) -> None:
+    """One self-contained HTML page."""
+    import jinja2
+
+    from gyrocal.present import pictures
+
+    drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
+    template = (files("gyrocal") / "present" / "report.html").read_text(encoding="utf-8")
+    page = jinja2.Environment(autoescape=True).from_string(template)
+    text = page.render(
+        name=c.fit.session.path.name if c.fit.session.path else "session", adequate=c.verdict == "adequate",
+        headline=headline(c),
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
+        parameters=_parameters(c), version=__version__,
+    )  # fmt: skip
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+
+
+def _parameters(c: Comparison) -> list[list[Any]]:
+    rows = []
+    for term in c.fit.model.terms:
+        units = {p.name: p.unit for p in term.effect.parameters}
+        for name, value in term.values.items():
+            se = term.se.get(name)
+            unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
+            rows.append([term.effect_id, term.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
+    return rows

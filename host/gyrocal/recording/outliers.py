@@ -1,0 +1,49 @@
+"""Single readings that stand far out of their neighbours: bits lost on the bus, a word read half-way through an update.
+
+One of them moves the mean of a tenth of a second by more than a real effect does, so fits never see them; they are counted,
+reported, and stay in every rms.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gyrocal.recording.session import Array
+
+NEIGHBOURS = 7
+"""Samples that a reading is held against: their median, and the means of those at the same distance on either side."""
+STANDS_OUT = 8.0
+"""Spreads by which it must differ: Gaussian noise does that once in 10^15 readings."""
+MOST = 0.05
+"""Of a run's readings: more than this is no outlier but how the sensor reads."""
+
+Index = np.ndarray[Any, np.dtype[np.intp]]
+
+
+def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
+    """Rows [k] of readings [n] that stand out, and by how much [k], deg/s; ``step_dps``: one count, 0 = as good as none."""
+    from scipy.ndimage import median_filter
+    from scipy.stats import norm
+
+    nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
+    if y_dps.size < 3 * NEIGHBOURS:
+        return nothing
+    apart = y_dps - median_filter(y_dps, NEIGHBOURS, mode="nearest")
+    level = y_dps - _between(y_dps)
+    spread = 1.4826 * float(np.median(np.abs(level)))
+    moved = float(np.mean(np.abs(apart) > step_dps / 2))
+    if step_dps > 0 and 0 < moved < 0.5:  # coarse counts: the noise that takes so many over the edge of a count at the least
+        spread = max(spread, step_dps / 2 / float(norm.isf(moved / 2)))
+    nearer = np.where(np.abs(apart) < np.abs(level), apart, level)  # the one is blind to slopes, the other to steps
+    rows = np.flatnonzero(np.abs(nearer) > STANDS_OUT * spread + step_dps) if spread > 0 else nothing[0]
+    return (rows, nearer[rows]) if 0 < rows.size <= MOST * y_dps.size else nothing
+
+
+def _between(y_dps: Array) -> Array:
+    """Where each reading [n] should be by its neighbours on both sides: the median of three pairs' means, true on a slope."""
+    wide = np.pad(y_dps, NEIGHBOURS // 2, mode="edge")
+    n, middle = y_dps.size, NEIGHBOURS // 2
+    one, two, three = ((wide[middle - k : middle - k + n] + wide[middle + k : middle + k + n]) / 2 for k in (1, 2, 3))
+    return np.maximum(np.minimum(one, two), np.minimum(np.maximum(one, two), three))

@@ -1,0 +1,96 @@
+"""Diagnosis names what was planted, and nothing where nothing was; `add` makes the error fall only for the right effect."""
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.diagnose import add, diagnose
+from gyrocal.error_model.model import Model
+from gyrocal.inference.fit import fit, profile_loglik
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
+
+
+def session_with(effects: list[str], seed: int = 3, scenarios: int = 6) -> Session:
+    return simulate(None, "paper", effects, seed, scenarios=scenarios, seconds=25.0)[0]
+
+
+@pytest.mark.parametrize("effect", ["table_ripple", "spin_up"])
+def test_the_planted_effect_is_named_and_added(effect: str) -> None:
+    session = session_with([effect])
+    found = diagnose(session)
+    assert found.verdict == "add"
+    assert found.best is not None
+    assert (found.best.effect.id, found.best.axis, found.best.group) == (effect, "z", (effect,))
+    assert found.best.explained == pytest.approx(1.0, abs=0.1)
+    before, after, model = add(session, None, effect)
+    assert after.pooled.excess_dps < 0.4 * before.pooled.excess_dps
+    assert before.pooled.floor_dps == after.pooled.floor_dps
+    assert after.verdict == "adequate"
+    assert diagnose(session, model).verdict == "adequate"
+
+
+def test_nothing_is_named_where_nothing_is() -> None:
+    found = diagnose(session_with([]))
+    assert found.verdict == "adequate"
+    assert not [c for c in found.candidates if c.decision in ("add", "suggest")]
+
+
+def test_two_effects_are_found_one_by_one() -> None:
+    session = session_with(["table_ripple", "spin_up"])
+    model: Model | None = None
+    named = []
+    for _ in range(3):
+        found = diagnose(session, model)
+        if found.verdict != "add":
+            break
+        assert found.best is not None
+        named.append(found.best.effect.id)
+        model = add(session, model, named[-1])[2]
+    assert sorted(named) == ["spin_up", "table_ripple"]
+    assert found.verdict == "adequate"
+
+
+def test_a_wrong_effect_does_not_make_the_error_fall() -> None:
+    before, after, _ = add(session_with(["table_ripple"]), None, "spin_up")
+    assert after.pooled.excess_dps > 0.95 * before.pooled.excess_dps
+
+
+def test_profile_likelihood_does_not_depend_on_the_columns_scale() -> None:
+    """Unlike REML's: a parameter in percent or in fractions gives the same likelihood."""
+    session = session_with([], scenarios=3)
+    found = fit(session, Model.builtin("paper"), axes=["z"]).axes["z"]
+    n = int(found.design.n_blocks.sum())
+    b = np.concatenate([b.y_dps[:, 2] for b in found.design.blocks])
+    w = np.concatenate([np.full(b.t_s.size, b.run.rate_dps[0]) for b in found.design.blocks])
+    x = np.column_stack([w, np.ones(n)])
+    residual = b - x @ np.linalg.lstsq(x, b, rcond=None)[0]
+    variance = found.noise.white_sd_dps**2 / found.design.blocks[0].n[0]
+    plain = -0.5 * (n * np.log(2 * np.pi * variance) + residual @ residual / variance)
+    assert profile_loglik(found) == pytest.approx(plain, abs=1e-6)
+
+
+def test_json_has_the_contract_s_keys() -> None:
+    told = diagnose(session_with(["table_ripple"])).to_json()
+    assert set(told) >= {"verdict", "candidates", "unknown"}
+    assert set(told["candidates"][0]) >= {
+        "effect", "axis", "parameters", "explained", "heldout_gain", "heldout_gain_se", "q_value", "group",
+        "decision", "next_measurement",
+    }  # fmt: skip
+    assert set(told["candidates"][0]["parameters"]["amplitude_1"]) == {"value", "se", "unit"}
+
+
+def test_a_model_survives_its_file(tmp_path) -> None:
+    _, _, model = add(session_with(["table_ripple"]), None, "table_ripple")
+    model.save(tmp_path / "m.toml")
+    again = Model.open(tmp_path / "m.toml")
+    assert again.ids == model.ids
+    for a, b in zip(again.terms, model.terms, strict=True):
+        assert a.values == pytest.approx(b.values, rel=1e-8)
+    text = (tmp_path / "m.toml").read_text()
+    lines = [
+        line
+        for line in text.splitlines()
+        if "table_ripple" not in line or line.startswith("#") or line.startswith("name")
+    ]
+    (tmp_path / "m.toml").write_text("\n".join(lines))  # undo is removing a line
+    assert "table_ripple" not in Model.open(tmp_path / "m.toml").ids

@@ -1,0 +1,87 @@
+"""Sessions of few power cycles: what differs from cycle to cycle alone is evidence of as many values as there are cycles."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
+
+RATE_HZ, WHITE_DPS, TURN_ON_DPS = 52.0, 0.04, 0.02
+Extra = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def nothing(rate_dps: np.ndarray, temp_c: np.ndarray) -> np.ndarray:
+    return np.zeros((rate_dps.size, 3))
+
+
+def pairs(seed: int, cycles: int, extra: Extra = nothing, rates_dps: tuple[float, ...] = (78.0,)) -> Session:
+    """Up and down in each power cycle, which has an offset and a temperature (15 to 35 degC) of its own."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(round(20 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for cycle in range(cycles):
+        offset, start_c = rng.normal(0.1, TURN_ON_DPS, 3), rng.uniform(15, 35)
+        for face, sign in (("up", 1.0), ("down", -1.0)):
+            table_dps = rates_dps[cycle % len(rates_dps)]
+            rate, temp_c = np.full(t_s.size, sign * table_dps), start_c + 0.5 * (1 - np.exp(-t_s / 30))
+            gyro = rng.normal(offset, WHITE_DPS, (t_s.size, 3)) + extra(rate, temp_c)
+            gyro[:, 2] += 1.004 * rate
+            noisy_c = np.round((temp_c + rng.normal(0, 0.02, t_s.size)) * 256) / 256
+            runs.append(
+                make_run(
+                    t_s, gyro, table_rate_dps=table_dps, face=face, scenario=f"s{cycle}", day=1, rate_hz=RATE_HZ,
+                    temp_c=noisy_c,
+                )
+            )  # fmt: skip
+    return make_session(*runs)
+
+
+def named(found: Diagnosis) -> list[tuple[str, str]]:
+    return [(c.effect.id, c.axis) for c in found.candidates if c.decision == "add"]
+
+
+@pytest.mark.parametrize("cycles", [3, 4, 5])
+def test_offsets_that_happen_to_lie_along_the_temperature_are_no_effect(cycles: int) -> None:
+    """Chi-square for the likelihood ratio takes them for bias_temperature, and often."""
+    for seed in range(8):
+        found = diagnose(pairs(seed, cycles))
+        assert found.verdict == "adequate", (seed, named(found), found.unknown)
+
+
+def of_temperature(rate_dps: np.ndarray, temp_c: np.ndarray) -> np.ndarray:
+    return np.outer(0.02 * (temp_c - 25), [0.0, 0.0, 1.0])
+
+
+def test_an_effect_that_many_cycles_show_is_found_and_has_no_more_orders_than_they_support() -> None:
+    session = pairs(1, 12, of_temperature)
+    found = diagnose(session)
+    assert named(found)[:1] == [("bias_temperature", "z")]
+    best = found.candidates[0]
+    assert set(best.values) == {"k1_dps_per_c"}
+    assert abs(best.values["k1_dps_per_c"] - 0.02) < 4 * best.se["k1_dps_per_c"]
+    before, after, _ = add(session, None, "bias_temperature")
+    assert after.per_axis["z"].excess_dps < 0.3 * before.per_axis["z"].excess_dps
+
+
+def pulled(rate_dps: np.ndarray, temp_c: np.ndarray) -> np.ndarray:
+    return np.outer(8e-6 * rate_dps**2, [1.0, 0.0, 0.0])
+
+
+def test_the_table_s_rate_is_held_against_the_other_axes_too() -> None:
+    session = pairs(2, 16, pulled, rates_dps=(0.0, 50.0, 100.0, 150.0))
+    found = diagnose(session)
+    assert ("x", "rate") in {(f.axis, f.against) for f in found.comparison.where}
+    assert found.best is not None
+    assert (found.best.effect.id, found.best.axis) == ("centripetal", "x")
+    assert abs(found.best.values["k"] - 8e-6) < 4 * found.best.se["k"]
+
+
+def test_cycles_that_happen_to_agree_do_not_foretell_the_next() -> None:
+    """The spread of power cycles is noise: held-out steps take it as all cycles show it."""
+    comparison = diagnose(pairs(3, 4)).comparison
+    for axis in comparison.fit.axes.values():
+        held_out = np.array([b.scenario == 0 for b in axis.design.blocks])
+        np.testing.assert_array_equal(axis.spreads_without(held_out).scenario, axis.spreads.scenario)

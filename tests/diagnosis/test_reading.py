@@ -1,0 +1,59 @@
+"""Faults that show in the reading's own code: a stuck bit, told from a bit that noise never reaches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.compare import _never, reading_fault
+from gyrocal.error_model.model import Model, Term
+from gyrocal.recording.session import Run, Session
+from gyrocal.simulation.simulate import simulate
+
+LSB_DPS = 0.00875
+
+
+@pytest.mark.parametrize(("bit", "state"), [(3, 0), (3, 1), (4, 0), (6, 1)])
+def test_the_chance_of_a_quiet_bit_is_that_of_a_gaussian_reading(bit: int, state: int) -> None:
+    rng = np.random.default_rng(bit)
+    y_dps = rng.normal(0.31, 0.044, 400_000)
+    kept = float(np.mean((np.rint(y_dps / LSB_DPS).astype(int) >> bit) & 1 == state))
+    few = y_dps[:12]
+    expected = kept**few.size
+    sd, mean = 0.044, 0.31
+    shaped = (few - few.mean()) / np.sqrt(np.mean(np.diff(few) ** 2) / 2) * sd + mean  # just that mean and noise
+    assert _never([shaped], LSB_DPS, bit, state) == pytest.approx(expected, rel=0.05, abs=1e-6)
+
+
+def stuck(session: Session, bit: int, state: int) -> Session:
+    def reading(run: Run) -> np.ndarray:
+        codes = np.rint(run.gyro_dps[:, 0] / LSB_DPS).astype(int)
+        return (codes | (1 << bit) if state else codes & ~(1 << bit)) * LSB_DPS
+
+    return session.with_runs(replace(r, frame=r.table.with_columns(gx_dps=reading(r))) for r in session.runs)
+
+
+@pytest.mark.parametrize(("bit", "state"), [(0, 1), (2, 0), (3, 1), (3, 0)])
+def test_a_stuck_bit_is_seen_and_a_sound_reading_is_not_blamed(bit: int, state: int) -> None:
+    session = simulate(None, "paper", [], 4, scenarios=3, seconds=20)[0]
+    assert all(reading_fault(session, axis, 1e-3) is None for axis in "xyz")
+    found = reading_fault(stuck(session, bit, state), "x", 1e-3)
+    assert found is not None
+    assert found.note.startswith(f"bit {bit} of the reading is {state}")
+
+
+def test_a_calibration_leaves_clipped_readings_out() -> None:
+    """A range of less than the table swings by: what reads the limit says nothing of the scale."""
+    session = simulate(None, "swing", [], 3, scenarios=2, seconds=20)[0]
+    full_scale_dps = 0.8 * min(float(np.abs(r.gyro_dps[:, 2]).max()) for r in session.runs)
+    clipped = session.with_runs(
+        replace(r, frame=r.table.with_columns(gz_dps=np.clip(r.gyro_dps[:, 2], -full_scale_dps, full_scale_dps)))
+        for r in session.runs
+    )
+    model = Model.builtin("paper").with_term(Term("saturation", "z", {"full_scale_dps": full_scale_dps}))
+    for spoilt, sound in zip(*(calibrate(s, [20.0], ["model"], model=model) for s in (clipped, session)), strict=True):
+        assert abs(spoilt.scale - sound.scale) < 4 * spoilt.scale_se
+        assert sound.scale_se < spoilt.scale_se
+    blind = calibrate(clipped, [20.0], ["model"], model=Model.builtin("paper"))[0]
+    assert abs(blind.scale - sound.scale) > 100 * blind.scale_se

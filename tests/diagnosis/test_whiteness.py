@@ -1,0 +1,67 @@
+"""The test of whiteness: quiet on noise of the model's kind, loud on what no term of the model makes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.probes import too_much_power
+from gyrocal.error_model.model import Model
+from gyrocal.inference.fit import fit
+from gyrocal.noise.spectrum import spectrum
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
+
+
+def with_signal(session: Session, signal_dps: np.ndarray) -> Session:
+    return session.with_runs(
+        replace(r, frame=r.table.with_columns(gz_dps=r.gyro_dps[:, 2] + signal_dps[: len(r)])) for r in session.runs
+    )
+
+
+def test_its_chances_are_uniform_on_noise() -> None:
+    chances = []
+    for seed in range(6):
+        session = simulate(None, "paper", [], seed, scenarios=3, seconds=30)[0]
+        fitted = fit(session, Model.builtin("default"))
+        for axis in fitted.axes:
+            found = too_much_power(fitted.axes[axis], axis, alarm=2.0)
+            assert found is not None
+            chances.append(found.chance)
+    assert min(chances) > 0.01 / len(chances)
+    assert np.mean(np.array(chances) < 0.5) < 0.8
+
+
+@pytest.mark.parametrize("band_hz", [(0.4, 0.8), (1.5, 3.0)])
+def test_band_limited_rumble_is_found_with_its_band_and_size(band_hz: tuple[float, float]) -> None:
+    rng = np.random.default_rng(7)
+    session = simulate(None, "paper", [], 1, scenarios=3, seconds=30)[0]
+    n = len(session.runs[0])
+    frequency_hz = np.fft.rfftfreq(n, 1 / session.sample_rate_hz)
+    inside = (frequency_hz > band_hz[0]) & (frequency_hz < band_hz[1])
+    rumble = np.fft.irfft(inside * np.exp(2j * np.pi * rng.random(inside.size)), n)
+    rumble *= 0.012 / rumble.std()
+    fitted = fit(with_signal(session, rumble), Model.builtin("default"), axes=["z"])
+    found = too_much_power(fitted.axes["z"], "z", alarm=1e-4)
+    assert found is not None
+    assert found.against == "frequency"
+    assert 0.2 * 0.012 < found.amplitude_dps < 2 * 0.012
+
+
+def test_a_sweep_is_a_bump_and_low_pass_noise_and_a_tone_are_none() -> None:
+    from scipy.signal import butter, lfilter
+
+    rng = np.random.default_rng(8)
+    rate_hz, t_s = 145.0, np.arange(2900) / 145.0
+    white = [rng.normal(0, 0.044, t_s.size) for _ in range(12)]
+    quiet = [lfilter(*butter(2, 33, fs=rate_hz), y) for y in white]
+    tone = [y + 0.05 * np.sin(2 * np.pi * 23.4 * t_s + i) for i, y in enumerate(white)]
+    for residuals in (white, quiet, tone):
+        found = spectrum(residuals, rate_hz).bump()
+        assert found is None or found[4] > 1e-3
+    sweep = 0.02 * np.sin(2 * np.pi * (18 + 4 * t_s / t_s[-1]) * t_s)  # 18 to 26 Hz
+    low_hz, high_hz, amplitude_dps, sigma, chance = spectrum([y + sweep for y in white], rate_hz).bump()
+    assert (low_hz, high_hz) == pytest.approx((18, 26), abs=2.5)
+    assert amplitude_dps == pytest.approx(0.02, rel=0.25)
+    assert sigma > 7
+    assert chance < 1e-8

@@ -1,0 +1,100 @@
+"""The whitening filter against dense linear algebra; Allan deviation against allantools."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.noise.spectrum import spectrum
+from gyrocal.noise.whitening import Noise, Summed, normal_equations
+from gyrocal.simulation.simulate import ou_noise
+
+
+def dense(t_s: np.ndarray, n: np.ndarray, noise: Noise) -> np.ndarray:
+    drift = noise.ou_sd_dps**2 * np.exp(-np.abs(t_s[:, None] - t_s) / noise.ou_tau_s)
+    return drift + np.diag(noise.white_sd_dps**2 / n)
+
+
+@pytest.mark.parametrize("gap", [False, True])
+@pytest.mark.parametrize("noise", [Noise(0.04), Noise(0.04, 0.003, 20.0), Noise(0.04, 0.3, 2.0)])
+def test_normal_equations_are_those_of_the_dense_covariance(noise: Noise, gap: bool) -> None:
+    rng = np.random.default_rng(1)
+    t_s = np.arange(300) * 0.1
+    n = np.full(300, 14.0)
+    if gap:
+        t_s[150:] += 3.0
+        n[10] = 7.0
+    columns = rng.normal(size=(2, 3, 300))
+    columns[:, 1] = t_s
+    gram, logdet = normal_equations(columns, t_s, n, noise)
+    v = dense(t_s, n, noise)
+    for got, c in zip(gram, columns, strict=True):
+        np.testing.assert_allclose(got, c @ np.linalg.solve(v, c.T), rtol=1e-9)
+    assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
+
+
+def test_a_run_of_one_block_is_one_equation() -> None:
+    columns, noise = np.array([[[2.0], [1.0]]]), Noise(0.04, 0.003, 20.0)
+    gram, logdet = normal_equations(columns, np.zeros(1), np.full(1, 2000.0), noise)
+    variance = dense(np.zeros(1), np.full(1, 2000.0), noise)[0, 0]
+    np.testing.assert_allclose(gram[0], columns[0] @ columns[0].T / variance)
+    assert logdet == pytest.approx(np.log(variance))
+
+
+def test_drift_that_is_slow_against_the_white_noise_may_stand_still_for_a_while() -> None:
+    """Cells of a second, in which this drift has a hundredth of the white noise's density and less."""
+    rng = np.random.default_rng(5)
+    noise, t_s, n = Noise(0.044, 0.004, 20.0), np.arange(700) * 0.1, np.full(700, 14.5)
+    t_s[300:] += 4.0
+    drift = np.linalg.cholesky(dense(t_s, n, replace(noise, white_sd_dps=1e-9)) + 1e-12 * np.eye(700)) @ rng.normal(size=700)
+    y = drift + rng.normal(0, noise.white_sd_dps / np.sqrt(n))
+    columns = np.stack([y, np.ones(700), t_s, np.cos(t_s), np.exp(-t_s / 2)])[None]
+    exact, logdet = normal_equations(columns, t_s, n, noise)
+    summed = Summed.of(columns, t_s, n, cell_s=1.0)
+    assert summed.t_s.size == 70
+    coarse, coarse_logdet = summed.normal_equations(noise)
+    np.testing.assert_allclose(np.diagonal(coarse[0])[1:], np.diagonal(exact[0])[1:], rtol=0.01)
+    np.testing.assert_allclose(coarse_logdet + coarse[0, 0, 0], logdet + exact[0, 0, 0], atol=0.5)
+    beta, same = (np.linalg.solve(g[0, 1:, 1:], g[0, 1:, 0]) for g in (exact, coarse))
+    error = np.sqrt(np.diag(np.linalg.inv(exact[0, 1:, 1:])))
+    np.testing.assert_array_less(np.abs(same - beta), 0.05 * error)
+
+
+def test_allan_deviation_is_allantools(require_module: Callable[[str], None]) -> None:
+    require_module("allantools")
+    import allantools
+
+    rng = np.random.default_rng(2)
+    y = rng.normal(0, 0.05, 5000) + ou_noise(5000, 0.01, 0.02, 5.0, 1, rng)[:, 0]
+    tau_s, ours = allan_deviation([y], 100.0)
+    _, theirs, _, _ = allantools.oadev(y, rate=100.0, data_type="freq", taus=tau_s)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10)
+
+
+def test_allan_deviation_of_the_model_is_that_of_its_noise() -> None:
+    noise = Noise(0.044, 0.02, 3.0)
+    rng = np.random.default_rng(3)
+    series = [
+        rng.normal(0, noise.white_sd_dps, 20000) + ou_noise(20000, 0.01, 0.02, 3.0, 1, rng)[:, 0] for _ in range(10)
+    ]
+    tau_s, measured = allan_deviation(series, 100.0)
+    use = tau_s < 20
+    np.testing.assert_allclose(measured[use], model_deviation(tau_s, noise, 100.0)[use], rtol=0.08)
+
+
+def test_white_noise_has_no_line_and_a_tone_has_its_own() -> None:
+    rng = np.random.default_rng(4)
+    t_s = np.arange(10150) / 145
+    quiet = [rng.normal(0, 0.044, t_s.size) for _ in range(4)]
+    assert spectrum(quiet, 145.0).peak()[2] > 0.01
+    level = np.sqrt(np.median(spectrum(quiet, 145.0).level))
+    assert level == pytest.approx(0.044 / np.sqrt(72.5), rel=0.03)
+    phases = rng.uniform(0, 6.28, 4)
+    loud = [q + 0.01 * np.sin(2 * np.pi * 23.4 * t_s + p) for q, p in zip(quiet, phases, strict=True)]
+    frequency_hz, amplitude_dps, chance = spectrum(loud, 145.0).peak()
+    assert frequency_hz == pytest.approx(23.4, abs=0.02)
+    assert amplitude_dps == pytest.approx(0.01, rel=0.1)
+    assert chance < 1e-10
+    assert spectrum(loud, 145.0).line_power(1e-3) == pytest.approx(0.01**2 / 2, rel=0.2)

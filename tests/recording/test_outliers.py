@@ -1,0 +1,80 @@
+"""Single readings that stand out: found where planted, never in noise, and harmless to a fit."""
+
+import numpy as np
+import pytest
+
+from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.diagnose import add, diagnose
+from gyrocal.error_model.model import Model
+from gyrocal.inference.fit import fit
+from gyrocal.recording.outliers import outliers
+from gyrocal.simulation.simulate import simulate
+
+
+@pytest.mark.parametrize("count_dps", [0.0, 0.00875, 0.07])
+def test_noise_has_none_however_coarse_its_counts(count_dps: float) -> None:
+    y_dps = np.random.default_rng(1).normal(0.3, 0.044, 500_000)
+    if count_dps:
+        y_dps = np.round(y_dps / count_dps) * count_dps
+    assert outliers(y_dps, count_dps)[0].size == 0
+
+
+@pytest.mark.parametrize("sd_counts", [0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 0.8])
+def test_noise_below_a_count_has_none_wherever_between_two_counts_it_lies(sd_counts: float) -> None:
+    rng = np.random.default_rng(4)
+    for mean in (0.0, 0.2, 0.35, 0.45, 0.49, 0.5, rng.normal(0, 0.3, 100_000).cumsum() / 300):
+        codes = np.round(rng.normal(mean, sd_counts, 100_000))
+        assert outliers(codes, 1.0)[0].size == 0
+        codes[5_000] += 12
+        assert outliers(codes, 1.0)[0].tolist() == [5_000]
+
+
+def test_planted_ones_are_found_at_their_rows_and_sizes_even_on_a_step_and_a_slope() -> None:
+    rng = np.random.default_rng(2)
+    t_s = np.arange(20_000) / 145
+    y_dps = rng.normal(0, 0.044, t_s.size) + 0.2 * (t_s > 60) + 3 * np.sin(0.5 * t_s)
+    rows = np.sort(rng.choice(t_s.size, 40, replace=False))
+    size_dps = rng.choice((-1.0, 1.0), 40) * rng.uniform(1, 5, 40)
+    y_dps[rows] += size_dps
+    found, apart_dps = outliers(y_dps, 0.0)
+    np.testing.assert_array_equal(found, rows)
+    np.testing.assert_allclose(apart_dps, size_dps, atol=0.25)
+
+
+@pytest.mark.parametrize("white_dps", [0.001, 0.004, 0.02])
+@pytest.mark.parametrize("frequency_hz", [0.2, 1.0, 2.0])
+def test_a_swing_s_scale_error_is_no_outlier(white_dps: float, frequency_hz: float) -> None:
+    """0.6 deg/s of amplitude, which moves by more than the noise from one sample to the next."""
+    t_s = np.arange(40_000) / 104
+    y_dps = 0.6 * np.sin(2 * np.pi * frequency_hz * t_s) + np.random.default_rng(7).normal(0, white_dps, t_s.size)
+    assert outliers(y_dps, 0.0)[0].size == 0
+    y_dps[[9_000, 20_001]] += 2.0, -2.0
+    assert outliers(y_dps, 0.0)[0].tolist() == [9_000, 20_001]
+
+
+def test_a_fit_does_not_feel_them() -> None:
+    model = Model.builtin("default")
+    clean, spoilt = (
+        fit(simulate(None, "paper", effects, 3, scenarios=3, seconds=20)[0], model, axes=["z"]).axes["z"].terms
+        for effects in (["table_ripple"], ["table_ripple", "bias_jumps:size_dps=4,outliers=0.002"])
+    )
+    for a, b in zip(clean, spoilt, strict=True):
+        for name in a.se:
+            assert abs(a.values[name] - b.values[name]) < 0.5 * a.se[name] + 1e-12, (a.effect_id, name)
+
+
+def test_they_are_shown_named_and_explained() -> None:
+    session = simulate(None, "paper", ["bias_jumps:size_dps=3,outliers=0.0005"], 5, scenarios=3, seconds=20)[0]
+    comparison = compare(session)
+    assert (comparison.where[0].axis, comparison.where[0].against) == ("z", "reading")
+    found = diagnose(session)
+    assert found.verdict == "add"
+    assert found.best is not None
+    assert (found.best.effect.id, found.best.axis) == ("bias_jumps", "z")
+    assert found.best.values["size_dps"] == pytest.approx(3, rel=0.05)
+    before, after, model = add(session, None, "bias_jumps")
+    assert after.pooled.excess_dps < 0.1 * before.pooled.excess_dps
+    assert after.verdict == "adequate"
+    assert diagnose(session, model).verdict == "adequate"
+    assert calibrate(session, [6.0], ["model"], model=model)  # a fault of single readings is no column of the calibration

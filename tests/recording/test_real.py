@@ -1,0 +1,144 @@
+"""Real recordings through the importer and, in raw counts, through the simulated device: the figures of their makers.
+
+They lie in `shared/realdata` beside the repository (`GYROCAL_REALDATA` names another place); where not, this skips.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gyrocal.calibration.calibrate import calibrate
+from gyrocal.cli import main
+from gyrocal.device import simulated
+from gyrocal.diagnosis.diagnose import add, diagnose
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.inference.fit import fit
+from gyrocal.recording.session import AXES, Session
+
+REALDATA = Path(os.environ.get("GYROCAL_REALDATA") or Path(__file__).parents[3] / "shared" / "realdata")
+
+
+def recording(folder: str, file: str) -> Path:
+    path = REALDATA / folder / file
+    if not path.exists():
+        pytest.skip(f"{path} is not there; GYROCAL_REALDATA names the folder of real recordings")
+    return path
+
+
+def maps(*mappings: str) -> list[str]:
+    return [word for mapping in mappings for word in ("--map", mapping)]
+
+
+@pytest.fixture(scope="module")
+def nilspod(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """Six rests and one turn about each axis."""
+    source = recording("nilspod_ferraris_360", "example_ferraris_session.csv")
+    out = tmp_path_factory.mktemp("nilspod") / "session"
+    columns = maps("t_s=n_samples:samples", *(f"g{a}_dps=gyr_{a}" for a in AXES), *(f"a{a}_g=acc_{a}:m/s2" for a in AXES))
+    sections = ["--sections", str(source.with_name("example_ferraris_session_list.json")), "--rate", "0"]
+    rules = ["x_*:axis=x", "y_*:axis=y", "z_*:axis=z", "*_a:face=down", "*_rot:turn=-360"]
+    options = [word for rule in rules for word in ("--run-meta", rule)]
+    assert main(["import", str(source), str(out), *columns, "--rate-hz", "102.4", *sections, *options]) == 0
+    return Session.open(out)
+
+
+def test_nilspod_poses_agree_with_gravity(nilspod: Session) -> None:
+    for run in nilspod.runs[:6]:
+        assert run.acc_g is not None
+        assert abs(run.acc_g[:, run.axis_index].mean() - run.face_sign) < 0.08
+
+
+def test_nilspod_over_the_wire(nilspod: Session, require_tool: Callable[[str], str]) -> None:
+    """The bias at rest of each pose, the scale of each turn of 360 degrees."""
+    require_tool("cc")
+    sentences = simulated.replay(nilspod, stream="off")
+    answers = [s for s in sentences if s.tag == "CAL"]
+    rests = [s for s in answers if s.fields["method"] == "rest"]
+    turns = [s for s in answers if s.fields["method"] == "turn"]
+    assert (len(rests), [s.fields["axis"] for s in turns]) == (6, list(AXES))
+    ends = [s for s in sentences if s.tag == "RUN" and s.fields["state"] == "end"][:6]
+    bias_dps = np.mean([[s.real(f"mean_{a}_dps") for a in AXES] for s in ends], axis=0)
+    assert bias_dps == pytest.approx([-0.600, -0.370, 0.059], abs=0.001)
+    for axis, expected in zip(AXES, [-0.600, -0.370, 0.059], strict=True):
+        along = [s.real("bias_dps") for s in rests if s.fields["axis"] == axis]
+        assert along == pytest.approx([expected] * 2, abs=0.01)
+    assert [1.0 + (s.real("scale") or 0.0) for s in turns] == pytest.approx([1.0279, 0.9824, 0.9982], abs=0.0001)
+
+
+def test_mpu6050_over_the_wire(tmp_path: Path, require_tool: Callable[[str], str]) -> None:
+    """449 s at rest: the mean rates."""
+    require_tool("cc")
+    source = recording("mpu6050_multipose_tedaldi", "example_data_tinit_calc.csv")
+    columns = maps(*(f"g{a}_dps=g{a}/131" for a in AXES), *(f"a{a}_g=a{a}/16384" for a in AXES))
+    out = tmp_path / "session"
+    assert main(["import", str(source), str(out), *columns, "--rate-hz", "100", "--rate", "0"]) == 0
+    sentences = simulated.replay(out, stream="off")
+    (rest,) = [s for s in sentences if s.tag == "CAL"]
+    assert rest.fields["method"] == "rest"
+    assert rest.real("seconds") == pytest.approx(449.29, abs=0.01)
+    (end,) = [s for s in sentences if s.tag == "RUN" and s.fields["state"] == "end"]
+    assert [end.real(f"mean_{a}_dps") for a in AXES] == pytest.approx([-3.345, 1.089, -0.498], abs=0.0006)
+    assert rest.real("bias_dps") == end.real("mean_z_dps")
+
+
+@pytest.fixture(scope="module")
+def chamber(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """At rest in a thermal chamber: down to -18, up to 74, and back to 36 degC in 70 minutes."""
+    source = recording("thermal_chamber_imu", "imu_raw_data.tsv")
+    columns = maps("t_s=timestamp:us", *(f"g{a}_dps=imu.gyro.{a}:rad/s" for a in AXES), "temp_c=imu.temperature")
+    out = tmp_path_factory.mktemp("chamber") / "session"
+    assert main(["import", str(source), str(out), *columns, "--rate", "0"]) == 0
+    return Session.open(out)
+
+
+def test_thermal_chamber_is_read_by_its_tabs(chamber: Session) -> None:
+    run = chamber.runs[0]
+    assert len(run) == 8400
+    assert run.duration_s / 60 == pytest.approx(70.7, abs=0.1)
+    assert run.temp_c is not None
+    assert (run.temp_c[0], run.temp_c.min(), run.temp_c.max()) == pytest.approx((51.6, -17.6, 74.0), abs=0.05)
+
+
+def test_thermal_chamber_is_diagnosed(chamber: Session) -> None:
+    """y follows a curve over temperature; x goes round a loop that no curve follows, which is a lag or has no name."""
+    model: Model | None = None
+    named: list[tuple[str, str]] = []
+    for _ in range(4):
+        found = diagnose(chamber, model)
+        if found.best is None:
+            break
+        named.append((found.best.effect.id, found.best.axis))
+        before, after, model = add(chamber, model, found.best.effect.id)
+        if named[-1] == ("bias_temperature", "y"):
+            old, new = before.per_axis["y"], after.per_axis["y"]
+            assert new.rms_dps < 0.2 * old.rms_dps
+            assert new.excess_dps < 0.2 * old.excess_dps
+    assert ("bias_temperature", "y") in named
+    on_x = {effect for effect, axis in named if axis == "x"}
+    assert on_x <= {"thermal_lag"}
+    assert on_x or (found.verdict, found.unknown["axis"]) == ("unknown", "x")
+
+
+def test_nilspod_on_the_host(nilspod: Session) -> None:
+    """Bias from the rests and scale from the turns, about each axis, by the model method."""
+    found = {e.axis: e for e in calibrate(nilspod, methods=["model"])}
+    assert [1 + found[a].scale for a in AXES] == pytest.approx([1.0279, 0.9824, 0.9982], abs=0.001)
+    assert [found[a].bias_dps for a in AXES] == pytest.approx([-0.600, -0.370, 0.059], abs=0.004)
+
+
+def test_mpu6050_at_rest_on_the_host(tmp_path: Path) -> None:
+    """At rest there is no scale to find, and `calibrate` says so; the bias is the model's."""
+    source = recording("mpu6050_multipose_tedaldi", "example_data_tinit_calc.csv")
+    columns = maps(*(f"g{a}_dps=g{a}/131" for a in AXES), *(f"a{a}_g=a{a}/16384" for a in AXES))
+    out = tmp_path / "session"
+    assert main(["import", str(source), str(out), *columns, "--rate-hz", "100", "--rate", "0"]) == 0
+    session = Session.open(out)
+    with pytest.raises(InputError, match="cannot be told"):
+        calibrate(session, methods=["model"])
+    model = fit(session, Model.builtin("paper")).model
+    bias_dps = [model.value("bias", a, "bias_dps") for a in AXES]
+    assert bias_dps == pytest.approx([-3.345, 1.089, -0.498], abs=0.001)

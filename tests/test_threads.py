@@ -1,0 +1,26 @@
+"""Axes side by side: the same answers, and a failure is not lost."""
+
+import threading
+
+import pytest
+
+from gyrocal import threads
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.simulation.simulate import simulate
+
+
+def test_a_diagnosis_is_the_same_with_its_axes_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    session = simulate(None, "paper", ["table_ripple"], 2, scenarios=3, seconds=10)[0]
+    one_by_one = diagnose(session).to_json()
+    at_work = set()
+    monkeypatch.setattr(threads, "MANY_ROWS", 0)
+    side_by_side = diagnose(session, progress=lambda _: at_work.add(threading.get_ident())).to_json()
+    assert side_by_side == one_by_one
+    assert len(at_work) > 2
+
+
+def test_what_fails_on_one_axis_fails() -> None:
+    with pytest.raises(ZeroDivisionError):
+        threads.each(lambda x: 1 / x, [2, 1, 0], threads.MANY_ROWS)
+    assert threads.each(lambda x: 2 * x, [3, 1], threads.MANY_ROWS) == threads.each(lambda x: 2 * x, [3, 1], 1) == [6, 2]
+    assert threads.each(lambda x: x, [], threads.MANY_ROWS) == []
