@@ -40,6 +40,8 @@ _RUN = np.dtype(
 )  # fmt: skip
 _ROW = np.dtype([("t_us", "<i8"), ("temp", "<i2"), ("gyro", "<i2", 3), ("acc", "<i2", 3), ("flags", "<u2")])
 
+PSEUDO_TERMINALS = "/dev/"
+"""What a link to one points into."""
 WAIT_S = 0.02
 CARRY = 4096
 
@@ -197,8 +199,8 @@ class PtyOutlet:
         if symlink is not None:
             self.name = str(symlink)
             try:
-                if symlink.is_symlink():
-                    symlink.unlink()
+                if symlink.is_symlink() and os.readlink(symlink).startswith(PSEUDO_TERMINALS):
+                    symlink.unlink()  # an earlier device's
                 symlink.symlink_to(self._slave_name)
             except OSError as error:
                 os.close(self._master)
@@ -236,8 +238,8 @@ class PtyOutlet:
 
     def close(self) -> None:
         os.close(self._master)
-        if self._symlink is not None:
-            self._symlink.unlink(missing_ok=True)
+        if self._symlink is not None and self._symlink.is_symlink() and os.readlink(self._symlink) == self._slave_name:
+            self._symlink.unlink()
 
 
 class TcpOutlet:

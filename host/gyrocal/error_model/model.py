@@ -9,10 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.errors import InputError
+from gyrocal.files import replace_text
 from gyrocal.recording.session import AXES, Run
 
 FORMAT = "gyrocal-model/1"
@@ -141,32 +144,57 @@ class Model:
     def save(self, path: str | Path) -> None:
         """Write the file whole or not at all."""
         target = Path(path)
-        partial = target.with_name(target.name + ".partial")
         try:
-            partial.write_text(self.toml(), encoding="utf-8")
-            partial.replace(target)
+            replace_text(target, self.toml(), self._check_written)
         except OSError as error:
             raise InputError(f"{target}: {error.strerror}") from None
 
+    def _check_written(self, partial: Path) -> None:
+        """Raises InputError where a file does not hold this model: what it was to replace is then kept."""
+        read = _parse(tomllib.loads(partial.read_text(encoding="utf-8")), partial)
+        if read.name != self.name or [_shape(t) for t in read.terms] != [_shape(t) for t in self._in_order()]:
+            raise InputError(f"the model {self.name!r} cannot be written so that it reads back; the file is left as it was")
+
+    def _in_order(self) -> list[Term]:
+        """Terms as the file has them: effect by effect."""
+        return [t for effect_id in self.ids for t in self.terms if t.effect_id == effect_id]
+
     def toml(self) -> str:
         """The file's text: one line an effect, the equation above it."""
-        lines = [HEADER + f'format = "{FORMAT}"', f'name = "{self.name}"']
+        lines = [HEADER + f'format = "{FORMAT}"', f"name = {_quoted(self.name)}"]
         if self.white_sd_dps:
             levels = ", ".join(f"{axis} = {_number(sd)}" for axis, sd in self.white_sd_dps.items())
             lines.append(f"white_sd_dps = {{ {levels} }}  # one sample's white noise")
         lines.append("effects = [")
         for effect_id in self.ids:
             kind = next(t.effect for t in self.terms if t.effect_id == effect_id)
-            lines.append(f"  # {kind.title}: {kind.equation}")
+            lines.append(f"  # {_one_line(kind.title)}: {_one_line(kind.equation)}")
             for term in self.terms:
                 if term.effect_id == effect_id:
                     numbers = {**term.values, **{f"{n}_se": se for n, se in term.se.items() if math.isfinite(se)}}
-                    parts = [f'id = "{term.effect_id}"', f'axis = "{term.axis}"']
+                    parts = [f"id = {_quoted(term.effect_id)}", f"axis = {_quoted(term.axis)}"]
                     if isinstance(term.own, FormulaEffect):
-                        parts.append(f"formula = '{term.own.equation}'")
+                        parts.append(f"formula = {_quoted(term.own.equation)}")
                     parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
                     lines.append("  { " + ", ".join(parts) + " },")
         return "\n".join([*lines, "]", ""])
+
+
+def _quoted(text: str) -> str:
+    """A TOML string."""
+    return tomli_w.dumps({"text": text}).removeprefix("text = ").rstrip("\n")
+
+
+def _one_line(text: str) -> str:
+    """A text fit for a comment: no line breaks, nothing that cannot be printed."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def _shape(term: Term) -> tuple[str, str, str, dict[str, str], dict[str, str]]:
+    """What a file holds of a term, numbers to the digits that it keeps."""
+    formula = term.own.equation if isinstance(term.own, FormulaEffect) else ""
+    se = {n: _number(v) for n, v in term.se.items() if math.isfinite(v)}
+    return term.effect_id, term.axis, formula, {n: _number(v) for n, v in term.values.items()}, se
 
 
 def _number(value: float) -> str:
