@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import gyrocal.variables
 from gyrocal.diagnosis.compare import compare
-from gyrocal.diagnosis.custom import keep
+from gyrocal.diagnosis.keep import keep
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.present.pictures import residual_against
 from gyrocal.recording.session import AXES, Run, Session

@@ -7,38 +7,18 @@ against their covariance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
+from gyrocal.diagnosis.finding import Finding
 from gyrocal.error_model.model import Term
-from gyrocal.inference.blocks import BLOCK_S
-from gyrocal.inference.design import SLOW_S, Design
+from gyrocal.inference.design import Design
 from gyrocal.inference.fit import AxisFit, carry_spreads, fit_noise, likelihood_ratio, with_noise
 from gyrocal.noise.whitening import Noise
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Session
 from gyrocal.variables.base import variables
-from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps
-
-HANN_NEIGHBOURS = 1.95
-"""Neighbouring bins under a Hann window share their noise: so many count as one."""
-BANDS = 6
-"""Of frequency, between drift and the blocks' own, in which residuals may have more power than noise."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What a probe found on one axis. ``chance``: that noise alone does as much; ``strength``: signal to noise, in sigma."""
-
-    axis: str
-    against: str
-    strength: float
-    chance: float
-    amplitude_dps: float
-    note: str
-    shape: Shape | None = field(default=None, repr=False, compare=False)
 
 
 def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
@@ -91,9 +71,9 @@ def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, s
 
     start = with_noise(design, current.noise, carry_spreads(current, design))
     gain = start.loglik - current.loglik
-    if gain < 2.0 and current.noise.ou_sd_dps == 0:
+    if gain < POLICY.wave_gain and current.noise.ou_sd_dps == 0:
         return None
-    fitted = fit_noise(design, start=start) if gain > 0.5 else start
+    fitted = fit_noise(design, start=start) if gain > POLICY.refit_gain else start
     without = with_noise(current.design, fitted.noise, current.spreads).loglik
     gain = max(0.0, fitted.loglik - max(current.loglik, without))
     sd = float(fitted.spreads.run[-1])
@@ -101,60 +81,6 @@ def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, s
     note = f"{amplitude * 1e3:.3g} mdps, {shape.words} in each run"
     chance = float(0.5 * chi2.sf(2 * gain, 1)) if sd > 0 else 1.0
     return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, shape)
-
-
-def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
-    """Residuals with more power in a band of frequencies than white noise and drift have there: the test of whiteness.
-
-    Periodograms (Hann) of the block means' residuals, against their expectation under the fitted noise, which is exact: the
-    transform of its autocovariance times the window's. Slower than SLOW_S is drift and not judged; nor are samples, which a
-    sensor's low-pass makes anything but white.
-    """
-    from scipy.signal import fftconvolve
-    from scipy.signal.windows import hann
-    from scipy.stats import gamma
-
-    noise, p = fit.noise, len(fit.design.layout.fixed)
-    parts: list[tuple[Array, Array, Array, Array]] = []  # of each bin: frequency, sum of ratios, runs, power beyond noise
-    for index in fit.design.alike:
-        first = fit.design.blocks[index[0]]
-        t_s, n, m = first.t_s, first.n, first.t_s.size
-        if m < 64 or np.ptp(n) > 0 or t_s[1] - t_s[0] < BLOCK_S / 2 or first.run.rate_is_mean:
-            continue
-        step_s = float(t_s[-1] - t_s[0]) / (m - 1)
-        window = hann(m, sym=False)
-        lags = np.arange(m)
-        covariance = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
-        covariance[0] += noise.white_sd_dps**2 / float(n[0])
-        tapered = covariance * fftconvolve(window, window[::-1])[m - 1 :]
-        expected = 2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0]
-        residual = np.empty((len(index), m))
-        for row, i in zip(residual, index, strict=True):
-            columns, u = fit.design.columns(i), fit.run_coefficients(i, fit.solution.beta, fit.spreads)
-            row[:] = columns[0] - fit.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]
-        power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
-        ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
-        frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
-        use = (frequency > max(1 / SLOW_S, 2.5 / (m * step_s))) & (frequency < 0.49 / step_s)
-        runs: Array = np.full(frequency.size, float(len(index)))
-        parts.append((frequency[use], ratio.sum(axis=0)[use], runs[use], beyond.sum(axis=0)[use]))
-    if not parts:
-        return None
-    frequencies, ratios, counts, powers = (np.concatenate(x) for x in zip(*parts, strict=True))
-    edges = np.geomspace(frequencies.min(), frequencies.max() * (1 + 1e-9), BANDS + 1)
-    worst: Finding | None = None
-    for low, high in pairwise(edges):
-        band = (frequencies >= low) & (frequencies < high)
-        looks = float(counts[band].sum()) / HANN_NEIGHBOURS
-        if looks < 4:
-            continue
-        mean = float(ratios[band].sum() / counts[band].sum())
-        chance = min(1.0, BANDS * float(gamma.sf(mean * looks, looks)))
-        amplitude = float(np.sqrt(max(0.0, 2 * powers[band].sum() / counts[band].mean())))
-        note = f"{amplitude * 1e3:.3g} mdps between {low:.2g} and {high:.2g} Hz beyond noise"
-        if chance < alarm and (worst is None or chance < worst.chance):
-            worst = Finding(axis, Frequency.name, (mean - 1) * float(np.sqrt(looks)), chance, amplitude, note)
-    return worst
 
 
 def _where(shape: Shape, fit: AxisFit, columns: Sequence[int], amplitude_dps: float) -> str:

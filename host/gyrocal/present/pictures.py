@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gyrocal.diagnosis.compare import Comparison
-from gyrocal.diagnosis.probes import Finding
+from gyrocal.diagnosis.finding import Finding
 from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout

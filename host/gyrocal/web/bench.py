@@ -15,7 +15,7 @@ from gyrocal.api import add as add_effect
 from gyrocal.calibration.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
-from gyrocal.diagnosis.custom import keep
+from gyrocal.diagnosis.keep import keep
 from gyrocal.effects import base
 from gyrocal.error_model.model import BASE, RANDOM
 from gyrocal.inference import heldout

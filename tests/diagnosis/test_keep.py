@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.custom import keep, propose, select
-from gyrocal.diagnosis.diagnose import add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.keep import keep, propose, select
 from gyrocal.effects import base
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model

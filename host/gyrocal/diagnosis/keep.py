@@ -11,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import Comparison
-from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose, held_out_gain
-from gyrocal.diagnosis.probes import Finding
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.effects import base
 from gyrocal.effects.quantities import turns
 from gyrocal.error_model.formula import FormulaEffect
@@ -25,6 +27,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import AxisFit, carry_spreads, choose_variant, finish, fit_noise, refine, with_noise
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import one_thread
 from gyrocal.variables.base import symbols, variables
@@ -34,7 +37,7 @@ from gyrocal.variables.terms import hinges
 Progress = Callable[[str], None]
 
 RATE_UNIT_DPS = 100.0
-MOST_TERMS = 8
+"""In products of terms with the rate, so that coefficients are in deg/s."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +60,12 @@ class Proposal:
 
 
 @one_thread
-def propose(found: Diagnosis, name: str = "custom", progress: Progress | None = None) -> Proposal:
+def propose(diagnosis: Diagnosis, name: str = "custom", progress: Progress | None = None) -> Proposal:
     """The formula that explains best what a diagnosis calls unknown. InputError where it is not, or where no formula helps."""
-    comparison = found.comparison
-    if found.best is not None:
-        raise InputError(
-            f"{found.best.effect.id} explains it: `gyrocal add {found.best.effect.id}` first, then keep what is left unknown"
-        )
+    comparison = diagnosis.comparison
+    if diagnosis.best is not None:
+        named = diagnosis.best.effect.id
+        raise InputError(f"{named} explains it: `gyrocal add {named}` first, then keep what is left unknown")
     if not comparison.where:
         raise InputError("nothing to keep: the model is adequate")
     axis = comparison.where[0].axis
@@ -73,18 +75,27 @@ def propose(found: Diagnosis, name: str = "custom", progress: Progress | None = 
         for formula in _formulas(comparison, axis, [f for f in findings if f.against == against], progress):
             if progress is not None:
                 progress(f"trying {formula}")
-            tried.append(_judge(comparison, axis, against, FormulaEffect(formula, name)))
+            tried.append(_proposal(comparison, axis, against, FormulaEffect(formula, name)))
     if not tried:
         first = findings[0].against
         raise InputError(f"no formula for what shows on {axis} against {first}: {variables()[first].no_formula}")
     return _simplest_of_the_best(tried)
 
 
+class Kept(NamedTuple):
+    """The formula, and what adding it did: both comparisons, the model with its parameters fitted on all data."""
+
+    proposal: Proposal
+    before: Comparison
+    after: Comparison
+    model: Model
+
+
 def keep(
     session: Session, model: Model | str | Path | None = None, name: str = "custom", file: Path | None = None,
     progress: Progress | None = None,
-) -> tuple[Proposal, Comparison, Comparison, Model]:  # fmt: skip
-    """Diagnose, propose a formula for what is unknown, add it: (proposal, before, after, the fitted model).
+) -> Kept:  # fmt: skip
+    """Diagnose, propose a formula for what is unknown, and add it.
 
     With ``file`` the formula goes into a Python file, an effect to be edited, and the model names it; else into the model.
     """
@@ -94,22 +105,21 @@ def keep(
         raise InputError(f"the model has an effect {name!r} already; give this one another --name")
     if file is not None and (file.exists() or file.suffix != ".py" or not file.absolute().parent.is_dir()):
         raise InputError(f"--file {file}: must be a new .py in a folder that is there")
-    found = propose(diagnose(session, start, progress=progress), name, progress)
-    text = found.formula
+    proposal = propose(diagnose(session, start, progress=progress), name, progress)
+    text = proposal.formula
     if file is not None:
-        file.write_text(effect_file(found, name), encoding="utf-8")
+        file.write_text(effect_file(proposal, name), encoding="utf-8")
         base.load(file.parent)
         text = name
-    before, after, fitted = add(session, start, text, progress=progress)
-    return found, before, after, fitted
+    return Kept(proposal, *add(session, start, text, progress=progress))
 
 
-def effect_file(found: Proposal, name: str) -> str:
+def effect_file(proposal: Proposal, name: str) -> str:
     """The proposal as an effect of its own, for a folder given by ``--effects``."""
     title = "".join(part.capitalize() for part in name.split("_"))
-    formula = found.formula.partition(":")[2].strip()
-    against = found.against.replace("_", " ")
-    return f'''"""Found by `gyrocal keep` on {found.axis}, against {against}. Change what you know better."""
+    formula = proposal.formula.partition(":")[2].strip()
+    against = proposal.against.replace("_", " ")
+    return f'''"""Found by `gyrocal keep` on {proposal.axis}, against {against}. Change what you know better."""
 
 from gyrocal.api import FormulaEffect
 
@@ -182,7 +192,7 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
     chosen: list[int] = []
     best = score(chosen)
     while True:
-        steps = [[*chosen, j] for j in mine if j not in chosen and len(chosen) < MOST_TERMS]
+        steps = [[*chosen, j] for j in mine if j not in chosen and len(chosen) < POLICY.most_terms]
         steps += [[k for k in chosen if k != j] for j in chosen]
         scores = [score(s) for s in steps]
         if not scores or max(scores) <= best + 1e-6:
@@ -191,13 +201,13 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
         chosen = steps[int(np.argmax(scores))]
 
 
-def _judge(comparison: Comparison, axis: str, against: str, kind: FormulaEffect) -> Proposal:
+def _proposal(comparison: Comparison, axis: str, against: str, kind: FormulaEffect) -> Proposal:
+    """A formula fitted beside the model, with its held-out gain."""
     current = comparison.fit.axes[axis]
     fitted = finish(refine(choose_variant(current, Term.of(kind, axis))))
     gains = held_out_gain(current, fitted, heldout.folds(comparison.fit))
-    total = float(np.sum(gains)) if gains.size else None
-    se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
-    return Proposal(f"{kind.id}: {kind.equation}", axis, against, len(kind.linear) + len(kind.nonlinear), total, se, gains)
+    gain, gain_se = total(gains)
+    return Proposal(f"{kind.id}: {kind.equation}", axis, against, len(kind.linear) + len(kind.nonlinear), gain, gain_se, gains)
 
 
 def _simplest_of_the_best(tried: Sequence[Proposal]) -> Proposal:
@@ -206,7 +216,6 @@ def _simplest_of_the_best(tried: Sequence[Proposal]) -> Proposal:
 
     def as_good(p: Proposal) -> bool:
         difference = best.unit_gains - p.unit_gains
-        spread = float(np.sqrt(difference.size) * np.std(difference, ddof=1)) if difference.size > 1 else 0.0
-        return float(difference.sum()) <= spread
+        return float(difference.sum()) <= (total(difference)[1] or 0.0)
 
     return min(filter(as_good, tried), key=lambda p: p.terms)
