@@ -35,7 +35,7 @@ UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
 LARGEST_DPS = 1e6
 
 GAP_PERIODS = 1.5
-"""Two samples that are further apart have lost one between them (as in the core's gc_device.h)."""
+"""Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Axis = Literal["x", "y", "z"]
