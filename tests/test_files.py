@@ -131,3 +131,21 @@ def test_an_import_leaves_out_an_unfinished_row(tmp_path: Path, capsys: pytest.C
     told = json.loads(capsys.readouterr().out)
     assert (told["rows"], told["runs"], told["repaired"]) == (300, 1, {})
     assert [w["code"] for w in told["warnings"]] == ["line_damaged"]
+
+
+def test_a_link_of_others_is_not_taken_for_an_earlier_device(tmp_path: Path) -> None:
+    from gyrocal.device.simulated import PtyOutlet
+
+    (tmp_path / "mine.txt").write_text("mine")
+    link = tmp_path / "port"
+    link.symlink_to(tmp_path / "mine.txt")
+    with pytest.raises(InputError, match="link"):
+        PtyOutlet(link)
+    assert link.read_text() == "mine"
+    link.unlink()
+    link.symlink_to("/dev/pts/none")
+    outlet = PtyOutlet(link)
+    link.unlink()
+    link.symlink_to(tmp_path / "mine.txt")
+    outlet.close()
+    assert link.read_text() == "mine"

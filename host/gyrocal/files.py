@@ -11,25 +11,29 @@ from pathlib import Path
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A new file in the same folder that takes the name of ``path`` once the block ends well, and goes if it does not."""
+def replacing(path: Path, durable: bool = True) -> Iterator[Path]:
+    """A new file in the same folder that takes the name of ``path`` once the block ends well, and goes if it does not.
+
+    ``durable`` waits until the disk has it, which a recording cannot.
+    """
     handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=path.suffix)
     partial = Path(name)
     try:
         os.fchmod(handle, path.stat().st_mode & 0o777 if path.exists() else _allowed(0o666))
         os.close(handle)
         yield partial
-        with partial.open("rb+") as written:
-            os.fsync(written.fileno())
+        if durable:
+            with partial.open("rb+") as written:
+                os.fsync(written.fileno())
         os.replace(partial, path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
 
 
-def replace_text(path: Path, text: str, check: Callable[[Path], None] = lambda _: None) -> None:
+def replace_text(path: Path, text: str, check: Callable[[Path], None] = lambda _: None, durable: bool = True) -> None:
     """Write a text; ``check`` reads it back before it takes the place of what was there, and raises where it is wrong."""
-    with replacing(path) as partial:
+    with replacing(path, durable) as partial:
         partial.write_text(text, encoding="utf-8")
         check(partial)
 

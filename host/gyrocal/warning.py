@@ -40,10 +40,8 @@ def by_weight(warnings: Iterable[Warning]) -> list[Warning]:
 
 
 def line(warning: Warning) -> str:
-    """A warning in a line: where, what, and its code."""
-    parts = [part for part in (warning.file, f"axis {warning.axis}" if warning.axis else None) if part]
-    where = f"{', '.join(parts)}: " if parts else ""
-    return f"{where}{warning.text} ({warning.code})"
+    """A warning in a line: the file, what is the matter (the axis is part of the text), and the code."""
+    return f"{f'{warning.file}: ' if warning.file else ''}{warning.text} ({warning.code})"
 
 
 def lines(warnings: Iterable[Warning]) -> list[str]:

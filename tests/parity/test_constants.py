@@ -1,4 +1,4 @@
-"""Constants that Python repeats are those of the core's files: each #define is read, not remembered."""
+"""Constants that Python repeats are those of the core's files: each is read there, not remembered."""
 
 import math
 import re
@@ -14,12 +14,16 @@ from gyrocal.recording import session
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware/gyrocal_firmware"
 FILES = [p for folder in ("lib", "src") for p in sorted((FIRMWARE / folder).rglob("*.[ch]"))]
 DEFINE = re.compile(r"^#define[ \t]+(\w+)(\(\w+\))?[ \t]+(.+?)(?:[ \t]*/\*.*)?$", re.M)
-DEFINED = {m[1]: (m[2], m[3]) for p in FILES for m in DEFINE.finditer(p.read_text(encoding="utf-8"))}
+FIELD = re.compile(r"^[ \t]+\.(\w+)() = ([^,\n]+),", re.M)
+DEFINED = {
+    m[1]: (m[2], m[3]) for p in FILES for form in (DEFINE, FIELD) for m in form.finditer(p.read_text(encoding="utf-8"))
+}
+"""Macros, and fields of tables such as a part's ``.lsb_g``: name -> (parameter, text)."""
 SUFFIX = re.compile(r"(?<=[0-9.])[uUlLf]+\b")
 
 
 def expression(*names: str) -> tuple[str, str]:
-    """Parameter and text, as Python reads it, of the first of these macros that the firmware defines."""
+    """Parameter and text, as Python reads it, of the first of these names that the firmware defines."""
     name = next((n for n in names if n in DEFINED), None)
     assert name is not None, f"the firmware defines none of {', '.join(names)}"
     parameter, text = DEFINED[name]
@@ -49,9 +53,9 @@ CONSTANTS = {
     "longest line, bytes": (wire.MAX_LINE, ("GC_WIRE_MAX",)),
     "most fields of a sentence": (wire.MAX_FIELDS, ("GC_WIRE_MAX_FIELDS",)),
     "baud": (port.BAUD, ("BAUD",)),
-    "one count of acceleration, g": (simulated.LSB_G, ("GC_LSM6DSO_LSB_G",)),
-    "one count of temperature, degC": (1 / simulated.COUNTS_PER_C, ("GC_LSM6DSO_LSB_C",)),
-    "temperature at zero counts, degC": (simulated.ZERO_C, ("GC_LSM6DSO_ZERO_C",)),
+    "one count of acceleration, g": (simulated.LSB_G, ("GC_LSM6DSO_LSB_G", "lsb_g")),
+    "one count of temperature, degC": (1 / simulated.COUNTS_PER_C, ("GC_LSM6DSO_LSB_C", "lsb_c")),
+    "temperature at zero counts, degC": (simulated.ZERO_C, ("GC_LSM6DSO_ZERO_C", "zero_c")),
 }
 
 

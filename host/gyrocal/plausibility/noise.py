@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gyrocal.recording.session import AXES, Array, Run, Session
@@ -15,6 +17,8 @@ WITHIN = 3.5
 """Sensors' noise differs by this factor either way."""
 LEAST_STEP_DPS = 0.0035
 """One count of the finest usual range, in deg/s: a grid as coarse as this is in deg/s."""
+ROUNDING_DPS = 1e-6
+"""Steps below this are of the numbers' own rounding."""
 SHEPPARD = 1 / 12
 """Variance, counts^2, that rounding to whole counts adds."""
 
@@ -29,7 +33,7 @@ def step_dps(session: Session, axis: int) -> float:
     """One count: as the session states it, else the least step of the readings of the axis; 0 where neither tells."""
     if session.lsb_dps is not None:
         return session.lsb_dps
-    steps = [s for s in (float(r.step_dps[axis]) for r in session.runs) if s > 0]
+    steps = [s for s in (float(r.step_dps[axis]) for r in session.runs) if s > ROUNDING_DPS]
     return min(steps, default=0.0)
 
 
@@ -49,7 +53,8 @@ def unit_unsure(session: Session) -> list[Warning]:
     if any(r.rate_is_mean or bool(np.any(r.rate_dps)) for r in session.runs):
         return []
     usual_dps = DENSITY_DPS * float(np.sqrt(max(session.sample_rate_hz / 2, LEAST_BAND_HZ)))
-    found = [sd for sd in (own_sd_dps(session, i) for i in range(len(AXES))) if sd]
+    unstated = replace(session, lsb_dps=None)  # a stated count would be in the right unit
+    found = [sd for sd in (own_sd_dps(unstated, i) for i in range(len(AXES))) if sd]
     if not found:
         return []
     ratio = float(np.median(found)) / usual_dps

@@ -7,7 +7,7 @@ the line which most runs agree on; a run that disagrees does not move it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 
@@ -29,6 +29,8 @@ TURN_ON_DPS = 0.05
 FEW = 4
 UNKNOWN_BIAS_DPS = 10.0
 """Standard error of a bias that no run shows."""
+STANDS_STILL = 5.0
+"""Standard errors: a slope of less than these may be of a table that does not turn."""
 INFORMATIVE = 0.05
 """Standard error of a slope that says something."""
 AGREE_DPS, AGREE = 0.3, 0.02
@@ -38,11 +40,12 @@ MOST_POINTS = 80
 
 @dataclass(frozen=True)
 class Slope:
-    """How one run's readings follow the true rate."""
+    """How one run's readings follow the true rate; ``raw`` with no bias taken off, which is in the unit of the other runs."""
 
     run: Run
     value: float
     se: float
+    raw: float
 
 
 @dataclass(frozen=True)
@@ -82,11 +85,12 @@ def _line(points: list[Mean]) -> Line:
     if len({m.run.scenario for m in steady}) < FEW:
         scatter = max(scatter, TURN_ON_DPS * min(1.0, abs(slope)))
     unknown = UNKNOWN_BIAS_DPS if bias is None else 0.0
-    found = [Slope(m.run, float(m.slope), m.slope_se) for m in swings if m.slope is not None]
+    found = [Slope(m.run, float(m.slope), m.slope_se, float(m.slope)) for m in swings if m.slope is not None]
     for m in steady:
         if not m.rests:
             error = float(np.hypot(np.hypot(m.se_dps, scatter), unknown)) / abs(m.rate_dps)
-            found.append(Slope(m.run, (m.mean_dps - (bias or 0.0)) / m.rate_dps, error))
+            value, raw = (m.mean_dps - (bias or 0.0)) / m.rate_dps, m.mean_dps / m.rate_dps
+            found.append(Slope(m.run, value, error, raw))
     return Line(bias, found, scatter)
 
 
@@ -140,7 +144,7 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     def where(fits: Callable[[Slope], bool]) -> list[Slope]:
         return [s for s in informed if fits(s)]
 
-    small = where(lambda s: abs(s.value * DEG - 1) < UNIT_WITHIN)
+    small = where(_is_in_rad)
     if small:
         return _told(means, "unit_rad_s", axis, small, informed, _rad_readings)
     large = where(lambda s: abs(s.value / DEG - 1) < UNIT_WITHIN)
@@ -173,6 +177,11 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     return []
 
 
+def _is_in_rad(s: Slope) -> bool:
+    by_itself = abs(s.raw * DEG - 1) < UNIT_WITHIN and abs(s.value) > STANDS_STILL * s.se
+    return by_itself or abs(s.value * DEG - 1) < UNIT_WITHIN
+
+
 def _follows(line: Line, run: Run) -> bool:
     slope = line.of(run)
     return slope is not None and FOLLOWS[0] <= abs(slope.value) <= FOLLOWS[1]
@@ -189,7 +198,7 @@ def _told(
     means: Means, code: str, axis: str, hit: list[Slope], informed: list[Slope], text: Callable[[Slope, str], str]
 ) -> list[Warning]:
     if len(hit) == len(informed):
-        middle = Slope(hit[0].run, float(np.median([s.value for s in hit])), hit[0].se)
+        middle = replace(hit[0], value=float(np.median([s.value for s in hit])))
         return [Warning(code, axis, None, text(middle, axis), True)]
     return [Warning(code, axis, s.run.file, text(s, axis), True) for s in hit]
 
@@ -320,7 +329,7 @@ def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[W
         return []
     how = f"bias by {bias_sd:.3g} dps" if bias_sd > TURN_ON_LIMIT_DPS else f"scale by {scale_sd:.0%}"
     text = (
-        f"{len(cycles)} power cycles scatter in their {how} (standard deviation); a sound part has hundredths of that. "
+        f"on {axis}, {len(cycles)} power cycles scatter in their {how} (one sigma); a sound part has hundredths of that. "
         "Check faces and rates of the runs, and which of them share a scenario (a power cycle)"
     )
     return [Warning("turn_on_implausible", axis, None, text, True)]

@@ -69,8 +69,8 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(f"rejected too: {by_effect(rejected[REJECTED_SHOWN:])}")
     unseen = [c for c in d.candidates if c.decision == "not_measurable"]
     nowhere = {c.effect.id for c in unseen} - {c.effect.id for c in (*passed, *rejected)}
-    if nowhere:
-        on_table = [c for c in unseen if c.effect.id in nowhere and c.axis == d.comparison.fit.session.axis]
+    on_table = [c for c in unseen if c.effect.id in nowhere and c.axis == d.comparison.fit.session.axis]
+    if on_table:
         rows = [[c.effect.id, c.next_measurement] for c in on_table]
         table("What this session cannot show", ["effect:", "what would show it:"], rows)
     stdout.print(verdict_text(d), style="bold")

@@ -73,7 +73,7 @@ class SessionFile(BaseModel):
     rig: str | None = None
     line: str | None = None
     made_on: str | datetime.date | None = None
-    accept: list[str] = Field(default_factory=list)
+    accept: list[str] | None = None
     run: list[RunEntry] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -255,7 +255,7 @@ class Session:
             lsb_dps=header.lsb_dps,
             latitude_deg=header.latitude_deg,
             path=folder,
-            accept=tuple(header.accept),
+            accept=tuple(header.accept or ()),
             unread=tuple(header.model_extra or ()),
         )
         for run in session.runs:
@@ -353,7 +353,7 @@ def write_header(folder: Path, header: Mapping[str, Any], runs: Iterable[Mapping
     """Write ``session.toml`` whole or not at all; keys that are None are left out."""
     content: dict[str, Any] = {k: v for k, v in header.items() if v is not None}
     content["run"] = [{k: v for k, v in entry.items() if v is not None} for entry in runs]
-    replace_text(folder / "session.toml", tomli_w.dumps(content))
+    replace_text(folder / "session.toml", tomli_w.dumps(content), durable=False)
 
 
 def write_table(table: pl.DataFrame, path: Path) -> None:
