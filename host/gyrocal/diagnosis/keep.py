@@ -201,13 +201,14 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
         chosen = steps[int(np.argmax(scores))]
 
 
-def _proposal(comparison: Comparison, axis: str, against: str, kind: FormulaEffect) -> Proposal:
+def _proposal(comparison: Comparison, axis: str, against: str, effect: FormulaEffect) -> Proposal:
     """A formula fitted beside the model, with its held-out gain."""
     current = comparison.fit.axes[axis]
-    fitted = finish(refine(choose_variant(current, Term.of(kind, axis))))
+    fitted = finish(refine(choose_variant(current, Term.of(effect, axis))))
     gains = held_out_gain(current, fitted, heldout.folds(comparison.fit))
     gain, gain_se = total(gains)
-    return Proposal(f"{kind.id}: {kind.equation}", axis, against, len(kind.linear) + len(kind.nonlinear), gain, gain_se, gains)
+    parameters = len(effect.linear) + len(effect.nonlinear)
+    return Proposal(f"{effect.id}: {effect.equation}", axis, against, parameters, gain, gain_se, gains)
 
 
 def _simplest_of_the_best(tried: Sequence[Proposal]) -> Proposal:

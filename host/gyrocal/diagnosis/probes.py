@@ -32,7 +32,7 @@ def of_session(session: Session, axis: int) -> list[tuple[str, list[Shape]]]:
     """The shapes that a session allows on one axis, by the variable that they hold the residual against."""
     if all(r.rate_is_mean for r in session.runs):
         return []
-    return [(name, kind(session.runs).shapes(axis)) for name, kind in variables().items()]
+    return [(name, variable(session.runs).shapes(axis)) for name, variable in variables().items()]
 
 
 def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float) -> Finding | None:

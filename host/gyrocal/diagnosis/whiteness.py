@@ -42,12 +42,12 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     """
     from scipy.stats import gamma
 
-    found = [p for p in (_periodogram(fit, index) for index in fit.design.alike) if p is not None]
-    if not found:
+    parts = [p for p in (_periodogram(fit, index) for index in fit.design.alike) if p is not None]
+    if not parts:
         return None
-    frequencies = np.concatenate([p.frequency_hz for p in found])
-    ratios, powers = np.concatenate([p.ratio for p in found]), np.concatenate([p.beyond for p in found])
-    counts = np.concatenate([np.full(p.frequency_hz.size, float(p.runs)) for p in found])
+    frequencies = np.concatenate([p.frequency_hz for p in parts])
+    ratios, powers = np.concatenate([p.ratio for p in parts]), np.concatenate([p.beyond for p in parts])
+    counts = np.concatenate([np.full(p.frequency_hz.size, float(p.runs)) for p in parts])
     edges = np.geomspace(frequencies.min(), frequencies.max() * (1 + 1e-9), POLICY.bands + 1)
     worst: Finding | None = None
     for low, high in pairwise(edges):
