@@ -30,7 +30,7 @@ from gyrocal.calibration.network import FaceNetwork, Network, Prior
 from gyrocal.calibration.scenarios import Simulation, answers
 from gyrocal.core.estimator import CoreEstimator
 from gyrocal.device.monitor import misfit_limit
-from gyrocal.diagnosis.diagnose import add
+from gyrocal.diagnosis.add import add
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model
 from gyrocal.present.output import stdout, table

@@ -13,8 +13,11 @@ Tables are polars frames (``session.runs[0].table``, ``residual_table``), pictur
 """
 
 from gyrocal.calibration.calibrate import Estimate, calibrate
-from gyrocal.diagnosis.compare import Comparison, compare, residual_table
-from gyrocal.diagnosis.diagnose import Candidate, Diagnosis, add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.compare import Comparison, compare
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.residuals import residual_table
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError

@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from gyrocal.diagnosis.diagnose import Candidate, Diagnosis, add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import heldout

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.diagnose import add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit, profile_loglik
 from gyrocal.recording.session import Session

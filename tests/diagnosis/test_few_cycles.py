@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 

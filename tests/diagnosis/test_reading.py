@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
-from gyrocal.diagnosis.compare import _never, reading_fault
+from gyrocal.diagnosis.readings import _never, reading_fault
 from gyrocal.error_model.model import Model, Term
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate

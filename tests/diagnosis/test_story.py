@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.probes import too_much_power
+from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.spectrum import spectrum
@@ -58,10 +58,10 @@ def test_a_sweep_is_a_bump_and_low_pass_noise_and_a_tone_are_none() -> None:
     tone = [y + 0.05 * np.sin(2 * np.pi * 23.4 * t_s + i) for i, y in enumerate(white)]
     for residuals in (white, quiet, tone):
         found = spectrum(residuals, rate_hz).bump()
-        assert found is None or found[4] > 1e-3
+        assert found is None or found.chance > 1e-3
     sweep = 0.02 * np.sin(2 * np.pi * (18 + 4 * t_s / t_s[-1]) * t_s)  # 18 to 26 Hz
-    low_hz, high_hz, amplitude_dps, sigma, chance = spectrum([y + sweep for y in white], rate_hz).bump()
-    assert (low_hz, high_hz) == pytest.approx((18, 26), abs=2.5)
-    assert amplitude_dps == pytest.approx(0.02, rel=0.25)
-    assert sigma > 7
-    assert chance < 1e-8
+    bump = spectrum([y + sweep for y in white], rate_hz).bump()
+    assert (bump.low_hz, bump.high_hz) == pytest.approx((18, 26), abs=2.5)
+    assert bump.amplitude_dps == pytest.approx(0.02, rel=0.25)
+    assert bump.sigma > 7
+    assert bump.chance < 1e-8

@@ -88,13 +88,13 @@ def test_white_noise_has_no_line_and_a_tone_has_its_own() -> None:
     rng = np.random.default_rng(4)
     t_s = np.arange(10150) / 145
     quiet = [rng.normal(0, 0.044, t_s.size) for _ in range(4)]
-    assert spectrum(quiet, 145.0).peak()[2] > 0.01
+    assert spectrum(quiet, 145.0).peak().chance > 0.01
     level = np.sqrt(np.median(spectrum(quiet, 145.0).level))
     assert level == pytest.approx(0.044 / np.sqrt(72.5), rel=0.03)
     phases = rng.uniform(0, 6.28, 4)
     loud = [q + 0.01 * np.sin(2 * np.pi * 23.4 * t_s + p) for q, p in zip(quiet, phases, strict=True)]
-    frequency_hz, amplitude_dps, chance = spectrum(loud, 145.0).peak()
-    assert frequency_hz == pytest.approx(23.4, abs=0.02)
-    assert amplitude_dps == pytest.approx(0.01, rel=0.1)
-    assert chance < 1e-10
+    peak = spectrum(loud, 145.0).peak()
+    assert peak.frequency_hz == pytest.approx(23.4, abs=0.02)
+    assert peak.amplitude_dps == pytest.approx(0.01, rel=0.1)
+    assert peak.chance < 1e-10
     assert spectrum(loud, 145.0).line_power(1e-3) == pytest.approx(0.01**2 / 2, rel=0.2)

@@ -14,7 +14,8 @@ import pytest
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
 from gyrocal.device import simulated
-from gyrocal.diagnosis.diagnose import add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit

@@ -19,7 +19,7 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""
-    from gyrocal.diagnosis.diagnose import add
+    from gyrocal.diagnosis.add import add
     from gyrocal.present.output import emit, working
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session

@@ -20,7 +20,8 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Hold the model against the measurements: the error left beyond the noise, and where it shows."""
-    from gyrocal.diagnosis.compare import compare, write_residuals
+    from gyrocal.diagnosis.compare import compare
+    from gyrocal.diagnosis.residuals import write_residuals
     from gyrocal.errors import InputError
     from gyrocal.present.output import emit, working
     from gyrocal.present.report import print_comparison, write_page

@@ -28,7 +28,7 @@ Event = dict[str, Any]
 
 
 def misfit_limit(seconds: float) -> float:
-    """As in the core (gc_pair.h): a misfit above it after so many seconds of each face is more than noise shows."""
+    """As GC_MISFIT_LIMIT in the core: a misfit above it after so many seconds of each face is more than noise shows."""
     return 1 + 2.5 / math.sqrt(2 * BLOCKS_A_SECOND * seconds)
 
 

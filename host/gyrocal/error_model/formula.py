@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.effects import quantities
-from gyrocal.effects.base import Effect, Parameter, Values, effect, effects, elapsed_s, table_angle_rad
+from gyrocal.effects.base import Effect, Parameter, Values, effect, effects
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import symbols
 
 FUNCTIONS: dict[str, Callable[..., Array]] = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
@@ -29,19 +29,6 @@ EACH_RUN = "each run"
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
 }  # fmt: skip
-VARIABLES: dict[str, tuple[str, Callable[[Run, int], Array | None]]] = {
-    "rate": ("true rate about the axis, deg/s", quantities.rate_about),
-    "t": ("time in the run, s", lambda r, a: elapsed_s(r)),
-    "power_on_s": ("time since power-on, s", lambda r, a: quantities.power_on_time_s(r)),
-    "temp_c": ("temperature, degC", lambda r, a: quantities.temperature_c(r)),
-    "theta": ("the table's angle, rad", lambda r, a: table_angle_rad(r)),
-    "turn": ("the table's angle as a fraction of a turn, 0 to 1", lambda r, a: table_angle_rad(r) / (2 * np.pi) % 1.0),
-    "ax": ("acceleration along x, g", lambda r, a: _acceleration(r, 0)),
-    "ay": ("acceleration along y, g", lambda r, a: _acceleration(r, 1)),
-    "az": ("acceleration along z, g", lambda r, a: _acceleration(r, 2)),
-}
-"""Name -> (what it is, its value [n] in a run; None where the run lacks it)."""
-
 SEARCH = 10.0
 """A nonlinear parameter is searched between its start divided and multiplied by this."""
 
@@ -60,7 +47,7 @@ class FormulaEffect(Effect):
         expression, *settings = (part.strip() for part in text.split(";"))
         self.scope = "run" if EACH_RUN in settings else "session"  # type: ignore[misc]
         self.start = dict(_setting(part, text) for part in settings if part not in ("", EACH_RUN))
-        taken = self.start.keys() & (VARIABLES.keys() | CONSTANTS.keys() | FUNCTIONS.keys())
+        taken = self.start.keys() & (symbols().keys() | CONSTANTS.keys() | FUNCTIONS.keys())
         if taken:
             raise InputError(f"formula {text!r}: {sorted(taken)[0]} is not a parameter; give it another name")
         tree = _parse(expression, text)
@@ -71,8 +58,8 @@ class FormulaEffect(Effect):
             raise InputError(f"formula {text!r}: {sorted(doubled)[0]} multiplies two terms; bracket them together")
         self.linear = tuple(names)
         used = {n for _, node in self.terms for n in _names(node)} - CONSTANTS.keys()
-        self.variables = sorted(used & VARIABLES.keys())
-        self.nonlinear = tuple(sorted(used - VARIABLES.keys()))  # type: ignore[misc]
+        self.variables = sorted(used & symbols().keys())
+        self.nonlinear = tuple(sorted(used - symbols().keys()))  # type: ignore[misc]
         unset = [n for n in self.nonlinear if n not in self.start]
         if unset:
             raise InputError(f'formula {text!r}: say where {unset[0]} starts, e.g. "{expression}; {unset[0]}=1"')
@@ -83,8 +70,9 @@ class FormulaEffect(Effect):
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         for name in self.variables:
-            if any(VARIABLES[name][1](r, axis) is None for r in runs):
-                return f"{name} ({VARIABLES[name][0]}) in every run"
+            symbol = symbols()[name]
+            if any(symbol.values(r, axis) is None for r in runs):
+                return f"{name} ({symbol.meaning}) in every run"
         return None
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
@@ -103,17 +91,12 @@ class FormulaEffect(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         known: dict[str, Any] = {**CONSTANTS, **{n: values.get(n, self.start.get(n)) for n in self.nonlinear}}
         for name in self.variables:
-            known[name] = VARIABLES[name][1](run, axis)
+            known[name] = symbols()[name].values(run, axis)
         with np.errstate(all="ignore"):
             columns = [np.broadcast_to(np.asarray(_value(node, known), dtype=np.float64), len(run)) for _, node in self.terms]
         if not all(np.all(np.isfinite(c)) for c in columns):
             raise InputError(f"formula {self.equation!r}: not finite on {run.file}; mind logarithms, roots and divisions")
         return np.column_stack(columns)
-
-
-def _acceleration(run: Run, axis: int) -> Array | None:
-    acc_g = quantities.acceleration_g(run)
-    return None if acc_g is None else acc_g[:, axis]
 
 
 def effect_or_formula(text: str) -> Effect:
@@ -153,7 +136,7 @@ def _check(node: ast.AST, text: str) -> None:
     if not fine:
         raise InputError(
             f"formula {text!r}: {type(node).__name__} is not allowed; use numbers, + - * / **, {', '.join(FUNCTIONS)}, "
-            f"pi, {', '.join(VARIABLES)} and names of your own"
+            f"pi, {', '.join(symbols())} and names of your own"
         )
 
 
@@ -180,7 +163,7 @@ def _factors(node: ast.expr) -> list[ast.expr]:
 def _term(node: ast.expr, sign: float, start: Mapping[str, float], text: str) -> tuple[str, ast.expr]:
     """(its linear parameter, the rest of it): exactly one free name multiplies a term."""
     factors = _factors(node)
-    fixed = VARIABLES.keys() | CONSTANTS.keys() | start.keys()
+    fixed = symbols().keys() | CONSTANTS.keys() | start.keys()
     free = [f for f in factors if isinstance(f, ast.Name) and f.id not in fixed]
     if len(free) != 1:
         raise InputError(

@@ -18,11 +18,8 @@ from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.design import Design, Mask
 from gyrocal.inference.fit import AxisFit, Fit
 from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
-
-TIME_BLOCKS = 5
-GAP_S = 2.0
-SHORTEST_S = 20.0
 
 
 @dataclass(frozen=True)
@@ -74,9 +71,9 @@ def folds(fit: Fit, only_day: int | None = None) -> list[Fold]:
             if only_day is not None:
                 choice = [f for f in choice if f.label == str(only_day)]
             return choice
-    if any(r.rate_is_mean for r in runs) or min(r.duration_s for r in runs) < SHORTEST_S:
+    if any(r.rate_is_mean for r in runs) or min(r.duration_s for r in runs) < POLICY.shortest_run_s:
         return []
-    edges = np.linspace(0, 1, TIME_BLOCKS + 1)
+    edges = np.linspace(0, 1, POLICY.time_blocks + 1)
     return [
         Fold(f"time block {k + 1}", tuple(everything), (a, b))
         for k, (a, b) in enumerate(pairwise(edges))
@@ -155,7 +152,7 @@ def _time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
     assert fold.time is not None
     elapsed = b.t_s - b.run.t_s[0]
     start, stop = (f * b.run.duration_s for f in fold.time)
-    gap_s = min(GAP_S, 0.05 * b.run.duration_s)
+    gap_s = min(POLICY.time_gap_s, 0.05 * b.run.duration_s)
     inside = (elapsed >= start) & (elapsed < stop)
     near = ~inside & (elapsed >= start - gap_s) & (elapsed < stop + gap_s)
     return inside, near

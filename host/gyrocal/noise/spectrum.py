@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 LOWEST_HZ = 1.0
@@ -15,10 +16,28 @@ LEAST_SAMPLES = 32
 PAD = 2
 """Frequencies are looked at so many times as densely as the stretch's length gives: a line may lie between two."""
 BUMP_WIDTHS_HZ = (2.0, 4.0, 8.0)
-BUMP = 0.15
-"""Of the power beside it: a low-pass filter bends the spectrum of white noise by less within so few hertz."""
 TAPER = 0.25
 """Of a stretch, cosine at its ends: a line keeps nearly all of its power, and what is slow does not leak into it."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The strongest line. ``chance``: that noise makes such a line anywhere in the spectrum."""
+
+    frequency_hz: float
+    amplitude_dps: float
+    chance: float
+
+
+@dataclass(frozen=True)
+class Bump:
+    """A band with more power than its neighbours. ``chance``: that noise makes such a band anywhere in the spectrum."""
+
+    low_hz: float
+    high_hz: float
+    amplitude_dps: float
+    sigma: float
+    chance: float
 
 
 @dataclass(frozen=True)
@@ -40,8 +59,8 @@ class Spectrum:
     def ratio(self) -> Array:
         return self.power / self.level
 
-    def peak(self) -> tuple[float, float, float] | None:
-        """(frequency, amplitude of the tone in dps, chance that noise makes such a peak anywhere) of the strongest line."""
+    def peak(self) -> Peak | None:
+        """The strongest line; None where there is no spectrum."""
         if self.frequency_hz.size == 0:
             return None
         k = int(np.argmin(self.tail)) if self.tail.min() > 0 else int(np.argmax(self.ratio))
@@ -49,13 +68,14 @@ class Spectrum:
         near = slice(max(0, k - 2 * PAD), k + 2 * PAD + 1)
         line_power = float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
         chance = min(1.0, float(self.tail[k]) * self.frequency_hz.size)
-        return float(self.frequency_hz[k]), float(np.sqrt(2 * line_power)), chance
+        return Peak(float(self.frequency_hz[k]), float(np.sqrt(2 * line_power)), chance)
 
-    def bump(self) -> tuple[float, float, float, float, float] | None:
-        """(from Hz, to Hz, amplitude in dps, sigma, chance) of the clearest band with more power than both its neighbours.
+    def bump(self) -> Bump | None:
+        """The clearest band with more power than both its neighbours; None where there is none.
 
-        What sweeps or wanders in frequency makes no line but a bump: the median of a band against those of the bands beside
-        it, which a line does not move. A sensor's low-pass bends the spectrum too, but gently: a bump stands out by BUMP.
+        A tone that sweeps or wanders makes a bump and no line: the median of a band is held against those of the bands beside
+        it, which a line does not move. A sensor's low-pass bends the spectrum too, but by less than ``Policy.bump`` within so
+        few hertz.
         """
         from scipy.ndimage import median_filter
         from scipy.stats import norm
@@ -63,7 +83,8 @@ class Spectrum:
         if self.frequency_hz.size == 0:
             return None
         bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0])
-        looks, best = 0, None
+        looks = 0
+        best: Bump | None = None
         for width_hz in BUMP_WIDTHS_HZ:
             half = round(width_hz / bin_hz / 2)
             width = 2 * half + 1
@@ -77,11 +98,11 @@ class Spectrum:
             sigma = np.log(np.maximum(ratio, np.finfo(np.float64).tiny)) / np.sqrt(1.5 / independent)
             looks += ratio.size
             k = int(np.argmax(sigma))
-            if ratio[k] > 1 + BUMP and (best is None or sigma[k] > best[3]):
+            if ratio[k] > 1 + POLICY.bump and (best is None or sigma[k] > best.sigma):
                 low_hz = float(self.frequency_hz[k + width])
                 amplitude_dps = float(np.sqrt(2 * (middle[k] - sides[k]) * width * bin_hz))
-                best = (low_hz, low_hz + width * bin_hz, amplitude_dps, float(sigma[k]))
-        return None if best is None else (*best, min(1.0, looks * float(norm.sf(best[3]))))
+                best = Bump(low_hz, low_hz + width * bin_hz, amplitude_dps, float(sigma[k]), 1.0)
+        return None if best is None else replace(best, chance=min(1.0, looks * float(norm.sf(best.sigma))))
 
     def line_power(self, chance: float) -> float:
         """Mean square in lines that noise makes with less than ``chance``, dps^2."""

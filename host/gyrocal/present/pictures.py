@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gyrocal.diagnosis.compare import Comparison
-from gyrocal.diagnosis.probes import Finding, Steps
-from gyrocal.effects import quantities
-from gyrocal.effects.base import elapsed_s, table_angle_rad
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.noise.allan import allan_deviation, model_deviation
-from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.recording.session import AXES, Array
+from gyrocal.variables.base import Variable, variables
+from gyrocal.variables.shapes import ShapeOfEachRun, Steps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,29 +28,8 @@ AXIS_COLOURS = {"x": ORANGE, "y": GREEN, "z": BLUE}
 
 
 LEAST_RATE_DPS = 5.0
-RUNS_SHOWN, TURNS_SHOWN = 4, 3
+RUNS_SHOWN, PERIODS_SHOWN = 4, 3
 STEPS_SHOWN = 24
-
-
-def _gravity(run: Run, axis: int) -> Array:
-    """Acceleration along an axis, [n], g; zero without an accelerometer."""
-    acc_g = quantities.acceleration_g(run)
-    return np.zeros(len(run)) if acc_g is None else acc_g[:, axis]
-
-
-def _power_on_s(run: Run, axis: int) -> Array:
-    return elapsed_s(run) + (run.power_on_s or 0.0)
-
-
-QUANTITIES: dict[str, tuple[str, Callable[[Run, int], Array]]] = {
-    "time": ("time in the run, s", lambda r, a: elapsed_s(r)),
-    "power_on_time": ("time since power-on, s", _power_on_s),
-    "temperature": ("temperature, degC", lambda r, a: quantities.warming_c(r) + quantities.REFERENCE_C),
-    "rate": ("true rate, deg/s", quantities.rate_about),
-    "acceleration": ("acceleration along the axis, g", _gravity),
-    "table_angle": ("angle of the table, turns", lambda r, a: np.abs(table_angle_rad(r)) / (2 * np.pi)),
-}
-"""What a comparison holds the residual against: its name, and its value [n] in a run for an axis."""
 
 
 def _figure(width: float, height: float) -> tuple[Figure, Any]:
@@ -78,45 +58,62 @@ def residual_against_time(comparison: Comparison) -> Figure:
 
 
 def residual_against(comparison: Comparison, finding: Finding) -> Figure | None:
-    """Residual of the finding's axis against what it is found against; None for a spectrum's or a code's.
+    """Residual of the finding's axis against what it is found against; None where that has no values (a frequency).
 
     Dots are means of a second; the line is the mean over as many of them in each of some steps. What grows with the rate is
-    shown as a part of it. A wave in the table's angle whose phase differs from run to run has a line a run.
+    shown as a part of it. What repeats after a period (a turn) is folded there; where its phase differs from run to run, a line
+    a run is drawn instead.
     """
-    if finding.against not in QUANTITIES:
+    variable = variables()[finding.against](comparison.fit.session.runs)
+    of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
+    each_run = variable.period is not None and isinstance(finding.shape, ShapeOfEachRun)
+    points = _means(comparison, variable, AXES.index(finding.axis))
+    if of_rate:
+        points = [run[np.abs(run[:, 2]) > LEAST_RATE_DPS] for run in points]
+    if not points:
         return None
-    label, quantity = QUANTITIES[finding.against]
-    turning = finding.against == "table_angle"
-    each_run = turning and finding.kind is not None and finding.kind.scope == "run"
-    of_rate = isinstance(finding.kind, Steps) and finding.kind.times_rate
-    points = []
-    for p in heldout.fitted(comparison.fit):
-        if AXES[p.axis] == finding.axis:
-            b = next(b for b in comparison.fit.blocks if b.run is p.run)
-            columns = [quantity(p.run, p.axis), p.residual_dps * 1e3, quantities.rate_about(p.run, p.axis)]
-            step = np.floor((b.t_s - p.run.t_s[0]) * (4 if turning else 1))
-            means = b.mean(np.column_stack(columns))
-            means = np.array([means[step == k].mean(axis=0) for k in np.unique(step)])
-            points.append(means[np.abs(means[:, 2]) > LEAST_RATE_DPS] if of_rate else means)
     figure, axes = _figure(8, 3.2)
     style = {"ls": "-", "lw": 1.2, "alpha": 0.8} if each_run else {"ls": "", "marker": ".", "ms": 3, "alpha": 0.25}
     shown = points[:RUNS_SHOWN] if each_run else points
     x, y, rate_dps = np.concatenate(shown).T
     y = y * 1e3 / rate_dps if of_rate else y
-    x = x % 1.0 if turning and not each_run else x
+    if variable.period is not None:
+        x = np.abs(x) if each_run else x % variable.period
     for part in np.split(np.arange(x.size), np.cumsum([len(run) for run in shown])[:-1]):
         axes.plot(x[part], y[part], color=AXIS_COLOURS[finding.axis], **style)
-    if each_run:
-        axes.set_xlim(0, TURNS_SHOWN)
+    if each_run and variable.period is not None:
+        axes.set_xlim(0, PERIODS_SHOWN * variable.period)
     else:
         order = np.array_split(np.argsort(x), STEPS_SHOWN)
         axes.plot([x[k].mean() for k in order], [y[k].mean() for k in order], "o-", color="black", ms=4, lw=1.2)
     axes.axhline(0.0, color=GREY, lw=0.8)
+    label = variable.label(finding.axis if variable.components else "")
     axes.set(
         xlabel=f"{label}{f', from the start of each run; the first {RUNS_SHOWN}' if each_run else ''}",
         ylabel=f"measured - model, {'ppm of the rate' if of_rate else 'mdps'}", title=f"Residual on {finding.axis}",
     )  # fmt: skip
     return figure
+
+
+def _means(comparison: Comparison, variable: Variable, axis: int) -> list[Array]:
+    """Means of a second (of a quarter, where the variable has a period) of each run that has the variable.
+
+    Shape [m, 3]: the variable (its component along the axis, where it has components), the residual (mdps) and the true rate
+    about the axis (deg/s).
+    """
+    per_second = 1 if variable.period is None else 4
+    blocks = {b.run.index: b for b in comparison.fit.blocks}
+    out = []
+    for p in heldout.fitted(comparison.fit):
+        values = variable.values(p.run, axis) if p.axis == axis else None
+        if values is None:
+            continue
+        b = blocks[p.run.index]
+        x = values[:, axis] if variable.components else values
+        means = b.mean(np.column_stack([x, p.residual_dps * 1e3, rate_about(p.run, axis)]))
+        step = np.floor((b.t_s - p.run.t_s[0]) * per_second)
+        out.append(np.array([means[step == k].mean(axis=0) for k in np.unique(step)]))
+    return out
 
 
 def spectra(comparison: Comparison) -> Figure:

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal import __version__
+from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.compare import Comparison
-from gyrocal.diagnosis.diagnose import Candidate, Diagnosis
+from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
 from gyrocal.present.output import mdps, plus_minus, stdout, table

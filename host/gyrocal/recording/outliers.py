@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 NEIGHBOURS = 7
 """Samples that a reading is held against: their median, and the means of those at the same distance on either side."""
-STANDS_OUT = 8.0
-"""Spreads by which it must differ: Gaussian noise does that once in 10^15 readings."""
-MOST = 0.05
-"""Of a run's readings: more than this is no outlier but how the sensor reads."""
+STANDS_OUT = POLICY.outlier_spreads
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -38,7 +36,7 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
         spread = max(spread, step_dps / 2 / float(norm.isf(moved / 2)))
     nearer = np.where(np.abs(apart) < np.abs(level), apart, level)  # the one is blind to slopes, the other to steps
     rows = np.flatnonzero(np.abs(nearer) > STANDS_OUT * spread + step_dps) if spread > 0 else nothing[0]
-    return (rows, nearer[rows]) if 0 < rows.size <= MOST * y_dps.size else nothing
+    return (rows, nearer[rows]) if 0 < rows.size <= POLICY.most_outliers * y_dps.size else nothing
 
 
 def _between(y_dps: Array) -> Array:

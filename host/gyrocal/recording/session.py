@@ -35,7 +35,7 @@ UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
 LARGEST_DPS = 1e6
 
 GAP_PERIODS = 1.5
-"""Two samples that are further apart have lost one between them (as in the core's gc_run.h)."""
+"""Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Axis = Literal["x", "y", "z"]
@@ -91,7 +91,7 @@ class SessionFile(BaseModel):
 class Run:
     """One recording. Arrays are read from the file at first use and kept.
 
-    Attributes follow the contract's names; ``rate_dps`` is the true rate about the sensed axis, the face's sign applied.
+    Attributes have the names of session.toml's keys; ``rate_dps`` is the true rate about the sensed axis in the sensor's sign.
     """
 
     index: int

@@ -14,7 +14,7 @@ from gyrocal.api import add as add_effect
 from gyrocal.calibration.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
-from gyrocal.diagnosis.custom import keep
+from gyrocal.diagnosis.keep import keep
 from gyrocal.effects import base
 from gyrocal.error_model.model import BASE, RANDOM
 from gyrocal.inference import heldout
@@ -22,6 +22,7 @@ from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.web.against import panels
 from gyrocal.web.decimate import Pyramid, thinned
 from gyrocal.web.report import page
 from gyrocal.web.views import (
@@ -223,7 +224,7 @@ class Bench:
             x, y = thinned(s.frequency_hz, np.sqrt(s.power), CURVE_POINTS)
             level = np.interp(x, s.frequency_hz, np.sqrt(s.level)) if x.size else x
             spectra[axis] = Curve(x.tolist(), y.tolist(), level.tolist())
-        against = [name for name in points if name not in ("run", "x", "y", "z") and np.isfinite(points[name]).any()]
+        against = [p.name for p in panels() if any(np.isfinite(points[p.key(axis)]).any() for axis in AXES)]
         return ModelView(
             found.fit.model.toml(), found.to_json(), report.headline(found), report.level_rows(found),
             _effects(found.fit.model), traces, against, spectra, allan, _remark(found),
@@ -246,7 +247,7 @@ def _remark(c: Comparison) -> str:
 
 
 def _points(blocks: Sequence[Blocks], means: dict[tuple[int, int], Array]) -> dict[str, Any]:
-    """Block means of the residual of each axis, and of everything that it can be held against; shape [blocks] each."""
+    """Block means of the residual of each axis, and of every variable that it can be drawn against; shape [blocks] each."""
 
     def stacked(of: Callable[[Run], Array | None]) -> Any:
         parts = []
@@ -255,23 +256,16 @@ def _points(blocks: Sequence[Blocks], means: dict[tuple[int, int], Array]) -> di
             parts.append(np.full(b.t_s.size, np.nan) if values is None else b.mean(values[:, None])[:, 0])
         return np.concatenate(parts).astype(np.float32)
 
-    def turned(run: Run) -> Array | None:
-        turns = bool(np.any(run.rate_dps)) or run.column("table_angle_deg") is not None
-        return np.rad2deg(base.table_angle_rad(run)) if turns else None
-
     out: dict[str, Any] = {"run": np.concatenate([np.full(b.t_s.size, b.run.index, np.int32) for b in blocks])}
     for axis, name in enumerate(AXES):
         parts = [means.get((b.run.index, axis), np.full(b.t_s.size, np.nan)) for b in blocks]
         out[name] = np.concatenate(parts).astype(np.float32)
-    out["time"] = stacked(base.elapsed_s)
-    out["power_on_time"] = stacked(lambda r: None if r.power_on_s is None else r.power_on_s + base.elapsed_s(r))
-    out["temperature"] = stacked(lambda r: r.temp_c)
-    out["rate"] = stacked(lambda r: r.rate_dps)
-    out["table_angle"] = stacked(turned) % 360
-    for axis, name in enumerate(AXES):
-        out[f"acceleration_{name}"] = stacked(lambda r, i=axis: None if r.acc_g is None else r.acc_g[:, i])  # type: ignore[misc]
-    for axis, name in enumerate(AXES):
-        out[f"reading_{name}"] = stacked(lambda r, i=axis: r.gyro_dps[:, i])  # type: ignore[misc]
+    runs = [b.run for b in blocks]
+    for panel in panels():
+        variable = panel.variable(runs)
+        for axis, name in enumerate(AXES if variable.of_axis else AXES[:1]):
+            values = stacked(lambda run, p=panel, v=variable, i=axis: p.values(v, run, i))  # type: ignore[misc]
+            out[panel.key(name)] = values if variable.period is None else values % variable.period
     return out
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.web import charts
+from gyrocal.web.against import Panel
 from gyrocal.web.charts import Options, Palette
 from gyrocal.web.decimate import Pyramid, binned, thinned
 from gyrocal.web.traces import Traces
@@ -133,21 +134,22 @@ class Timeline:
         return points
 
 
-def folded(p: Palette, points: dict[str, Any], against: str, x_name: str, runs: Sequence[int], axes: Sequence[str]) -> Options:
-    """Means of what is left over against a quantity: a thin line a recording, the mean of all thick in twice its error."""
+def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str]) -> Options:
+    """Means of what is left over against a variable: a thin line a recording, the mean of all thick in twice its error."""
     shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
     mine = np.isin(points["run"], runs)
     height = 88 / len(axes) - 5
     grids, titles, xs, ys = [], [], [], []
     series: list[Options] = []
     for k, axis in enumerate(axes):
-        x, y = points[f"reading_{axis}" if against == "reading" else against], points[axis] * 1e3
+        x, y = points[panel.key(axis)], points[axis] * 1e3
         top = 6 + k * (height + 5)
         grids.append(charts.grid(top=f"{top}%", height=f"{height - 3}%"))
         titles.append(charts.title(p, f"{axis}: left over, means, mdps", f"{top - 4.5}%"))
-        last: Options = {"max": 360, "min": 0, "interval": 45} if against == "table_angle" else {}
+        period = panel.variable.period
+        last: Options = {} if period is None else {"max": period, "min": 0, "interval": period / 8}
         bottom = k == len(axes) - 1
-        xs.append(charts.axis(p, x_name if bottom else "", gridIndex=k, nameGap=22, label={"show": bottom}, **last))
+        xs.append(charts.axis(p, panel.label if bottom else "", gridIndex=k, nameGap=22, label={"show": bottom}, **last))
         ys.append(charts.axis(p, gridIndex=k))
         for i in shown:
             one = points["run"] == i

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
+from gyrocal.variables.frequency import Frequency
 from gyrocal.web import charts, plots, warned
+from gyrocal.web.against import opened_by, panels
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
 from gyrocal.web.traces import Traces
@@ -17,20 +19,14 @@ from gyrocal.web.views import AXES, RunView
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
-AGAINST = {
+PANELS = {panel.name: panel for panel in panels()}
+VIEWS = {
     "timeline": ("Timeline", "recordings one after another, s"),
-    "time": ("In the run", "time in the run, s"),
-    "power_on_time": ("Since power-on", "time since power-on, s"),
-    "temperature": ("Temperature", "temperature, °C"),
-    "rate": ("Rate", "true rate, deg/s"),
-    "table_angle": ("Table angle", "table angle, deg"),
-    "acceleration_x": ("Accel. x", "acceleration x, g"),
-    "acceleration_y": ("Accel. y", "acceleration y, g"),
-    "acceleration_z": ("Accel. z", "acceleration z, g"),
-    "reading": ("Reading", "reading, deg/s"),
-    "frequency": ("Spectrum", "frequency, Hz"),
+    **{name: (panel.title, panel.label) for name, panel in PANELS.items()},
+    Frequency.name: (Frequency.title, Frequency.label()),
     "averaging": ("Allan", "averaging time, s"),
 }
+"""Every picture: its button's text, and what its horizontal axis shows."""
 ALL = (0.0, 100.0)
 MOVES = (
     ("zoom_in", "zoom in", 0.25, -0.25), ("zoom_out", "zoom out", -0.5, 0.5),
@@ -137,7 +133,7 @@ class ComparePanel:
 
     def _look_at(self, finding: dict[str, Any]) -> None:
         self.axes, self.chose_axes = [finding["axis"]], True
-        wanted = _panel(finding["against"])
+        wanted = opened_by(finding["against"])
         self.against = wanted if wanted in self._available() else "timeline"
         self.window = ALL
         self._draw()
@@ -146,10 +142,8 @@ class ComparePanel:
         if self.bench.step is None:
             return ["timeline"]
         view = self.bench.step.view
-        there = {"timeline", *view.against, "frequency" if view.spectra else "", "averaging" if view.allan else ""}
-        if any(name.startswith("reading_") for name in view.against):
-            there.add("reading")
-        return [name for name in AGAINST if name in there]
+        there = {"timeline", *view.against, Frequency.name if view.spectra else "", "averaging" if view.allan else ""}
+        return [name for name in VIEWS if name in there]
 
     def _controls(self) -> None:
         assert self.bench.session is not None
@@ -157,7 +151,7 @@ class ComparePanel:
             axes = AXES if self.bench.step is None else self.bench.step.view.compared["per_axis"]
             self.axis_chips = {a: chip(a, partial(self._toggle, a)).classes(f"axis-{a}") for a in axes}
             ui.separator().props("vertical")
-            self.view_chips = {n: chip(AGAINST[n][0], partial(self._choose, n)) for n in self._available()}
+            self.view_chips = {n: chip(VIEWS[n][0], partial(self._choose, n)) for n in self._available()}
             ui.space()
             runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
             select = ui.select(runs, multiple=True, value=self.chosen, label="all recordings", on_change=self._runs_chosen)
@@ -165,11 +159,11 @@ class ComparePanel:
 
     def _press(self) -> None:
         """Show which chips are pressed, and which views the model fails in."""
-        self.frame.props(f'aria-label="{AGAINST[self.against][0]}"')
+        self.frame.props(f'aria-label="{VIEWS[self.against][0]}"')
         self.zoom.set_visibility(self.against == "timeline")
         for axis, button in self.axis_chips.items():
             press(button, axis in self.axes)
-        failing = {_panel(f["against"]) for f in self._where() if f["axis"] in self.axes}
+        failing = {opened_by(f["against"]) for f in self._where() if f["axis"] in self.axes}
         for name, button in self.view_chips.items():
             press(button, name == self.against)
             button.classes(add="flag" if name in failing else "", remove="" if name in failing else "flag")
@@ -218,19 +212,19 @@ class ComparePanel:
             self.chart.run_chart_method("setOption", self._options(traces), {"notMerge": True})
 
     def _options(self, traces: Traces) -> charts.Options:
-        p, x_name = self.tab.palette, AGAINST[self.against][1]
+        p, x_name = self.tab.palette, VIEWS[self.against][1]
         if self.against == "timeline":
             return self._timeline(traces).options(self.window, x_name)
         assert self.bench.step is not None
         view = self.bench.step.view
-        if self.against == "frequency":
-            lines = [f for f in self._where() if f["against"] == "frequency"]
+        if self.against == Frequency.name:
+            lines = [f for f in self._where() if f["against"] == Frequency.name]
             what = "amplitude density of what is left over, mdps/√Hz"
             return plots.curves(p, view.spectra, self.axes, what, "level between lines", x_name, lines)
         if self.against == "averaging":
             what = "Allan deviation of what is left over, mdps"
             return plots.curves(p, view.allan, self.axes, what, "noise model", x_name)
-        return plots.folded(p, traces.points, self.against, x_name, [i for i, _ in self._runs()], self.axes)
+        return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes)
 
     def _timeline(self, traces: Traces) -> plots.Timeline:
         return plots.Timeline(traces, self._runs(), self.axes, self.tab.palette)
@@ -243,11 +237,6 @@ class ComparePanel:
         self.window = (float(said["start"]), float(said["end"]))
         seen = [{"data": series["data"]} for series in self._timeline(traces).series(self.window)]
         self.chart.run_chart_method("setOption", {"series": seen})
-
-
-def _panel(against: str) -> str:
-    """Where a finding is seen."""
-    return "acceleration_x" if against == "acceleration" else against
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

@@ -9,14 +9,17 @@ import pytest
 from numpy.typing import NDArray
 
 from gyrocal.cli import main
-from gyrocal.diagnosis.custom import hinges, keep, propose, select, smooth_terms
-from gyrocal.diagnosis.diagnose import add, diagnose
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.keep import keep, propose, select
 from gyrocal.effects import base
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Session
+from gyrocal.variables.base import variables
+from gyrocal.variables.terms import hinges
 from make_runs import make_run, make_session
 
 Array = NDArray[np.float64]
@@ -87,13 +90,15 @@ def test_the_terms_that_were_planted_are_chosen() -> None:
     assert select(current, "z", ["(rate/100)**2", "abs(rate/100)"]) == []
 
 
-@pytest.mark.parametrize("variable", ["t", "power_on_s", "temp_c", "rate", "ax", "turn"])
-def test_the_library_s_terms_are_formulas(variable: str) -> None:
-    values = np.linspace(-5 if variable in ("temp_c", "rate", "ax") else 0, 60, 200)
-    for terms in (smooth_terms(variable, values), hinges(variable, values)):
+@pytest.mark.parametrize(("name", "symbol"), [(v.name, symbol) for v in variables().values() for symbol in v.searched])
+def test_the_library_s_terms_are_formulas(name: str, symbol: str) -> None:
+    variable = variables()[name]
+    values = np.linspace(-5 if name in ("temperature", "rate", "acceleration") else 0, 60, 200)
+    for terms in (variable([]).terms(symbol, values), hinges(symbol, values)):
         kind = FormulaEffect(" + ".join(f"k{i}*{t}" for i, t in enumerate(terms)))
+        assert len(terms) > 1
         assert len(kind.linear) == len(terms)
-        assert set(kind.variables) <= {variable, "theta"}
+        assert set(kind.variables) <= variable.symbols.keys()
 
 
 def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

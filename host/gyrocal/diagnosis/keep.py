@@ -11,38 +11,33 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import Comparison
-from gyrocal.diagnosis.diagnose import Diagnosis, add, diagnose, held_out_gain
-from gyrocal.diagnosis.probes import Finding, Transient, Wave
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.effects import base
-from gyrocal.error_model.formula import VARIABLES, FormulaEffect
+from gyrocal.effects.quantities import turns
+from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import AxisFit, carry_spreads, choose_variant, finish, fit_noise, refine, with_noise
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import one_thread
+from gyrocal.variables.base import symbols, variables
+from gyrocal.variables.shapes import ShapeOfEachRun
+from gyrocal.variables.terms import hinges
 
 Progress = Callable[[str], None]
 
-VARIABLE = {
-    "time": ("t",), "power_on_time": ("power_on_s",), "temperature": ("temp_c",), "rate": ("rate",),
-    "acceleration": ("ax", "ay", "az"), "table_angle": ("turn",),
-}  # fmt: skip
-"""What a comparison holds the residual against, in a formula's names."""
-NO_FORMULA = {
-    "frequency": "it is a line in the spectrum that is no steady tone: look for what vibrates, or record for longer",
-    "reading": "bits of the reading are wrong, which no formula mends: look at how the driver puts its bytes together",
-}
-KNOTS = 31
-"""Of a piecewise-linear curve, where the variable's values are evenly many."""
-HARMONICS = 8
 RATE_UNIT_DPS = 100.0
-MOST_TERMS = 8
+"""In products of terms with the rate, so that coefficients are in deg/s."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +60,12 @@ class Proposal:
 
 
 @one_thread
-def propose(found: Diagnosis, name: str = "custom", progress: Progress | None = None) -> Proposal:
+def propose(diagnosis: Diagnosis, name: str = "custom", progress: Progress | None = None) -> Proposal:
     """The formula that explains best what a diagnosis calls unknown. InputError where it is not, or where no formula helps."""
-    comparison = found.comparison
-    if found.best is not None:
-        raise InputError(
-            f"{found.best.effect.id} explains it: `gyrocal add {found.best.effect.id}` first, then keep what is left unknown"
-        )
+    comparison = diagnosis.comparison
+    if diagnosis.best is not None:
+        named = diagnosis.best.effect.id
+        raise InputError(f"{named} explains it: `gyrocal add {named}` first, then keep what is left unknown")
     if not comparison.where:
         raise InputError("nothing to keep: the model is adequate")
     axis = comparison.where[0].axis
@@ -81,20 +75,27 @@ def propose(found: Diagnosis, name: str = "custom", progress: Progress | None = 
         for formula in _formulas(comparison, axis, [f for f in findings if f.against == against], progress):
             if progress is not None:
                 progress(f"trying {formula}")
-            tried.append(_judge(comparison, axis, against, FormulaEffect(formula, name)))
+            tried.append(_proposal(comparison, axis, against, FormulaEffect(formula, name)))
     if not tried:
         first = findings[0].against
-        raise InputError(
-            f"no formula for what shows on {axis} against {first}: {NO_FORMULA.get(first, 'it has no shape of its own')}"
-        )
+        raise InputError(f"no formula for what shows on {axis} against {first}: {variables()[first].no_formula}")
     return _simplest_of_the_best(tried)
+
+
+class Kept(NamedTuple):
+    """The formula, and what adding it did: both comparisons, the model with its parameters fitted on all data."""
+
+    proposal: Proposal
+    before: Comparison
+    after: Comparison
+    model: Model
 
 
 def keep(
     session: Session, model: Model | str | Path | None = None, name: str = "custom", file: Path | None = None,
     progress: Progress | None = None,
-) -> tuple[Proposal, Comparison, Comparison, Model]:  # fmt: skip
-    """Diagnose, propose a formula for what is unknown, add it: (proposal, before, after, the fitted model).
+) -> Kept:  # fmt: skip
+    """Diagnose, propose a formula for what is unknown, and add it.
 
     With ``file`` the formula goes into a Python file, an effect to be edited, and the model names it; else into the model.
     """
@@ -104,22 +105,21 @@ def keep(
         raise InputError(f"the model has an effect {name!r} already; give this one another --name")
     if file is not None and (file.exists() or file.suffix != ".py" or not file.absolute().parent.is_dir()):
         raise InputError(f"--file {file}: must be a new .py in a folder that is there")
-    found = propose(diagnose(session, start, progress=progress), name, progress)
-    text = found.formula
+    proposal = propose(diagnose(session, start, progress=progress), name, progress)
+    text = proposal.formula
     if file is not None:
-        file.write_text(effect_file(found, name), encoding="utf-8")
+        file.write_text(effect_file(proposal, name), encoding="utf-8")
         base.load(file.parent)
         text = name
-    before, after, fitted = add(session, start, text, progress=progress)
-    return found, before, after, fitted
+    return Kept(proposal, *add(session, start, text, progress=progress))
 
 
-def effect_file(found: Proposal, name: str) -> str:
+def effect_file(proposal: Proposal, name: str) -> str:
     """The proposal as an effect of its own, for a folder given by ``--effects``."""
     title = "".join(part.capitalize() for part in name.split("_"))
-    formula = found.formula.partition(":")[2].strip()
-    against = found.against.replace("_", " ")
-    return f'''"""Found by `gyrocal keep` on {found.axis}, against {against}. Change what you know better."""
+    formula = proposal.formula.partition(":")[2].strip()
+    against = proposal.against.replace("_", " ")
+    return f'''"""Found by `gyrocal keep` on {proposal.axis}, against {against}. Change what you know better."""
 
 from gyrocal.api import FormulaEffect
 
@@ -140,80 +140,34 @@ def _formulas(
     comparison: Comparison, axis: str, findings: Sequence[Finding], progress: Progress | None
 ) -> list[str]:  # fmt: skip
     """Formulas in the variable that these findings are against."""
-    own = [f for f in findings if f.kind is not None and f.kind.scope == "run"]
-    if own:
-        return _each_run(own)
-    if findings[0].against not in VARIABLE:
-        return []
+    each_run = [f.shape for f in findings if isinstance(f.shape, ShapeOfEachRun)]
+    if each_run:
+        return type(each_run[0]).formula(each_run)
+    variable = variables()[findings[0].against]
     session = comparison.fit.session
     current = comparison.fit.axes[axis]
-    times_rate = any(r.axis == axis and not r.rate_is_mean and np.any(r.rate_dps) for r in session.runs)
     smooth: list[str] = []
     pieces: list[str] = []
-    for variable in VARIABLE[findings[0].against]:
-        values = _values(session, axis, variable)
-        smooth += smooth_terms(variable, values)
-        pieces += hinges(variable, values)
-    if times_rate and findings[0].against != "rate":
+    for symbol in variable.searched:
+        values = _values(session, axis, symbol)
+        smooth += variable(session.runs).terms(symbol, values)
+        pieces += hinges(symbol, values)
+    if variable.times_rate and turns(session.runs, AXES.index(axis)):
         smooth, pieces = ([*terms, *(f"(rate/{RATE_UNIT_DPS:g})*{t}" for t in terms)] for terms in (smooth, pieces))
     formulas = []
-    for terms in (smooth, pieces):
+    for terms in filter(None, (smooth, pieces)):
         if progress is not None:
-            progress(f"choosing among {len(terms)} terms in {', '.join(VARIABLE[findings[0].against])}")
+            progress(f"choosing among {len(terms)} terms in {', '.join(variable.searched)}")
         chosen = select(current, axis, terms)
         if chosen:
             formulas.append(" + ".join(f"k{i}*{t}" for i, t in enumerate(chosen, start=1)))
     return list(dict.fromkeys(formulas))
 
 
-def _each_run(findings: Sequence[Finding]) -> list[str]:
-    """Waves and transients of a run's own phase or size: as the probes found them."""
-    waves = sorted(f.kind.order for f in findings if isinstance(f.kind, Wave))
-    if waves:
-        parts = [f"{a}{k}*{wave}({k}*theta)" for k in waves for a, wave in (("a", "cos"), ("b", "sin"))]
-        return [f"{' + '.join(parts)}; each run"]
-    return [f"A*exp(-t/tau); tau={f.kind.tau_s:g}; each run" for f in findings if isinstance(f.kind, Transient)]
-
-
-def _values(session: Session, axis: str, variable: str) -> Array:
-    """All values of a variable over a session, sorted out of its runs."""
-    parts = [VARIABLES[variable][1](r, AXES.index(axis)) for r in session.runs]
+def _values(session: Session, axis: str, symbol: str) -> Array:
+    """The values of a symbol [n] in all runs of a session that have it."""
+    parts = [symbols()[symbol].values(r, AXES.index(axis)) for r in session.runs]
     return np.concatenate([p for p in parts if p is not None])
-
-
-def smooth_terms(variable: str, values: Array) -> list[str]:
-    """Powers, sines, an exponential and a kink in a variable, centred and scaled so that coefficients are in deg/s."""
-    if variable == "turn":
-        waves = [f"{wave}({k}*theta)" for k in range(1, HARMONICS + 1) for wave in ("cos", "sin")]
-        return [*waves, "(turn - 0.5)", "abs(turn - 0.5)"]
-    low, high = np.quantile(values, [0.01, 0.99])
-    half = _round((high - low) / 2)
-    if half == 0:
-        return []
-    if variable in ("t", "power_on_s"):
-        decays = [f"exp(-{variable}/{_round(high / k):g})" for k in (2, 5, 10, 20, 40)]
-        return [
-            f"({variable}/{_round(high):g})",
-            f"({variable}/{_round(high):g})**2",
-            f"({variable}/{_round(high):g})**3",
-            *decays,
-        ]
-    middle = 0.0 if low < 0 < high else _round((high + low) / 2, 3)
-    u = f"({variable}/{half:g})" if middle == 0 else f"(({variable} - {middle:g})/{half:g})"
-    return [u, f"{u}**2", f"{u}**3", f"{u}**4", f"abs{u}", f"exp{u}", f"exp(-{u})", f"sin(pi*{u})", f"cos(pi*{u})"]
-
-
-def hinges(variable: str, values: Array) -> list[str]:
-    """A line, and a bend at each of some knots: together any piecewise-linear curve."""
-    span = float(np.ptp(values))
-    if span == 0:
-        return []
-    knots = [_round(float(k), 3) for k in np.quantile(values, np.arange(1, KNOTS + 1) / (KNOTS + 1))]
-    return [variable, *dict.fromkeys(f"max({variable} - {k:g}, 0)".replace("- -", "+ ") for k in knots)]
-
-
-def _round(value: float, digits: int = 2) -> float:
-    return float(f"{value:.{digits}g}")
 
 
 def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
@@ -238,7 +192,7 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
     chosen: list[int] = []
     best = score(chosen)
     while True:
-        steps = [[*chosen, j] for j in mine if j not in chosen and len(chosen) < MOST_TERMS]
+        steps = [[*chosen, j] for j in mine if j not in chosen and len(chosen) < POLICY.most_terms]
         steps += [[k for k in chosen if k != j] for j in chosen]
         scores = [score(s) for s in steps]
         if not scores or max(scores) <= best + 1e-6:
@@ -247,13 +201,14 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
         chosen = steps[int(np.argmax(scores))]
 
 
-def _judge(comparison: Comparison, axis: str, against: str, kind: FormulaEffect) -> Proposal:
+def _proposal(comparison: Comparison, axis: str, against: str, effect: FormulaEffect) -> Proposal:
+    """A formula fitted beside the model, with its held-out gain."""
     current = comparison.fit.axes[axis]
-    fitted = finish(refine(choose_variant(current, Term.of(kind, axis))))
+    fitted = finish(refine(choose_variant(current, Term.of(effect, axis))))
     gains = held_out_gain(current, fitted, heldout.folds(comparison.fit))
-    total = float(np.sum(gains)) if gains.size else None
-    se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
-    return Proposal(f"{kind.id}: {kind.equation}", axis, against, len(kind.linear) + len(kind.nonlinear), total, se, gains)
+    gain, gain_se = total(gains)
+    parameters = len(effect.linear) + len(effect.nonlinear)
+    return Proposal(f"{effect.id}: {effect.equation}", axis, against, parameters, gain, gain_se, gains)
 
 
 def _simplest_of_the_best(tried: Sequence[Proposal]) -> Proposal:
@@ -262,7 +217,6 @@ def _simplest_of_the_best(tried: Sequence[Proposal]) -> Proposal:
 
     def as_good(p: Proposal) -> bool:
         difference = best.unit_gains - p.unit_gains
-        spread = float(np.sqrt(difference.size) * np.std(difference, ddof=1)) if difference.size > 1 else 0.0
-        return float(difference.sum()) <= spread
+        return float(difference.sum()) <= (total(difference)[1] or 0.0)
 
     return min(filter(as_good, tried), key=lambda p: p.terms)

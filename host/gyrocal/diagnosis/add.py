@@ -1,0 +1,76 @@
+"""Add an effect to a model, and say what the error was before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.compare import Comparison, compare, with_floor_of
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.decision import proven
+from gyrocal.diagnosis.evidence import judge
+from gyrocal.effects import base
+from gyrocal.effects.base import Effect
+from gyrocal.error_model.formula import effect_or_formula
+from gyrocal.error_model.model import Model, Term
+from gyrocal.recording.session import AXES, Session
+from gyrocal.threads import each, one_thread
+
+Progress = Callable[[str], None]
+
+
+class Added(NamedTuple):
+    """Both comparisons, held out and with one floor; the model with its parameters fitted on all data."""
+
+    before: Comparison
+    after: Comparison
+    model: Model
+
+
+@one_thread
+def add(
+    session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
+    progress: Progress | None = None,
+) -> Added:  # fmt: skip
+    """Add an effect (its id, or a formula) on every axis where it can be measured and improves the fit."""
+    effect = effect_or_formula(effect_id)
+    start = Model.open(model)
+    before = compare(session, start, only_day=only_day, progress=progress)
+    axes = [
+        a for a in before.fit.axes
+        if start.term(effect.id, a) is None and effect.missing(session.runs, AXES.index(a)) is None
+    ]  # fmt: skip
+
+    def on(axis: str) -> Candidate:
+        return judge(Current.of(before, axis), effect)
+
+    judged = dict(zip(axes, each(on, axes, session.rows), strict=True))
+    chosen = _chosen(judged)
+    if not chosen:
+        before = replace(before, note=f"{effect.id} was not added: {_reason(session, start, effect, list(before.fit.axes))}")
+    richer = start
+    for axis in chosen:
+        richer = richer.with_term(Term.of(effect, axis, effect.structure(judged[axis].values)))
+    after = compare(session, richer, only_day=only_day, progress=progress)
+    return Added(with_floor_of(before, after), after, after.fit.model)
+
+
+def _chosen(judged: dict[str, Candidate]) -> list[str]:
+    """The axes on which the effect is proven; else the one where it gains most, so that the person sees whether it helps."""
+    measurable = {a: c for a, c in judged.items() if c.decision != "not_measurable"}
+    looks = len(base.effects()) * len(judged)  # it was asked for by name, but on which axis it is has to be as sure
+    sure = [a for a, c in measurable.items() if proven(c, looks)]
+    return sure or sorted((a for a, c in measurable.items() if c.values), key=lambda a: measurable[a].chance)[:1]
+
+
+def _reason(session: Session, model: Model, effect: Effect, axes: list[str]) -> str:
+    """Why an effect is added on no axis."""
+    lacking = next((effect.missing(session.runs, AXES.index(a)) for a in axes), None)
+    if all(model.term(effect.id, a) is not None for a in axes):
+        return "the model has it on every axis already"
+    if lacking is not None:
+        return f"the session lacks {lacking}"
+    return f"nothing of it can be seen in this session; {effect.measure_next}"

@@ -1,0 +1,62 @@
+"""One effect on one axis, with the evidence for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Values
+from gyrocal.recording.session import Array
+
+Decision = Literal["add", "suggest", "reject", "not_measurable"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect on one axis, judged."""
+
+    effect: Effect
+    axis: str
+    decision: Decision
+    values: Values = field(default_factory=dict)
+    se: Values = field(default_factory=dict)
+    explained: float | None = None
+    gain: float | None = None
+    gain_se: float | None = None
+    chance: float = 1.0
+    q_value: float | None = None
+    group: tuple[str, ...] = ()
+    next_measurement: str = ""
+    parameters: int = 0
+    signal: Array | None = field(default=None, repr=False)
+    unit_gains: Array | None = field(default=None, repr=False)
+    enough: bool = False
+    """Explains at least a tenth of the excess error, as far as that is known."""
+
+    def to_json(self) -> dict[str, Any]:
+        units = {p.name: p.unit for p in self.effect.parameters}
+        return {
+            "effect": self.effect.id,
+            "axis": self.axis,
+            "parameters": {
+                name: {
+                    "value": value,
+                    "se": _finite(self.se.get(name)),
+                    "unit": units.get(name, units.get(name.removesuffix("_sd"), "")),
+                }
+                for name, value in self.values.items()
+            },
+            "explained": self.explained,
+            "heldout_gain": self.gain,
+            "heldout_gain_se": self.gain_se,
+            "q_value": self.q_value,
+            "group": list(self.group),
+            "decision": self.decision,
+            "next_measurement": self.next_measurement,
+        }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None

@@ -1,0 +1,82 @@
+"""The model as it stands on one axis, against which candidates are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gyrocal.diagnosis.compare import Comparison
+from gyrocal.inference import heldout
+from gyrocal.inference.blocks import BLOCK_S, by_sample
+from gyrocal.inference.design import Design
+from gyrocal.inference.fit import AxisFit, fit_noise
+from gyrocal.recording.session import AXES, Array, Run
+
+
+@dataclass(frozen=True)
+class MeanSquares:
+    """Mean square of held-out residuals, dps^2, and of what is left of them about the mean of each power cycle."""
+
+    all: float
+    within_cycles: float
+
+
+@dataclass(frozen=True)
+class Current:
+    """One axis of a comparison: its fit, and the folds in which candidates and model are held out."""
+
+    comparison: Comparison
+    axis: str
+    fit: AxisFit
+
+    @classmethod
+    def of(cls, comparison: Comparison, axis: str) -> Current:
+        return cls(comparison, axis, comparison.fit.axes[axis])
+
+    @property
+    def index(self) -> int:
+        """The axis as a number, 0 to 2."""
+        return AXES.index(self.axis)
+
+    @property
+    def runs(self) -> list[Run]:
+        return [b.run for b in self.fit.design.blocks]
+
+    @property
+    def white_power(self) -> float:
+        """Mean square of the white noise, dps^2."""
+        return self.comparison.white_power[self.axis]
+
+    @cached_property
+    def folds(self) -> list[heldout.Fold]:
+        return heldout.folds(self.comparison.fit)
+
+    @cached_property
+    def mean_squares(self) -> MeanSquares:
+        """Of the model's own held-out residuals."""
+        return self.mean_squares_of(self.fit)
+
+    def of_samples(self) -> Current:
+        """The same model fitted to samples, for effects that are faster than a block."""
+        design = self.fit.design
+        samples = Design(by_sample(self.comparison.fit.blocks), self.index, design.terms, design.cell_s or BLOCK_S)
+        return replace(self, fit=fit_noise(samples, start=self.fit))
+
+    def predictions(self, fitted: AxisFit) -> Iterator[heldout.Prediction]:
+        """Another fit's held-out samples on this axis; in sample where nothing can be held out."""
+        alone = self.comparison.fit.on(self.axis, fitted)
+        return heldout.predictions(alone, self.folds) if self.folds else heldout.fitted(alone)
+
+    def mean_squares_of(self, fitted: AxisFit) -> MeanSquares:
+        """Of another fit's held-out residuals."""
+        sums: dict[str, Array] = {}
+        for p in heldout.predictions(self.comparison.fit.on(self.axis, fitted), self.folds):
+            residual = p.residual_dps
+            of_run = np.array([residual @ residual, residual.sum(), residual.size])
+            sums[p.run.scenario] = sums.get(p.run.scenario, np.zeros(3)) + of_run
+        squares, totals, counts = np.array(list(sums.values())).reshape(-1, 3).T
+        samples = max(float(counts.sum()), 1.0)
+        return MeanSquares(float(squares.sum()) / samples, float((squares - totals**2 / counts).sum()) / samples)

@@ -1,0 +1,69 @@
+"""Which candidates are added, suggested or rejected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.compare import Comparison
+from gyrocal.policy import POLICY
+from gyrocal.variables.reading import Reading
+
+
+def with_q_values(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Benjamini-Hochberg q-values over everything that could be measured."""
+    tested = [i for i, c in enumerate(candidates) if c.decision != "not_measurable"]
+    order = sorted(tested, key=lambda i: candidates[i].chance)
+    q, smallest = {}, 1.0
+    for rank in range(len(order), 0, -1):
+        i = order[rank - 1]
+        smallest = min(smallest, candidates[i].chance * len(order) / rank)
+        q[i] = smallest
+    return [replace(c, q_value=q[i]) if i in q else c for i, c in enumerate(candidates)]
+
+
+def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
+    """Say of each candidate, whose q-value is known, whether to add, to suggest or to reject it."""
+    tested = sum(c.decision != "not_measurable" for c in candidates)
+    out = []
+    for c in candidates:
+        if c.decision != "not_measurable" and c.q_value is not None and c.q_value < POLICY.false_discovery_rate:
+            named = proven(c, tested) and in_range(c) and c.enough and _meets(c, comparison)
+            c = replace(c, decision="add" if named else "suggest")
+        out.append(c)
+    return out
+
+
+def _meets(c: Candidate, comparison: Comparison) -> bool:
+    """Does the candidate explain a substantial part of this axis's strongest finding, or most of the excess?"""
+    if c.effect.at_reading(c.values) or (c.explained or 0.0) > POLICY.main_cause:
+        return True
+    gains = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != Reading.name]
+    return (c.gain or 0.0) >= POLICY.of_finding * max(gains, default=0.0)
+
+
+def proven(c: Candidate, tested: int) -> bool:
+    """Is a candidate beyond chance among so many that were tested, and better on data that its fit never saw?"""
+    better = c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
+    if c.effect.at_reading(c.values):
+        better = better or (c.gain is not None and c.gain >= -POLICY.reading_loss)
+    return better and c.chance * tested < POLICY.name_alarm
+
+
+def in_range(candidate: Candidate) -> bool:
+    """Is every linear parameter at most ``Policy.range_factor`` times its typical size?
+
+    A fault of the reading has no size of its own.
+    """
+    if candidate.effect.at_reading(candidate.values):
+        return True
+    for parameter in candidate.effect.parameters:
+        value = candidate.values.get(parameter.name)
+        if (
+            value is not None
+            and parameter.unit not in ("deg", "s", "Hz")
+            and abs(value) > POLICY.range_factor * parameter.typical[1]
+        ):
+            return False
+    return True

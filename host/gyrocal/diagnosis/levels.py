@@ -1,0 +1,85 @@
+"""rms, noise floor and excess of held-out residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.probes import beside
+from gyrocal.inference import heldout
+from gyrocal.inference.fit import LEAST_WHITE_DPS, Fit
+from gyrocal.inference.heldout import Prediction
+from gyrocal.noise.spectrum import Spectrum
+from gyrocal.policy import POLICY
+from gyrocal.recording.outliers import outliers
+from gyrocal.recording.session import AXES, Array
+
+
+@dataclass(frozen=True)
+class Level:
+    """rms of held-out residuals, what noise alone leaves of it, and the excess; deg/s. None where nothing can be held out."""
+
+    rms_dps: float | None
+    floor_dps: float
+    excess_dps: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        return {"rms_dps": self.rms_dps, "floor_dps": self.floor_dps, "excess_dps": self.excess_dps}
+
+
+def level_of(squares: Array, floor: float) -> Level:
+    """The level of sums of squares and counts [axes, 2], as :func:`squares_of` gives them, over a floor in deg/s."""
+    total, samples = squares.sum(axis=0)
+    if samples == 0:
+        return Level(None, floor, None)
+    rms = float(np.sqrt(total / samples))
+    return Level(rms, floor, float(np.sqrt(max(0.0, rms**2 - floor**2))))
+
+
+def squares_of(held: Iterable[Prediction]) -> Array:
+    """Of each axis the sum of squared residuals, dps^2, and the number of samples, shape [3, 2]."""
+    out = np.zeros((len(AXES), 2))
+    for p in held:
+        out[p.axis] += float(np.sum(p.residual_dps**2)), p.modelled_dps.size
+    return out
+
+
+def floor_dps(fitted: Fit, axis: str, where: Sequence[Finding], white_power: float) -> float:
+    """The rms that white noise, quantisation, drift and turn-on bias predict, deg/s.
+
+    Where probes found something, drift and turn-on bias are those that are left beside it: else they would swallow it.
+    """
+    current = fitted.axes[axis]
+    shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
+    if shapes:
+        current = beside(current, axis, shapes)
+    return float(np.sqrt(white_power + current.slow_power))
+
+
+def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
+    """Residuals in sample of each run [n], deg/s, single readings that stand out brought back."""
+    out = {}
+    for p in heldout.fitted(fitted.on(axis)):
+        residual = p.residual_dps
+        rows, apart_dps = outliers(residual, p.run.step_dps[p.axis])
+        residual[rows] -= apart_dps
+        out[p.run.index] = residual
+    return out
+
+
+def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:
+    """Mean square of one sample's noise, dps^2: the scatter of residuals within blocks, lines taken out."""
+    total, count = 0.0, 0
+    for b in fitted.blocks:
+        if b.run.index not in by_run or b.within_n == 0:
+            continue
+        grouped = by_run[b.run.index][b.start[:, None] + np.arange(int(b.n[0]))]
+        total += float(((grouped - grouped.mean(axis=1, keepdims=True)) ** 2).sum())
+        count += b.within_n
+    if count < POLICY.least_scatter:  # a sample a block: the fit's own white level
+        return fitted.axes[axis].noise.white_sd_dps ** 2
+    return max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)

@@ -1,0 +1,69 @@
+"""The evidence for a fault of the reading: how much better held-out readings are met."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.explained import explained
+from gyrocal.diagnosis.gains import total
+from gyrocal.diagnosis.readings import SHEPPARD
+from gyrocal.effects.base import Effect, Values
+from gyrocal.error_model.model import Term
+from gyrocal.inference.design import Design
+from gyrocal.inference.fit import AxisFit, carry_spreads, fit_noise, with_noise
+
+
+@dataclass(frozen=True)
+class RunPower:
+    """Sum of squares of one run's residuals, dps^2, and how many they are."""
+
+    squares: float
+    samples: int
+
+
+def judge_reading(current: Current, effect: Effect, fault: tuple[Values, Values, float]) -> Candidate:
+    """Judge a fault that the effect found in the readings' own values: (values, standard errors, chance)."""
+    values, se, chance = fault
+    term = Term(effect.id, current.axis, values, se)
+    old = current.fit.design
+    design = Design(current.comparison.fit.blocks, old.axis, [*old.terms, term], old.cell_s)
+    fitted = fit_noise(design, start=with_noise(design, current.fit.noise, carry_spreads(current.fit, design)))
+    before, after = (_run_powers(current, fit) for fit in (current.fit, fitted))
+    noise = max(current.white_power, _rounding_power(current))
+    gains = np.array([_power_gain(before[file], after[file], noise) for file in before])
+    gain, gain_se = total(gains)
+    return Candidate(
+        effect, current.axis, "reject", values, se, gain=gain, gain_se=gain_se, chance=chance, parameters=1,
+        next_measurement=effect.measure_next, unit_gains=gains, explained=explained(current, fitted, np.zeros(0)).part,
+        enough=True,  # seen in the codes themselves; it need not leave an error over the floor
+    )  # fmt: skip
+
+
+def _rounding_power(current: Current) -> float:
+    """Mean square, dps^2, that rounding to the readings' own steps leaves: no prediction is better."""
+    steps = [run.step_dps[current.index] for run in current.comparison.fit.session.runs]
+    return float(min((s for s in steps if s > 0), default=0.0)) ** 2 * SHEPPARD
+
+
+def _power_gain(before: RunPower, after: RunPower, noise: float) -> float:
+    """Gain in log-likelihood as a run's power falls, over noise of mean square ``noise``, dps^2.
+
+    The excess counts as noise of its own: ``samples/2·log(1 + change/noise)``, which for small changes is the Gaussian gain at
+    known noise, and never exceeds what so many readings of a finite range and step can tell.
+    """
+    change = (before.squares - after.squares) / (before.samples * noise)
+    return 0.5 * before.samples * float(np.copysign(np.log1p(abs(change)), change))
+
+
+def _run_powers(current: Current, fitted: AxisFit) -> dict[str, RunPower]:
+    """The power of each run's held-out residuals by file; in sample where nothing can be held out."""
+    powers: dict[str, RunPower] = {}
+    for p in current.predictions(fitted):
+        old = powers.get(p.run.file, RunPower(0.0, 0))
+        squares = old.squares + float(np.sum(p.residual_dps**2))
+        powers[p.run.file] = RunPower(squares, old.samples + p.residual_dps.size)
+    return powers

@@ -1,0 +1,90 @@
+"""Faults of the reading: bits that do not toggle, and single readings that stand out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.inference.blocks import residual_dps
+from gyrocal.inference.fit import LEAST_WHITE_DPS
+from gyrocal.policy import POLICY
+from gyrocal.recording.outliers import outliers
+from gyrocal.recording.session import AXES, Array, Session
+from gyrocal.variables.reading import Reading
+
+BITS = 16
+"""Of a reading's code."""
+SHEPPARD = 1 / 12
+"""Variance, counts^2, that rounding to whole counts adds."""
+
+
+def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: float = 0.0) -> Finding | None:
+    """Bits of the raw code that noise should toggle and that do not: a byte put together wrongly, a stuck bit.
+
+    ``known_step_dps``: the model's own step (quantization), below which nothing is looked for.
+    """
+    from scipy.stats import norm
+
+    if session.lsb_dps is None:
+        return None
+    readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
+    codes = np.concatenate([np.rint(g / session.lsb_dps).astype(np.int64) for g in readings])
+    noise = float(np.sqrt(np.mean(np.concatenate([np.diff(g) for g in readings]) ** 2) / 2)) / session.lsb_dps
+    mean_codes = np.array([int(np.rint(np.mean(g) / session.lsb_dps)) for g in readings])
+    worst: Finding | None = None
+    for bit in range(BITS):
+        if 2**bit * session.lsb_dps < POLICY.known_step * known_step_dps:
+            continue
+        ones = float(np.mean((codes >> bit) & 1))
+        if 2**bit <= noise:  # noise alone toggles it
+            z = abs(ones - 0.5) * 2 * np.sqrt(codes.size) / 2**bit
+            chance = min(1.0, 2 * float(norm.sf(z)) * BITS) if abs(ones - 0.5) > POLICY.toggling else 1.0
+        else:  # runs at different rates should, as a coin falls
+            places = np.unique(mean_codes >> bit).size
+            stuck = ones in (0.0, 1.0)
+            chance = min(1.0, BITS * min(0.5 ** (places - 1), _never(readings, session.lsb_dps, bit, ones))) if stuck else 1.0
+            z = float(norm.isf(max(chance, 1e-300)))
+        if chance < alarm and (worst is None or z > worst.strength):
+            note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
+            worst = Finding(axis, Reading.name, float(z), chance, 2**bit * session.lsb_dps, note)
+    return worst
+
+
+def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> float:
+    """The chance that a bit of the code keeps its state in all readings, by the noise about each run's mean.
+
+    Of noise below a count the codes do not tell enough: such a run says nothing.
+    """
+    from scipy.stats import norm
+
+    log_chance = 0.0
+    for g in readings:
+        mean, variance = float(g.mean()) / lsb_dps, float(np.mean(np.diff(g) ** 2)) / 2 / lsb_dps**2 - SHEPPARD
+        if variance < 1.0:
+            continue
+        sd = float(np.sqrt(variance))
+        cells = np.arange(np.floor((mean - 6 * sd) / 2**bit), np.ceil((mean + 6 * sd) / 2**bit) + 1)
+        edges = norm.cdf((np.append(cells, cells[-1] + 1) * 2**bit - 0.5 - mean) / sd)
+        kept = float(np.diff(edges)[cells.astype(np.int64) % 2 == int(state)].sum())
+        log_chance += g.size * float(np.log(min(1.0, max(kept, 1e-300))))
+    return float(np.exp(max(log_chance, -700.0)))
+
+
+def single_readings(session: Session, axis: str) -> Finding | None:
+    """Single readings that stand far out of their neighbours, where they add enough to the noise's power."""
+    i = AXES.index(axis)
+    steady = [r for r in session.runs if not r.rate_is_mean]
+    if not steady:
+        return None
+    readings = [residual_dps(r)[:, i] for r in steady]
+    apart = np.concatenate([outliers(y, r.step_dps[i])[1] for y, r in zip(readings, steady, strict=True)])
+    white = np.median(np.concatenate([np.abs(np.diff(y)) for y in readings])) / (0.6745 * np.sqrt(2))
+    samples = sum(y.size for y in readings)
+    if apart.size < 2 or float(apart @ apart) < POLICY.outlier_power * white**2 * samples:
+        return None
+    size_dps = float(np.sqrt(np.mean(apart**2)))
+    note = f"{apart.size} single readings stand out by {size_dps:.3g} dps"
+    if session.lsb_dps is not None and np.mean(np.abs(np.abs(apart) - 256 * session.lsb_dps) < 6 * white) > 0.9:
+        note += ", 256 counts: the two bytes of a reading are not of one sample"
+    strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
+    return Finding(axis, Reading.name, strength, 0.0, size_dps, note)

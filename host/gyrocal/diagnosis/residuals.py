@@ -1,0 +1,41 @@
+"""The residuals of a comparison as a table or a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import polars as pl
+
+from gyrocal.diagnosis.compare import Comparison
+from gyrocal.errors import InputError
+from gyrocal.files import replacing
+from gyrocal.inference import heldout
+from gyrocal.recording.session import AXES
+
+
+def residual_table(comparison: Comparison) -> pl.DataFrame:
+    """Held-out predictions (in sample where nothing can be held out): file, t_s, axis, measured_dps, modelled_dps."""
+    fitted = comparison.fit
+    folds = heldout.folds(fitted) if comparison.held_out != "none" else []
+    source = heldout.predictions(fitted, folds) if folds else heldout.fitted(fitted)
+    parts = [
+        pl.DataFrame({
+            "file": pl.repeat(p.run.file, p.modelled_dps.size, eager=True),
+            "t_s": p.run.t_s[p.rows],
+            "axis": pl.repeat(AXES[p.axis], p.modelled_dps.size, eager=True),
+            "measured_dps": p.measured_dps,
+            "modelled_dps": p.modelled_dps,
+        })
+        for p in source
+    ]  # fmt: skip
+    return pl.concat(parts)
+
+
+def write_residuals(comparison: Comparison, path: Path) -> None:
+    """:func:`residual_table` as Parquet or CSV, by the name's ending, whole or not at all."""
+    frame = residual_table(comparison)
+    try:
+        with replacing(path) as partial:
+            frame.write_parquet(partial) if path.suffix == ".parquet" else frame.write_csv(partial)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None

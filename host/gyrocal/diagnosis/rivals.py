@@ -1,0 +1,67 @@
+"""Candidates that a session cannot tell from each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.gains import total
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Array
+
+
+def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Give each candidate to be added its group: those that this session cannot tell from it.
+
+    Their shapes overlap, and their held-out gains do not differ beyond their error. Of two with the very same shape the one
+    with more parameters yields, unless it pays for them. A candidate that only just failed to pass still counts as a rival of
+    one that passed.
+    """
+    passed = [c for c in candidates if c.decision in ("add", "suggest")]
+
+    def rivals(c: Candidate) -> list[Candidate]:
+        return [r for r in passed if r is not c and r.axis == c.axis]
+
+    return [_grouped(c, rivals(c)) if c.decision == "add" else c for c in candidates]
+
+
+def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:
+    group = [c]
+    for rival in rivals:
+        cosine = _cosine(c.signal, rival.signal)
+        same = cosine > POLICY.same_shape
+        if cosine <= POLICY.similar_shape or not _as_good(c, rival, _price(c, rival) if same else 0.0):
+            continue
+        if same and c.parameters != rival.parameters:
+            if rival.parameters < c.parameters and rival.decision == "add":
+                return replace(c, decision="suggest", group=())  # the simpler one says the same
+            continue
+        group.append(rival)
+    group.sort(key=lambda x: -(x.gain or 0.0))
+    return replace(c, group=tuple(dict.fromkeys(x.effect.id for x in group)))
+
+
+def _price(c: Candidate, other: Candidate) -> float:
+    """Held-out log-likelihood by which a candidate must beat another of the same shape."""
+    if c.parameters == other.parameters:
+        return POLICY.noisy_columns * (c.gain or 0.0)
+    return POLICY.parameter_gain * max(0, c.parameters - other.parameters)
+
+
+def _cosine(a: Array | None, b: Array | None) -> float:
+    """Cosine similarity of two signals [blocks], its sign left out; 0 where they are not comparable."""
+    if a is None or b is None or a.shape != b.shape:
+        return 0.0
+    norm = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) / norm if norm > 0 else 0.0
+
+
+def _as_good(c: Candidate, other: Candidate, price: float) -> bool:
+    """Is the other's held-out gain at least as large, within the error of the difference or the ``price``?"""
+    if c.unit_gains is None or other.unit_gains is None or c.unit_gains.shape != other.unit_gains.shape:
+        return False
+    difference = c.unit_gains - other.unit_gains
+    return float(difference.sum()) < max(POLICY.rival_errors * (total(difference)[1] or 0.0), price)

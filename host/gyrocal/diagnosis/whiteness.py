@@ -1,0 +1,100 @@
+"""The test of whiteness: have the residuals more power than noise in a band of frequencies?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.inference.blocks import BLOCK_S
+from gyrocal.inference.design import SLOW_S
+from gyrocal.inference.fit import AxisFit
+from gyrocal.noise.whitening import Noise
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Array
+from gyrocal.variables.frequency import Frequency
+
+HANN_NEIGHBOURS = 1.95
+"""Neighbouring values of a periodogram under a Hann window share their noise: so many count as one."""
+HIGHEST = 0.49
+"""Of the block rate: the highest frequency that block means show."""
+LEAST_PERIODS = 2.5
+"""Of the lowest frequency that a run shows within its length."""
+
+
+@dataclass(frozen=True)
+class Periodogram:
+    """Of runs sampled alike, at each frequency [f]: over all runs the sums of power over noise and of power beyond noise."""
+
+    frequency_hz: Array
+    ratio: Array
+    beyond: Array
+    runs: int
+
+
+def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
+    """Residuals with more power in a band of frequencies than white noise and drift have there.
+
+    Periodograms (Hann) of the block means' residuals are held against their expectation under the fitted noise. What is slower
+    than ``SLOW_S`` is drift and not judged; nor are samples, which a sensor's low-pass makes anything but white.
+    """
+    from scipy.stats import gamma
+
+    parts = [p for p in (_periodogram(fit, index) for index in fit.design.alike) if p is not None]
+    if not parts:
+        return None
+    frequencies = np.concatenate([p.frequency_hz for p in parts])
+    ratios, powers = np.concatenate([p.ratio for p in parts]), np.concatenate([p.beyond for p in parts])
+    counts = np.concatenate([np.full(p.frequency_hz.size, float(p.runs)) for p in parts])
+    edges = np.geomspace(frequencies.min(), frequencies.max() * (1 + 1e-9), POLICY.bands + 1)
+    worst: Finding | None = None
+    for low, high in pairwise(edges):
+        band = (frequencies >= low) & (frequencies < high)
+        looks = float(counts[band].sum()) / HANN_NEIGHBOURS
+        if looks < POLICY.least_periodogram_values:
+            continue
+        mean = float(ratios[band].sum() / counts[band].sum())
+        chance = min(1.0, POLICY.bands * float(gamma.sf(mean * looks, looks)))
+        amplitude = float(np.sqrt(max(0.0, 2 * powers[band].sum() / counts[band].mean())))
+        note = f"{amplitude * 1e3:.3g} mdps between {low:.2g} and {high:.2g} Hz beyond noise"
+        if chance < alarm and (worst is None or chance < worst.chance):
+            worst = Finding(axis, Frequency.name, (mean - 1) * float(np.sqrt(looks)), chance, amplitude, note)
+    return worst
+
+
+def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
+    """Of the runs ``index``, which are sampled alike; None where they are too short or uneven."""
+    from scipy.signal.windows import hann
+
+    p = len(fit.design.layout.fixed)
+    first = fit.design.blocks[index[0]]
+    t_s, n, m = first.t_s, first.n, first.t_s.size
+    short = m < POLICY.least_periodogram_blocks
+    if short or np.ptp(n) > 0 or t_s[1] - t_s[0] < BLOCK_S / 2 or first.run.rate_is_mean:
+        return None
+    step_s = float(t_s[-1] - t_s[0]) / (m - 1)
+    window = hann(m, sym=False)
+    expected = _expected(fit.noise, window, step_s, float(n[0]))
+    residual = np.empty((len(index), m))
+    for row, i in zip(residual, index, strict=True):
+        columns, u = fit.design.columns(i), fit.run_coefficients(i, fit.solution.beta, fit.spreads)
+        row[:] = columns[0] - fit.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]
+    power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
+    ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
+    frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
+    use = (frequency > max(1 / SLOW_S, LEAST_PERIODS / (m * step_s))) & (frequency < HIGHEST / step_s)
+    return Periodogram(frequency[use], ratio.sum(axis=0)[use], beyond.sum(axis=0)[use], len(index))
+
+
+def _expected(noise: Noise, window: Array, step_s: float, samples: float) -> Array:
+    """Expectation of the tapered periodogram: the exact transform of the noise's autocovariance times the window's."""
+    from scipy.signal import fftconvolve
+
+    m = window.size
+    lags = np.arange(m)
+    covariance = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
+    covariance[0] += noise.white_sd_dps**2 / samples
+    tapered = covariance * fftconvolve(window, window[::-1])[m - 1 :]
+    return np.asarray(2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0])

@@ -1,0 +1,60 @@
+"""The true rate and, where it changes within runs, its slope."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from gyrocal.effects.base import elapsed_s
+from gyrocal.effects.quantities import rate_about, rate_slope_dps_s, rate_varies
+from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
+from gyrocal.variables.shapes import Columns, Shape, Steps
+
+RESOLUTION = 0.02
+"""Finest step of a rate that varies, as a part of the largest rate."""
+ONE_RATE = 0.1
+"""Runs whose rates differ by less, as a part of the largest rate, were made at one rate."""
+
+
+class Rate(Variable):
+    """The table's rate where it turns about one axis in all runs (that may show on any axis), else the rate about the axis."""
+
+    name, title, quantity, unit, order = "rate", "Rate", "true rate", "deg/s", 4
+    of_axis = True
+    symbols: ClassVar = {"rate": Symbol("true rate about the axis, deg/s", rate_about)}
+    searched = ("rate",)
+    times_rate = False
+
+    @property
+    def one_axis(self) -> bool:
+        """Whether the table turns about the same axis in all runs."""
+        return len({r.axis_index for r in self.runs}) == 1
+
+    def values(self, run: Run, axis: int) -> Array:
+        return run.rate_dps if self.one_axis else rate_about(run, axis)
+
+    def shapes(self, axis: int) -> list[Shape]:
+        edges = self._edges_dps(axis)
+        shapes: list[Shape] = [Steps(lambda run: self.values(run, axis), edges)] if edges.size else []
+        if rate_varies(self.runs, axis):
+            shapes.append(Columns(lambda run: _slope_dps_s(run, axis), 2))
+        return shapes
+
+    def _edges_dps(self, axis: int) -> Array:
+        """Edges between the rates that runs were made at, or of a rate that varies; none where they are too few or too many."""
+        rates = [self.values(r, axis) for r in self.runs]
+        largest = max(float(np.abs(rate).max(initial=0.0)) for rate in rates)
+        if self.one_axis and rate_varies(self.runs, self.runs[0].axis_index):
+            return quantile_edges(np.concatenate(rates), RESOLUTION * largest, MOST_STEPS)
+        means = np.unique([float(np.mean(rate)) for rate in rates])
+        apart = np.diff(means) > ONE_RATE * largest
+        edges = ((means[1:] + means[:-1]) / 2)[apart]
+        return edges if 2 <= edges.size <= self.steps_between_runs else np.zeros(0)
+
+
+def _slope_dps_s(run: Run, axis: int) -> Array:
+    """The slope of the rate, which a delay multiplies, and the slope times time, which an error of the clock multiplies."""
+    slope = rate_slope_dps_s(run, axis)
+    return np.column_stack([slope, slope * elapsed_s(run)])

@@ -1,0 +1,15 @@
+"""The reading's own value, in which bits that are put together wrongly show."""
+
+from __future__ import annotations
+
+from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import Variable
+
+
+class Reading(Variable):
+    name, title, quantity, unit, order = "reading", "Reading", "reading", "deg/s", 7
+    of_axis = True
+    no_formula = "bits of the reading are wrong, which no formula mends: look at how the driver puts its bytes together"
+
+    def values(self, run: Run, axis: int) -> Array:
+        return run.gyro_dps[:, axis]

@@ -1,0 +1,103 @@
+"""The shapes in which a residual may depend on a variable: columns like an effect's, with no physics in them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
+from gyrocal.recording.session import Array, Run
+
+
+class Shape(Effect):
+    """Columns that are fitted beside a model to see whether the residual depends on a variable."""
+
+    id, title, cause, equation, looks_like, measure_next = "shape", "", "", "", "", ""
+    parameters = ()
+
+
+class ShapeOfEachRun(Shape):
+    """A shape whose size, sign or phase differs from run to run."""
+
+    scope = "run"
+    words: str
+    """What it looks like, for a sentence that begins with its amplitude."""
+
+    @staticmethod
+    @abstractmethod
+    def formula(shapes: Sequence[ShapeOfEachRun]) -> list[str]:
+        """Formulas that describe several shapes of this class, for a model file."""
+
+
+class Steps(Shape):
+    """Indicator columns: the variable in steps, alone or times the true rate. The first step is left to the bias or scale."""
+
+    def __init__(self, values: Callable[[Run], Array], edges: Array, times_rate: bool = False) -> None:
+        self.values = values
+        self.edges = edges
+        self.times_rate = times_rate
+        self.linear = tuple(f"step_{k}" for k in range(1, edges.size + 1))
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        step = np.searchsorted(self.edges, self.values(run), side="right")
+        columns = (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
+        if not self.times_rate:
+            return columns
+        return columns * run.rate_dps[:, None] if axis == run.axis_index else np.zeros_like(columns)
+
+
+class Columns(Shape):
+    """``count`` functions of the variable, shape [n, count], each with a coefficient of its own."""
+
+    def __init__(self, of: Callable[[Run], Array], count: int) -> None:
+        self.of = of
+        self.linear = tuple(f"c{k}" for k in range(count))
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return self.of(run)
+
+
+class Transient(ShapeOfEachRun):
+    """A start-up transient of a size and sign of its own in each run."""
+
+    linear = ("size",)
+    words = "dying away from the start, of another size"
+
+    def __init__(self, tau_s: float) -> None:
+        self.tau_s = tau_s
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return np.exp(-elapsed_s(run) / self.tau_s)[:, None]
+
+    @staticmethod
+    def formula(shapes: Sequence[ShapeOfEachRun]) -> list[str]:
+        return [f"A*exp(-t/tau); tau={s.tau_s:g}; each run" for s in shapes if isinstance(s, Transient)]
+
+
+class TableWave(ShapeOfEachRun):
+    """A wave in the table's angle, ``order`` times a turn, of a phase of its own in each run."""
+
+    linear = ("a", "b")
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.words = f"{order} a turn, of another phase"
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        angle = self.order * table_angle_rad(run)
+        turning = float(np.any(run.rate_dps != 0)) if not run.rate_is_mean else 0.0
+        return turning * np.column_stack([np.cos(angle), np.sin(angle)])
+
+    def groups(self, values: Mapping[str, float]) -> list[int]:
+        return [0, 0]
+
+    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
+        return {"sd": float(spread[0])}
+
+    @staticmethod
+    def formula(shapes: Sequence[ShapeOfEachRun]) -> list[str]:
+        orders = sorted(s.order for s in shapes if isinstance(s, TableWave))
+        parts = [f"{name}{k}*{wave}({k}*theta)" for k in orders for name, wave in (("a", "cos"), ("b", "sin"))]
+        return [f"{' + '.join(parts)}; each run"]

@@ -1,0 +1,30 @@
+"""Temperature."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from gyrocal.effects.quantities import temperature_c
+from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
+from gyrocal.variables.shapes import Shape
+
+RESOLUTION_C = 0.05
+
+
+class Temperature(Variable):
+    name, title, quantity, unit, order = "temperature", "Temperature", "temperature", "°C", 3
+    symbols: ClassVar = {"temp_c": Symbol("temperature, degC", lambda run, axis: temperature_c(run))}
+    searched = ("temp_c",)
+
+    def values(self, run: Run, axis: int) -> Array | None:
+        return temperature_c(run)
+
+    def shapes(self, axis: int) -> list[Shape]:
+        measured_c = [r.temp_c for r in self.runs if r.temp_c is not None and np.all(np.isfinite(r.temp_c))]
+        if len(measured_c) < len(self.runs):
+            return []
+        edges = quantile_edges(np.concatenate(measured_c), RESOLUTION_C, min(MOST_STEPS, self.steps_between_runs))
+        return self.steps(axis, edges) if edges.size else []

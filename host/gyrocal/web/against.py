@@ -1,0 +1,50 @@
+"""Pictures of the residual against each variable: which there are, and where their points are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import Variable, variables
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The residual against a variable, or against one component of it."""
+
+    variable: type[Variable]
+    component: str = ""
+
+    @property
+    def name(self) -> str:
+        return "_".join(filter(None, (self.variable.name, self.component)))
+
+    @property
+    def title(self) -> str:
+        return " ".join(filter(None, (self.variable.title, self.component)))
+
+    @property
+    def label(self) -> str:
+        return self.variable.label(self.component)
+
+    def key(self, axis: str) -> str:
+        """The name of its points for the residual of an axis."""
+        return f"{self.name}_{axis}" if self.variable.of_axis else self.name
+
+    def values(self, variable: Variable, run: Run, axis: int) -> Array | None:
+        """Values [n] in a run for the residual of an axis (0, 1, 2); None where the run has none."""
+        values = variable.values(run, axis)
+        if values is None or not self.component:
+            return values
+        return values[:, self.variable.components.index(self.component)]
+
+
+def panels() -> list[Panel]:
+    """All panels, in their order on a screen."""
+    folded = [v for v in variables().values() if v.picture == "folded"]
+    return [Panel(v, component) for v in folded for component in v.components or ("",)]
+
+
+def opened_by(against: str) -> str:
+    """The name of the panel that shows a finding: the variable's own, or that of its first component."""
+    return Panel(variables()[against], next(iter(variables()[against].components), "")).name

@@ -1,0 +1,92 @@
+"""Constants that Python repeats are those of the core's files: each is read there, not remembered."""
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gyrocal.calibration import calibrate, estimator, header, network
+from gyrocal.device import monitor, port, simulated, wire
+from gyrocal.recording import session
+
+FIRMWARE = Path(__file__).resolve().parents[2] / "firmware/gyrocal_firmware"
+FILES = [p for folder in ("lib", "src") for p in sorted((FIRMWARE / folder).rglob("*.[ch]"))]
+DEFINE = re.compile(r"^#define[ \t]+(\w+)(\(\w+\))?[ \t]+(.+?)(?:[ \t]*/\*.*)?$", re.M)
+FIELD = re.compile(r"^[ \t]+\.(\w+)() = ([^,\n]+),", re.M)
+DEFINED = {
+    m[1]: (m[2], m[3]) for p in FILES for form in (DEFINE, FIELD) for m in form.finditer(p.read_text(encoding="utf-8"))
+}
+"""Macros, and fields of tables such as a part's ``.lsb_g``: name -> (parameter, text)."""
+SUFFIX = re.compile(r"(?<=[0-9.])[uUlLf]+\b")
+
+
+def expression(*names: str) -> tuple[str, str]:
+    """Parameter and text, as Python reads it, of the first of these names that the firmware defines."""
+    name = next((n for n in names if n in DEFINED), None)
+    assert name is not None, f"the firmware defines none of {', '.join(names)}"
+    parameter, text = DEFINED[name]
+    return (parameter or "").strip("()"), SUFFIX.sub("", re.sub(r"\(u?int\d+_t\)", "", text))
+
+
+def number(*names: str) -> float:
+    """The value of a macro without parameters."""
+    return float(eval(expression(*names)[1], {}, {}))
+
+
+def function(name: str) -> Callable[[float], float]:
+    """A macro with one parameter."""
+    parameter, text = expression(name)
+    return lambda value: float(eval(text, {"sqrt": math.sqrt}, {parameter: value}))
+
+
+CONSTANTS = {
+    "block of the estimator, us": (estimator.BLOCK_US, ("GC_BLOCK_US",)),
+    "columns of effects": (estimator.MAX_COLUMNS, ("GC_MAX_EFFECT_COLUMNS",)),
+    "arguments of an effect": (header.ARGUMENTS, ("GC_EFFECT_ARGS",)),
+    "a gap, in periods": (session.GAP_PERIODS, ("GC_GAP_PERIODS",)),
+    "a steady rate, of the rate": (calibrate.STEADY, ("STEADY_FRACTION", "STAY_FRACTION")),
+    "rates that the network takes, of the table's": (network.RATE_TOLERANCE, ("RATE_TOLERANCE",)),
+    "checkpoints": (len(network.STAGES_S), ("GC_CHECKPOINTS",)),
+    "protocol": (wire.PROTOCOL, ("GC_WIRE_PROTOCOL",)),
+    "longest line, bytes": (wire.MAX_LINE, ("GC_WIRE_MAX",)),
+    "most fields of a sentence": (wire.MAX_FIELDS, ("GC_WIRE_MAX_FIELDS",)),
+    "baud": (port.BAUD, ("BAUD",)),
+    "one count of acceleration, g": (simulated.LSB_G, ("GC_LSM6DSO_LSB_G", "lsb_g")),
+    "one count of temperature, degC": (1 / simulated.COUNTS_PER_C, ("GC_LSM6DSO_LSB_C", "lsb_c")),
+    "temperature at zero counts, degC": (simulated.ZERO_C, ("GC_LSM6DSO_ZERO_C", "zero_c")),
+}
+
+
+@pytest.mark.parametrize("what", CONSTANTS)
+def test_python_repeats_the_firmware_s_constant(what: str) -> None:
+    python, names = CONSTANTS[what]
+    assert python == number(*names)
+
+
+@pytest.mark.parametrize("stages_s", [network.STAGES_S, calibrate.DEFAULT_SECONDS])
+def test_answers_come_at_the_checkpoints(stages_s: tuple[float, ...]) -> None:
+    checkpoint_us = function("GC_CHECKPOINT_US")
+    assert [1e6 * s for s in stages_s] == [checkpoint_us(k) for k in range(int(number("GC_CHECKPOINTS")))]
+
+
+def test_the_network_s_blocks_are_the_estimator_s() -> None:
+    assert number("GC_BLOCK_US") == 1e6 * network.BLOCK_S
+    assert network.BLOCKS * number("GC_BLOCK_US") == 1e6 * network.STAGES_S[-1]
+
+
+@pytest.mark.parametrize("seconds", [2.0, 4.0, 6.0])
+def test_the_misfit_s_limit_is_the_device_s(seconds: float) -> None:
+    both_faces = 2 * 1e6 * seconds / number("GC_BLOCK_US")
+    assert monitor.misfit_limit(seconds) == pytest.approx(function("GC_MISFIT_LIMIT")(both_faces), rel=1e-15)
+
+
+def test_the_simulated_part_has_the_driver_s_ranges() -> None:
+    rows = re.findall(r"\{(\d+\.0), (0\.0\d+), 0x[0-9A-F]{2}\}", "".join(p.read_text(encoding="utf-8") for p in FILES))
+    assert {float(scale): float(lsb) for scale, lsb in rows} == simulated.LSB_DPS
+
+
+def test_a_constant_that_is_gone_is_missed() -> None:
+    with pytest.raises(AssertionError, match="defines none of GC_NOWHERE"):
+        number("GC_NOWHERE")

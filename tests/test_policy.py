@@ -1,0 +1,76 @@
+"""Every threshold of a verdict stands in the policy, with its meaning, its consequences and what chose it."""
+
+import ast
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+
+from gyrocal.policy import JUDGEMENT, POLICY
+
+ROOT = Path(__file__).resolve().parents[1]
+HOST = ROOT / "host/gyrocal"
+NO_THRESHOLDS = {
+    "HANN_NEIGHBOURS",  # a property of the window
+    "HIGHEST",  # of the block rate, below Nyquist
+    "LEAST_PERIODS",  # below, a Hann window does not part a frequency from the mean
+    "BITS",  # of the part's code
+    "SHEPPARD",  # variance of rounding
+    "RATE_UNIT_DPS",  # a unit
+}
+"""Numbers of ``diagnosis/`` that decide nothing."""
+JUDGES = [*sorted((HOST / "diagnosis").glob("*.py")), HOST / "inference/heldout.py", HOST / "recording/outliers.py"]
+
+
+@pytest.mark.parametrize("field", dataclasses.fields(POLICY), ids=lambda f: f.name)
+def test_a_threshold_says_what_it_means_and_what_chose_it(field: "dataclasses.Field[float]") -> None:
+    for word in ("meaning", "larger", "smaller", "chosen_by"):
+        assert field.metadata[word]
+    tests = re.findall(r"pytest (\S+\.py)", field.metadata["chosen_by"])
+    assert all((ROOT / path).is_file() for path in tests)
+
+
+@pytest.mark.parametrize("field", dataclasses.fields(POLICY), ids=lambda f: f.name)
+def test_a_threshold_is_used(field: "dataclasses.Field[float]") -> None:
+    files = [p for p in HOST.rglob("*.py") if f"POLICY.{field.name}" in p.read_text(encoding="utf-8")]
+    assert files
+
+
+def test_both_alarms_stay_within_the_family_s() -> None:
+    assert POLICY.misfit_alarm + POLICY.name_alarm <= 0.02
+
+
+def test_the_policy_cannot_be_changed_in_passing() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        POLICY.explained = 0.5  # type: ignore[misc]
+
+
+def numbers(path: Path) -> list[str]:
+    """Names that a module gives a number, or a tuple of numbers, at its top level."""
+    found = []
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            constants = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
+            if any(isinstance(c, int | float) and not isinstance(c, bool) for c in constants):
+                found += [ast.unparse(t) for t in (node.targets if isinstance(node, ast.Assign) else [node.target])]
+    return found
+
+
+@pytest.mark.parametrize("path", JUDGES, ids=lambda p: p.stem)
+def test_no_other_number_decides(path: Path) -> None:
+    allowed = NO_THRESHOLDS | ({"NEIGHBOURS"} if path.stem == "outliers" else set())
+    assert set(numbers(path)) <= allowed
+
+
+def test_numbers_are_seen(tmp_path: Path) -> None:
+    module = tmp_path / "m.py"
+    module.write_text('FDR = 0.05\nGAIN: float = 2\nWIDTHS = (1, 2)\nNAME = "x"\n', encoding="utf-8")
+    assert numbers(module) == ["FDR", "GAIN", "WIDTHS"]
+
+
+def test_what_was_not_measured_says_so() -> None:
+    for field in dataclasses.fields(POLICY):
+        chosen_by = field.metadata["chosen_by"]
+        measured = any(word in chosen_by for word in ("gyrocal ", "pytest ", "Rayleigh", "docs/"))
+        assert measured or JUDGEMENT in chosen_by or "chosen by judgement" in chosen_by

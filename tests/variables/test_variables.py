@@ -1,0 +1,140 @@
+"""Every variable is whole, and one that is added in a file of its own is seen by everything that lists the folder."""
+
+import dataclasses
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import polars as pl
+import pytest
+from numpy.typing import NDArray
+
+import gyrocal.variables
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.keep import keep
+from gyrocal.error_model.formula import FormulaEffect
+from gyrocal.present.pictures import residual_against
+from gyrocal.recording.session import AXES, Run, Session
+from gyrocal.simulation.simulate import simulate
+from gyrocal.variables.base import Symbol, Variable, symbols, variables
+from gyrocal.variables.shapes import Shape
+from gyrocal.web.against import Panel, opened_by, panels
+
+Array = NDArray[np.float64]
+ROOT = Path(__file__).resolve().parents[2]
+PERIOD_S = 7.0
+
+
+def rich(session: Session) -> Session:
+    """The session with every optional column."""
+    columns = {"temp_c": 25.0, "ax_g": 0.0, "ay_g": 0.0, "az_g": 1.0}
+    runs = (
+        dataclasses.replace(r, frame=r.table.with_columns(**{k: pl.lit(v) + 0.1 * pl.col("t_s") for k, v in columns.items()}))
+        for r in session.runs
+    )
+    return session.with_runs(runs)
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return rich(simulate(None, "full", ["scale_asymmetry:k=0.002"], 3, scenarios=1, seconds=8)[0])
+
+
+@pytest.mark.parametrize("name", variables())
+def test_a_variable_is_whole(name: str, session: Session) -> None:
+    variable = variables()[name](session.runs)
+    assert variable.title
+    assert variable.label() == f"{variable.quantity}, {variable.unit}"
+    assert set(variable.searched) <= variable.symbols.keys()
+    assert variable.searched or variable.no_formula != Variable.no_formula
+    for run in session.runs:
+        values = variable.values(run, 2)
+        if values is not None:
+            assert values.shape == ((len(run), len(variable.components)) if variable.components else (len(run),))
+        for symbol in variable.symbols.values():
+            found = symbol.values(run, 2)
+            assert found is not None
+            assert found.shape == (len(run),)
+    for axis in range(3):
+        for shape in variable.shapes(axis):
+            assert shape.columns(session.runs[0], axis, {}).shape == (len(session.runs[0]), len(shape.linear))
+
+
+def test_orders_and_symbols_are_each_taken_once() -> None:
+    assert len({v.order for v in variables().values()}) == len(variables())
+    assert len(symbols()) == sum(len(v.symbols) for v in variables().values())
+
+
+def test_a_file_holds_one_variable_and_has_its_name() -> None:
+    folder = Path(gyrocal.variables.__file__).parent
+    helpers = {"__init__", "base", "shapes", "terms"}
+    assert {p.stem for p in folder.glob("*.py")} - helpers == set(variables())
+
+
+def test_every_finding_opens_a_picture() -> None:
+    there = {panel.name for panel in panels()}
+    for name, variable in variables().items():
+        assert opened_by(name) in there or variable.picture == "spectrum"
+
+
+def test_no_name_of_a_variable_is_written_outside_its_file() -> None:
+    """Elsewhere a variable is asked for by its class. Names of one word are left out: they mean other things too."""
+    distinct = [name for name in variables() if "_" in name]
+    assert distinct
+    for path in (ROOT / "host/gyrocal").rglob("*.py"):
+        if path.parent.name != "variables":
+            text = path.read_text(encoding="utf-8")
+            assert not [name for name in distinct if f'"{name}"' in text], path
+
+
+class Beat(Variable):
+    """The time within each stretch of seven seconds, say of a fan's control."""
+
+    name, title, quantity, unit, order = "beat", "Beat", "time in the fan's cycle", "s", 99
+    period = PERIOD_S
+    symbols: ClassVar = {"beat": Symbol("time in the fan's cycle, s", lambda run, axis: (run.t_s - run.t_s[0]) % PERIOD_S)}
+    searched = ("beat",)
+
+    def values(self, run: Run, axis: int) -> Array:
+        return (run.t_s - run.t_s[0]) % PERIOD_S
+
+    def shapes(self, axis: int) -> list[Shape]:
+        return self.steps(axis, np.arange(1.0, PERIOD_S))
+
+
+def with_beat(seconds: float) -> Session:
+    """Six scenarios with 30 mdps for three of every seven seconds, on x."""
+    plain = simulate(None, "paper", [], 5, scenarios=6, seconds=seconds)[0]
+
+    def disturbed(run: Run) -> pl.DataFrame:
+        on = (run.t_s - run.t_s[0]) % PERIOD_S < 3
+        return run.table.with_columns(gx_dps=run.gyro_dps[:, 0] + 0.03 * on)
+
+    return plain.with_runs(dataclasses.replace(run, frame=disturbed(run)) for run in plain.runs)
+
+
+def test_a_new_variable_is_probed_kept_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    session = with_beat(42)
+    monkeypatch.setitem(variables(), Beat.name, Beat)
+    found = compare(session)
+    first = found.where[0]
+    assert (first.axis, first.against) == ("x", Beat.name)
+    assert residual_against(found, first) is not None
+    assert Panel(Beat) in panels()
+    assert FormulaEffect("k*(beat - 3)").variables == ["beat"]
+    proposal, before, after, _ = keep(session)
+    assert proposal.against == Beat.name
+    assert "beat" in proposal.formula
+    kept = after.per_axis["x"].excess_dps
+    assert kept is not None
+    assert kept < 0.5 * (before.per_axis["x"].excess_dps or 0.0)
+
+
+def test_a_rate_that_shows_on_another_axis_is_drawn_against_that_rate(session: Session) -> None:
+    one_axis = variables()["rate"](session.runs)
+    turning = next(r for r in session.runs if r.rate_dps.any())
+    assert np.array_equal(one_axis.values(turning, AXES.index("x")), turning.rate_dps)
+    about_x = dataclasses.replace(turning, axis="x")
+    two_axes = variables()["rate"]([*session.runs, about_x])
+    assert not two_axes.values(turning, AXES.index("x")).any()
+    assert np.array_equal(two_axes.values(about_x, AXES.index("x")), turning.rate_dps)
