@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.calibration.estimator import Answer, calibration_of, estimate
+from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run, Session
@@ -167,8 +168,8 @@ def _pooled(session: Session, span: float | None, model: Model | str | Path | No
     seconds = span if span is not None else max(r.duration_s for r in runs)
     out = []
     for axis, fitted in fit(session.with_runs(runs), Model.open(model), axes=axes).axes.items():
-        scale, bias = (next(t for t in fitted.terms if t.effect_id == name) for name in ("scale", "bias"))
-        if "scale" in scale.values and "bias_dps" in bias.values:
+        scale, bias = (next(t for t in fitted.terms if t.effect.role is role) for role in (Role.SCALE, Role.BIAS))
+        if scale.values and "bias_dps" in bias.values:
             out.append(
                 Estimate(
                     "all",

@@ -91,9 +91,9 @@ class Comparison:
             "held_out": self.held_out,
             "note": self.note,
             "parameters": [
-                {"effect": t.effect_id, "axis": t.axis, "name": name, "value": value, "se": t.se.get(name)}
-                for t in self.fit.model.terms
-                for name, value in t.values.items()
+                {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
+                for line in self.fit.model.lines()
+                for name, value in line.values.items()
             ],
         }
 
@@ -240,8 +240,9 @@ def _beyond_noise(session: Session, fitted: Fit, axis: str, lines: Spectrum, sha
         note = f"{bump[2] * 1e3:.3g} mdps that wander between {bump[0]:.3g} and {bump[1]:.3g} Hz"
         found.append(Finding(axis, "frequency", bump[3], bump[4], bump[2], note))
     found.append(too_much_power(fitted.axes[axis], axis, share))
-    found.append(reading_fault(session, axis, share, fitted.model.value("quantization", axis, "lsb_dps")))
-    if not fitted.model.value("bias_jumps", axis, "outliers"):
+    known = fitted.model.faults(axis)
+    found.append(reading_fault(session, axis, share, max((f.step_dps(values) for f, values in known), default=0.0)))
+    if not any(f.throws_out(values) for f, values in known):
         found.append(single_readings(session, axis))
     return [finding for finding in found if finding is not None]
 
@@ -249,7 +250,7 @@ def _beyond_noise(session: Session, fitted: Fit, axis: str, lines: Spectrum, sha
 def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: float = 0.0) -> Finding | None:
     """Bits of the raw code that noise should toggle and that do not: a byte put together wrongly, a stuck bit.
 
-    ``known_step_dps``: the model's own step (quantization), below which nothing is looked for.
+    ``known_step_dps``: the step that the model knows of, below which nothing is looked for.
     """
     from scipy.stats import norm
 

@@ -19,11 +19,12 @@ import numpy as np
 from gyrocal.diagnosis.compare import Comparison, compare
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
+from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.effects.wave import Wave
 from gyrocal.error_model.formula import effect_or_formula
-from gyrocal.error_model.model import BASE, RANDOM, Model, Term
+from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
-from gyrocal.inference.design import Design
 from gyrocal.inference.fit import (
     AxisFit,
     carry_spreads,
@@ -169,7 +170,7 @@ def _candidates_on(
     before = _mean_squares(comparison, axis, current, folds)[0] if folds else None
     out = []
     for kind in [*base.effects().values(), *own]:
-        if kind.id in present or kind.id in BASE or kind.id in RANDOM:
+        if kind.id in present or kind.role is not None:
             continue
         if progress is not None:
             progress(f"trying {kind.id} on {axis}")
@@ -188,17 +189,17 @@ def _judge(
 
     ``before``: mean square of the model's own held-out residuals, dps^2, where it is known already.
     """
-    found = kind.detect([b.run for b in current.design.blocks], current.design.axis)
+    found = None if kind.fault is None else kind.fault.detect([b.run for b in current.design.blocks], current.design.axis)
     if found is not None:
         return _judge_reading(comparison, current, axis, kind, found)
-    if kind.reading_fault:
+    if isinstance(kind, ReadingFault):
         return Candidate(kind, axis, "reject")
     if kind.fast:
         peak = comparison.spectra[axis].peak()
         if peak is None or peak[2] > FDR:
             return Candidate(kind, axis, "reject")
         cell_s = current.design.cell_s or BLOCK_S
-        design = Design(by_sample(comparison.fit.blocks), AXES.index(axis), current.design.terms, cell_s)
+        design = current.design.over(by_sample(comparison.fit.blocks), cell_s=cell_s)
         current, before = fit_noise(design, start=current), None
     tried = choose_variant(current, Term.of(kind, axis))
     if not _measurable(current, tried):
@@ -214,13 +215,14 @@ def _judge(
     gains = held_out_gain(current, fitted, folds)
     signal = _signal(fitted)
     explained, enough = _explained(comparison, axis, current, fitted, folds, signal, before)
+    partial = (isinstance(kind, Wave) and kind.same_size and _uneven(fitted)) or (kind.common_mean and _without_mean(term))
     total = float(np.sum(gains)) if gains.size else None
     se = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
     return Candidate(
         kind, axis, "reject", term.values, term.se, gain=total, gain_se=se, chance=chance,
         parameters=count + spreads + nonlinear, next_measurement=kind.measure_next,
         signal=signal, unit_gains=gains, explained=explained,
-        enough=enough and not (kind.same_size and _uneven(fitted)) and not (kind.common_mean and _without_mean(term)),
+        enough=enough and not partial,
     )  # fmt: skip
 
 
@@ -243,12 +245,12 @@ def _without_mean(term: Term) -> bool:
 
 
 def _judge_reading(
-    comparison: Comparison, current: AxisFit, axis: str, kind: Effect, found: tuple[Values, Values, float]
+    comparison: Comparison, current: AxisFit, axis: str, kind: Effect, found: Detected
 ) -> Candidate:
     """A fault of the reading: found in the readings' own values, judged by how much better held-out readings are met."""
-    values, se, chance = found
+    values, se, chance = found.values, found.se, found.chance
     term = Term(kind.id, axis, values, se)
-    design = Design(comparison.fit.blocks, current.design.axis, [*current.design.terms, term], current.design.cell_s)
+    design = current.design.over(comparison.fit.blocks, [*current.design.terms, term])
     fitted = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
     folds = heldout.folds(comparison.fit)
     white = comparison.white_power[axis]
@@ -421,7 +423,7 @@ def _decide(candidates: list[Candidate], comparison: Comparison) -> list[Candida
 
 def _meets(c: Candidate, comparison: Comparison) -> bool:
     """Does the candidate go at what is most wrong with the axis? One that picks crumbs beside it is not what is missing."""
-    if c.effect.at_reading(c.values) or (c.explained or 0.0) > MOST_EXPLAINED:
+    if c.effect.fault_of(c.values) or (c.explained or 0.0) > MOST_EXPLAINED:
         return True
     found = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != "reading"]
     return (c.gain or 0.0) >= LEAST_OF_FINDING * max(found, default=0.0)
@@ -430,20 +432,20 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
 def _proven(c: Candidate, tested: int) -> bool:
     """Beyond chance among so many, and better on what the fit never saw."""
     held = c.gain is not None and c.gain_se is not None and c.gain > 2 * c.gain_se
-    if c.effect.at_reading(c.values):
+    if c.effect.fault_of(c.values):
         held = held or (c.gain is not None and c.gain >= -1.0)
     return held and c.chance * tested < FAMILY_ALARM
 
 
 def in_range(candidate: Candidate) -> bool:
     """Every linear parameter at most ten times its typical size; a fault of the reading has no size of its own."""
-    if candidate.effect.at_reading(candidate.values):
+    if candidate.effect.fault_of(candidate.values):
         return True
     for parameter in candidate.effect.parameters:
         value = candidate.values.get(parameter.name)
         if (
             value is not None
-            and parameter.unit not in ("deg", "s", "Hz")
+            and parameter.sized
             and abs(value) > RANGE_FACTOR * parameter.typical[1]
         ):
             return False
