@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
@@ -36,6 +37,7 @@ from gyrocal.inference.fit import (
     with_noise,
 )
 from gyrocal.inference.reml import Spreads
+from gyrocal.noise.axis import COMPONENTS
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import each, one_thread
 
@@ -516,11 +518,16 @@ def add(
 ) -> tuple[Comparison, Comparison, Model]:  # fmt: skip
     """Add an effect on every axis where it can be measured and improves the fit; both comparisons held out, one floor.
 
+    A noise that is named instead is added on every axis of the model.
     Returns (before, after, the model with parameters fitted on all data).
     """
-    kind = effect_or_formula(effect_id)
     start = Model.open(model)
     before = compare(session, start, only_day=only_day, progress=progress)
+    if effect_id in COMPONENTS:
+        noisier = reduce(lambda grown, axis: grown.add(effect_id, axis), start.axes, start)
+        after = compare(session, noisier, only_day=only_day, progress=progress)
+        return compare_again(before, after), after, after.fit.model
+    kind = effect_or_formula(effect_id)
     axes = [
         a
         for a in before.fit.axes
