@@ -13,8 +13,8 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up. A folder (or a single module beside the folders) may import itself and what stands before it.
 LAYERS = [
-    "__init__", "errors", "parameter", "threads",
-    "recording", "noise", "effects", "error_model", "simulation", "inference", "diagnosis", "calibration",
+    "__init__", "errors", "parameter", "threads", "warning", "files",
+    "recording", "noise", "effects", "error_model", "simulation", "inference", "plausibility", "diagnosis", "calibration",
     "core", "device", "present",
     "api", "demo", "benchmark", "web", "commands", "cli", "__main__",
 ]  # fmt: skip

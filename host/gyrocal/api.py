@@ -19,10 +19,13 @@ from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.inference.fit import Fit, fit
+from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate
+from gyrocal.warning import Warning
 
 __all__ = [
     "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Fit", "FormulaEffect", "GyrocalError", "InputError",
-    "Model", "Run", "Session", "Term", "add", "calibrate", "compare", "diagnose", "fit", "residual_table", "simulate",
+    "Model", "Run", "Session", "Term", "Warning", "add", "calibrate", "check", "compare", "diagnose", "fit", "residual_table",
+    "simulate",
 ]  # fmt: skip

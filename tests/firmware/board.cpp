@@ -8,6 +8,7 @@
  *     chip I                        sensor I is there: 0, 1 at 0x6B, 0x6A of the first bus, 2, 3 of the second
  *     world I T GX GY GZ AX AY AZ   what sensor I measures, raw counts at 250 dps and 2 g
  *     hold I                        sensor I stops in the middle of a byte and holds its bus's SDA low
+ *     fail WHAT                     from now on the board has no: task (stack for a sensor's), flash (partition), wire (pins)
  *
  * One task runs at a time, the one with the highest priority that can. Time passes while all of them wait, and in transfers,
  * flash writes and looks at the clock. */
@@ -33,6 +34,7 @@ extern "C" {
 #include <list>
 #include <map>
 #include <mutex>
+#include <set>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -65,6 +67,7 @@ struct esp_timer {
 };
 
 static uint64_t now_us, end_us, watchdog_us = NEVER;
+static std::set<std::string> fails;
 static std::mutex baton;
 static std::list<task> tasks;
 static std::list<esp_timer> timers;
@@ -140,7 +143,10 @@ static uint64_t after(TickType_t ms) {
 }
 
 extern "C" {
-BaseType_t xTaskCreate(void (*code)(void *), const char *, uint32_t, void *argument, UBaseType_t priority, TaskHandle_t *handle) {
+BaseType_t xTaskCreate(void (*code)(void *), const char *name, uint32_t, void *argument, UBaseType_t priority, TaskHandle_t *handle) {
+    if (fails.count("task") > 0 && strcmp(name, "sensor") == 0) {
+        return -1;
+    }
     tasks.emplace_back();
     task *t = &tasks.back();
     t->priority = priority;
@@ -282,6 +288,10 @@ RingbufHandle_t xRingbufferCreate(size_t bytes, RingbufferType_t) {
     return new ring_buffer{bytes, {}};
 }
 
+size_t xRingbufferGetCurFreeSize(RingbufHandle_t r) {
+    return r->room < 8 ? 0 : r->room - 8;
+}
+
 BaseType_t xRingbufferSend(RingbufHandle_t r, const void *item, size_t n, TickType_t) {
     const size_t takes = (n + 3) / 4 * 4 + 8; /* aligned, and a header */
     if (takes > r->room) {
@@ -312,7 +322,7 @@ void vRingbufferReturnItem(RingbufHandle_t r, void *) {
 static emul_lsm6dso_t chip[CHIPS];
 static bool present[CHIPS], holds[CHIPS];
 static int16_t world[CHIPS][EMUL_WORDS];
-static int clocks; /* of a bus that nobody drives but the pins */
+static int clocks[2]; /* of a bus that nobody drives but the pins */
 static struct {
     void (*handler)(void *);
     void *argument;
@@ -380,11 +390,11 @@ static struct {
 } transfer[2];
 
 bool TwoWire::begin(int, int, uint32_t frequency) {
-    return frequency == 400000;
+    clocks[bus_of(this)] = 0;
+    return frequency == 400000 && fails.count("wire") == 0;
 }
 
 bool TwoWire::end() {
-    clocks = 0;
     return true;
 }
 
@@ -463,10 +473,10 @@ void digitalWrite(uint8_t pin, uint8_t value) {
     }
 #endif
     if (pin == GYROCAL_SCL || pin == GYROCAL_SCL2) {
-        clocks += value == HIGH ? 1 : 0;
-        if (clocks == 9) {
-            const int first = pin == GYROCAL_SCL ? 0 : 2;
-            holds[first] = holds[first + 1] = false;
+        const int bus = pin == GYROCAL_SCL ? 0 : 1;
+        clocks[bus] += value == HIGH ? 1 : 0;
+        if (clocks[bus] == 9) {
+            holds[2 * bus] = holds[2 * bus + 1] = false;
         }
     }
 }
@@ -504,8 +514,25 @@ static void read_flash() {
     }
 }
 
-bool Preferences::begin(const char *name, bool, const char *partition) {
-    opened[this] = std::string(partition) + "/" + name + "/";
+bool Preferences::begin(const char *name, bool read_only, const char *partition) {
+    const std::string path = std::string(partition) + "/" + name + "/";
+    const auto first = flash.lower_bound(path);
+    if (fails.count("flash") > 0 || (read_only && (first == flash.end() || first->first.compare(0, path.size(), path) != 0))) {
+        return false;
+    }
+    opened[this] = path;
+    return true;
+}
+
+void Preferences::end() {
+    opened.erase(this);
+}
+
+bool Preferences::clear() {
+    const std::string path = opened[this];
+    for (auto kept = flash.lower_bound(path); kept != flash.end() && kept->first.compare(0, path.size(), path) == 0;) {
+        kept = flash.erase(kept);
+    }
     return true;
 }
 
@@ -515,6 +542,9 @@ bool Preferences::isKey(const char *key) {
 
 /* While flash is written nothing else runs. */
 size_t Preferences::putBytes(const char *key, const void *value, size_t n) {
+    if (opened.count(this) == 0) {
+        return 0;
+    }
     now_us += FLASH_WRITE_US;
     if (strlen(key) > 15) {
         return 0;
@@ -540,12 +570,49 @@ size_t Preferences::getBytes(const char *key, void *buffer, size_t n) {
 /* ---- serial port ---- */
 
 HardwareSerial Serial;
+EspClass ESP;
 static std::deque<char> typed;
 
+/* The driver's buffer, which the wire empties. All of the port's functions share one lock, as Arduino's do. */
+static semaphore serial_lock;
+static bool serial_begun;
+static size_t tx_room_bytes = 128;
+static double tx_busy_until_us;
+
+/* What was written comes out line by line: the light's own lines stand between them. */
+static std::string unfinished;
+
+static void show(const uint8_t *data, size_t n) {
+    unfinished.append(reinterpret_cast<const char *>(data), n);
+    const size_t whole = unfinished.rfind('\n') + 1;
+    fwrite(unfinished.data(), 1, whole, stdout);
+    unfinished.erase(0, whole);
+}
+
+static size_t tx_waiting() {
+    const double us = tx_busy_until_us - static_cast<double>(now_us);
+    return us > 0.0 ? static_cast<size_t>(us / SERIAL_BYTE_US) + 1u : 0u;
+}
+
+struct serial_guard {
+    serial_guard() { xSemaphoreTake(&serial_lock, portMAX_DELAY); }
+    ~serial_guard() { xSemaphoreGive(&serial_lock); }
+};
+
+void EspClass::restart() {
+    printf("# restart\n");
+    fflush(stdout);
+    _Exit(0);
+}
+
 void HardwareSerial::begin(unsigned long baud) {
+    serial_begun = true;
     if (baud != 921600) {
         _Exit(2);
     }
+}
+
+void HardwareSerial::flush() {
 }
 
 size_t HardwareSerial::setRxBufferSize(size_t n) {
@@ -553,20 +620,34 @@ size_t HardwareSerial::setRxBufferSize(size_t n) {
 }
 
 size_t HardwareSerial::setTxBufferSize(size_t n) {
+    tx_room_bytes = serial_begun ? tx_room_bytes : n; /* afterwards it is refused */
     return n;
 }
 
 int HardwareSerial::available() {
+    serial_guard guard;
     return static_cast<int>(typed.size());
 }
 
+int HardwareSerial::availableForWrite() {
+    serial_guard guard;
+    return static_cast<int>(tx_room_bytes - (tx_waiting() < tx_room_bytes ? tx_waiting() : tx_room_bytes));
+}
+
+/* What finds no room waits for the wire, the lock held. */
 size_t HardwareSerial::write(const uint8_t *data, size_t n) {
-    fwrite(data, 1, n, stdout);
-    pass(SERIAL_BYTE_US * static_cast<double>(n));
+    serial_guard guard;
+    show(data, n);
+    const double from_us = tx_busy_until_us > static_cast<double>(now_us) ? tx_busy_until_us : static_cast<double>(now_us);
+    tx_busy_until_us = from_us + SERIAL_BYTE_US * static_cast<double>(n);
+    if (tx_waiting() > tx_room_bytes) {
+        pass(SERIAL_BYTE_US * static_cast<double>(tx_waiting() - tx_room_bytes));
+    }
     return n;
 }
 
 size_t Stream::readBytes(char *buffer, size_t n) {
+    serial_guard guard;
     size_t got = 0;
     for (; got < n && !typed.empty(); got++) {
         buffer[got] = typed.front();
@@ -594,6 +675,9 @@ static void obey_script() {
             std::getline(line >> std::ws, text);
             text += '\n';
             typed.insert(typed.end(), text.begin(), text.end());
+        } else if (word == "fail") {
+            line >> word;
+            fails.insert(word);
         } else if (line >> i && i < CHIPS) {
             if (word == "chip") {
                 present[i] = true;

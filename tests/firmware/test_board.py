@@ -101,12 +101,79 @@ def test_four_sensors_on_two_buses_calibrate_each_for_itself(play: Play, tmp_pat
         assert np.mean(rates) == pytest.approx(78.0, abs=0.05)
 
 
-def test_sensors_get_their_numbers_in_the_order_of_buses_and_addresses(play: Play) -> None:
+def test_a_sensor_keeps_its_number_by_bus_and_address(play: Play) -> None:
     text = play(["0 chip 1", "0 chip 2", *turn(0, UP), "1 > stream raw"], 2)
-    assert {s.imu for s in sentences(text)} == {0, 1}
-    for imu, counts in ((0, UP[1]), (1, UP[2])):
+    assert {s.imu for s in sentences(text)} == {1, 2}
+    for imu in (1, 2):
         table = raw_table(sentences(text, "RAW", imu))
-        assert table.counts[:, 2].mean() == pytest.approx(counts, abs=2)
+        assert table.counts[:, 2].mean() == pytest.approx(UP[imu], abs=2)
+
+
+def test_with_a_sensor_missing_the_others_keep_what_is_theirs(play: Play, tmp_path: Path) -> None:
+    flash = tmp_path / "flash"
+    said = play(pair(2), 16, flash)
+    alone = play([CHIPS[1], *turn(0, UP), "1 > dump", "4 > stream corrected"], 5, flash)
+    assert {s.imu for s in sentences(alone)} == {1}
+    assert [s.text for s in sentences(alone, "OLD")] == [s.text for s in sentences(said, "CAL", 1)]
+    rates = [float(s.text.split(",")[3]) for s in sentences(alone, "GYR", 1)]
+    assert np.mean(rates) == pytest.approx(78.0, abs=0.05)
+
+
+def test_the_interrupt_line_belongs_to_its_sensor(play: Play) -> None:
+    """The pin is wired to the first sensor; the second, alone, is asked as if there were no pin."""
+    text = play(["0 chip 1", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw"], 4, wired=True)
+    steps = np.diff(raw_table(sentences(text, "RAW", 1)).t_us)
+    assert len(steps) > 190
+    assert np.abs(steps - 1e6 / 104).max() < 300
+    assert not sentences(text, "ERR")
+
+
+def test_records_of_the_order_of_answering_are_used_for_nobody(play: Play, tmp_path: Path) -> None:
+    flash = tmp_path / "flash"
+    play(pair(2), 16, flash)
+    content = flash.read_bytes()
+    assert content.count(b"gyrocal/bus0_6B/") > 2
+    older = content.replace(b"gyrocal/bus0_6B/", b"gyrocal/imu0/").replace(b"gyrocal/bus0_6A/", b"gyrocal/imu1/")
+    flash.write_bytes(older)
+    text = play([*CHIPS[:2], *turn(0, UP), "1 > dump", "2 > set table_dps 30"], 3, flash)
+    assert values(text, "ACK", "cmd").count("dump") == 2
+    assert not sentences(text, "OLD")
+    assert b"/imu" not in flash.read_bytes()
+
+
+def test_a_bus_that_is_held_at_power_on_is_clocked_free_before_the_scan(play: Play) -> None:
+    """A board that restarts in the middle of a reading leaves a part that holds SDA."""
+    text = play([*CHIPS, "0 hold 0", "0 hold 3", *turn(0, UP), "1 > status"], 2)
+    assert {s.imu for s in sentences(text, "STA")} == {0, 1, 2, 3}
+    assert not sentences(text, "ERR")
+
+
+def test_commands_are_heard_while_samples_flood_the_wire(play: Play) -> None:
+    """Four sensors at 833 Hz say twice what the wire carries."""
+    script = [*CHIPS, *turn(0, UP), "0.5 > set rate_hz 416", "1 > stream raw", "3 > status", "4 > stream off", "5 > status"]
+    text = play([*script, "0.6 > set fifo 16", "0.8 > set rate_hz 833"], 6)
+    for imu in range(4):
+        commands = [s.fields["cmd"] for s in sentences(text, "ACK", imu)]
+        assert commands == ["set", "set", "set", "stream", "status", "stream", "status"]
+        before, after = (int(s.fields["lost"]) for s in sentences(text, "STA", imu))
+        said = sentences(text, imu=imu)
+        assert after > before > 0
+        assert said[-1].seq + 1 - len(said) == after  # whole sentences were dropped, and counted
+        assert max(s.t_us for s in sentences(text, "RAW", imu)) < 4.3e6
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        ("task", "no memory for its task"),
+        ("flash", "its flash cannot be opened"),
+        ("wire", "bus 0 cannot be started"),
+    ],
+)
+def test_what_the_board_refuses_is_told(play: Play, what: str, says: str) -> None:
+    text = play([f"0 fail {what}", *CHIPS[:1], *turn(0, UP), "1 > status"], 2)
+    assert says in text
+    assert bool(sentences(text, "STA")) == (what != "task")
 
 
 def test_a_board_without_a_sensor_says_so_and_finds_it_later(play: Play) -> None:
@@ -129,12 +196,12 @@ def test_the_interrupt_line_times_samples_and_batches(play: Play) -> None:
     script = ["0 chip 0", *turn(0, UP), "1 > set rate_hz 104", "2 > stream raw", "4 > status"]
     text = play(script, 5, wired=True)
     t_us = raw_table(sentences(text)).t_us
-    assert np.abs(np.diff(t_us) - 1e6 / 104).max() < 60  # found by asking, it would be 100 and more
+    assert np.abs(np.diff(t_us) - 64e6 / 6667).max() < 60  # found by asking, it would be 100 and more
     assert (values(text, "STA", "stale"), values(text, "STA", "missed")) == (["0"], ["0"])
 
     text = play([*script, "1.5 > set fifo 16"], 5, wired=True)
     t_us = raw_table(sentences(text)).t_us
-    np.testing.assert_allclose(np.diff(t_us), 1e6 / 104, atol=2.0)
+    np.testing.assert_allclose(np.diff(t_us), 64e6 / 6667, atol=2.0)
     assert len(t_us) == pytest.approx(3 * 104, abs=20)
     assert values(text, "STA", "missed") == ["0"]
     assert not sentences(text, "ERR")

@@ -5,6 +5,7 @@ They lie in `shared/realdata` beside the repository (`GYROCAL_REALDATA` names an
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from gyrocal.diagnosis.diagnose import add, diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
+from gyrocal.plausibility import check
 from gyrocal.recording.session import AXES, Session
 
 REALDATA = Path(os.environ.get("GYROCAL_REALDATA") or Path(__file__).parents[3] / "shared" / "realdata")
@@ -101,6 +103,34 @@ def test_thermal_chamber_is_read_by_its_tabs(chamber: Session) -> None:
     assert run.duration_s / 60 == pytest.approx(70.7, abs=0.1)
     assert run.temp_c is not None
     assert (run.temp_c[0], run.temp_c.min(), run.temp_c.max()) == pytest.approx((51.6, -17.6, 74.0), abs=0.05)
+
+
+def test_thermal_chamber_begins_with_a_reading_that_is_off(chamber: Session) -> None:
+    """x reads -2.70 dps first and -4.05 from then on."""
+    assert [(w.code, w.axis) for w in check(chamber)] == [("first_sample", "x")]
+
+
+def test_thermal_chamber_in_rad_is_unsure(tmp_path: Path) -> None:
+    source = recording("thermal_chamber_imu", "imu_raw_data.tsv")
+    columns = maps("t_s=timestamp:us", *(f"g{a}_dps=imu.gyro.{a}" for a in AXES))
+    assert main(["import", str(source), str(tmp_path / "s"), *columns, "--rate", "0"]) == 0
+    assert "unit_unsure" in {w.code for w in check(Session.open(tmp_path / "s"))}
+
+
+def test_nilspod_contradicts_nothing(nilspod: Session) -> None:
+    assert check(nilspod) == []
+    turned = [replace(r, turn_deg=-r.turn_deg) if r.turn_deg else r for r in nilspod.runs]
+    told = check(nilspod.with_runs(turned))
+    assert [(w.code, w.axis) for w in told] == [("sign_flipped", a) for a in AXES]
+
+
+@pytest.mark.parametrize("file", ["example_data_tinit_calc.csv", "imu_static_test.csv"])
+def test_mpu6050_at_rest_contradicts_nothing(tmp_path: Path, file: str) -> None:
+    source = recording("mpu6050_multipose_tedaldi", file)
+    columns = maps(*(f"g{a}_dps=g{a}/131" for a in AXES), *(f"a{a}_g=a{a}/16384" for a in AXES))
+    out = tmp_path / "session"
+    assert main(["import", str(source), str(out), *columns, "--rate-hz", "100", "--rate", "0"]) == 0
+    assert check(Session.open(out)) == []
 
 
 def test_thermal_chamber_is_diagnosed(chamber: Session) -> None:

@@ -30,7 +30,8 @@ enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
 #define RESET_US 50u
 #define SETTLE_US 70000u
 
-static const double odr_hz[] = {0, 12.5, 26, 52, 104, 208, 416, 833, 1666, 3332, 6664, 0, 0, 0, 0, 0};
+/* AN5192: 6667 Hz halved again and again. */
+static const double odr_hz[] = {0, 6667.0 / 512, 6667.0 / 256, 6667.0 / 128, 6667.0 / 64, 6667.0 / 32, 6667.0 / 16, 6667.0 / 8, 6667.0 / 4, 6667.0 / 2, 6667.0, 0, 0, 0, 0, 0};
 
 static void defaults(emul_lsm6dso_t *chip) {
     memset(chip->reg, 0, sizeof chip->reg);
@@ -130,7 +131,7 @@ static bool due(double *batched, double rate_hz, double slot_hz) {
 }
 
 static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
-    static const double temp_hz[] = {0, 1.6, 12.5, 52};
+    static const double temp_hz[] = {0, 6667.0 / 4096, 6667.0 / 512, 6667.0 / 128};
     const double gyro_hz = odr_hz[chip->reg[FIFO_CTRL3] >> 4];
     const double acc_hz = odr_hz[chip->reg[FIFO_CTRL3] & 15];
     const double slot_hz = odr_hz[chip->reg[CTRL2_G] >> 4] > 0 ? odr_hz[chip->reg[CTRL2_G] >> 4] : odr_hz[chip->reg[CTRL1_XL] >> 4];

@@ -276,10 +276,17 @@ static void stand_still(sim_t *sim, const rows_run_t *run) {
     emul_lsm6dso_feed(&sim->chip, sim->now_us, row.world);
 }
 
+/* A part whose own clock makes its nominal output data rate the rows' true one. */
+static double clock_of(double rate_hz) {
+    const double root_hz = GC_LSM6DSO_ROOT_HZ;
+    return gc_lsm6dso_odr_for(rate_hz) == rate_hz ? rate_hz * exp2(rint(log2(root_hz / rate_hz))) / root_hz : 1.0;
+}
+
 static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run, bool stream) {
     sim->now_us = 0;
     sim->fault_us = sim->fault_us == 0 ? 0 : UINT64_MAX; /* a passing fault passes once */
     pace_from_here(sim);
+    sim->chip.clock = clock_of((double)sim->rows.sample_rate_hz);
     emul_lsm6dso_power_on(&sim->chip, 0, (double)sim->rows.full_scale_dps);
     if (sim->fault >= 0 && faults[sim->fault].lasts_us == 0) {
         const char *name = faults[sim->fault].name;

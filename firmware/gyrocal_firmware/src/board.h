@@ -8,11 +8,19 @@
 
 /* Options:
  *   GYROCAL_SDA2, GYROCAL_SCL2   a second bus, for sensors three and four (not on the ESP32-C3, which has one)
- *   GYROCAL_INT1                 pin that the first sensor's INT1 is wired to
+ *   GYROCAL_INT1                 pin that a sensor's INT1 is wired to, and
+ *   GYROCAL_INT1_SENSOR          that sensor's number (0 unless said)
  *   GYROCAL_LED                  a plain LED, or
  *   GYROCAL_RGB_LED              an addressable one (WS2812)
  */
 #define BAUD 921600
+
+/* A sensor's number is its place: two a bus, the one at 0x6B first. */
+#define SENSORS_A_BUS 2
 #define MAX_SENSORS 4
+
+#if defined(GYROCAL_INT1) && !defined(GYROCAL_INT1_SENSOR)
+#define GYROCAL_INT1_SENSOR 0
+#endif
 
 #endif

@@ -1,10 +1,33 @@
 #include "flash_store.h"
 
-#define PARTITION "gyrocal"
+#include "board.h"
+#include "output.h"
 
-void FlashStore::begin(unsigned imu) {
-    const char name[] = {'i', 'm', 'u', static_cast<char>('0' + imu), '\0'};
-    preferences_.begin(name, false, PARTITION);
+#include <stdio.h>
+
+#define PARTITION "gyrocal"
+#define NAME_BYTES 16
+
+void FlashStore::begin(unsigned bus, uint8_t address) {
+    char name[NAME_BYTES];
+    snprintf(name, sizeof name, "bus%u_%02X", bus, static_cast<unsigned>(address));
+    if (!preferences_.begin(name, false, PARTITION)) {
+        output_say("%s: its flash cannot be opened, results hold until power-off: flash the board with partitions.csv", name);
+    }
+}
+
+/* Earlier versions kept records by the order in which sensors answered: whose they are is not known. */
+void FlashStore::forget_older() {
+    for (unsigned imu = 0; imu < MAX_SENSORS; imu++) {
+        const char name[] = {'i', 'm', 'u', static_cast<char>('0' + imu), '\0'};
+        Preferences older;
+        if (older.begin(name, true, PARTITION)) { /* reading alone: what is not there is not made */
+            older.end();
+            older.begin(name, false, PARTITION);
+            older.clear();
+        }
+        older.end();
+    }
 }
 
 int FlashStore::store(const char *key, const void *data, size_t n) {

@@ -6,7 +6,8 @@
 
 class FlashStore {
 public:
-    void begin(unsigned imu);
+    static void forget_older();
+    void begin(unsigned bus, uint8_t address);
     int store(const char *key, const void *data, size_t n);
     int load(const char *key, void *data, size_t n);
 

@@ -1,5 +1,7 @@
 #include "i2c_bus.h"
 
+#include "output.h"
+
 #include <Arduino.h>
 
 #define CLOCK_HZ 400000u
@@ -18,12 +20,21 @@ private:
 };
 } // namespace
 
-I2cBus::I2cBus(TwoWire &wire, int sda, int scl)
-    : wire_(wire), sda_(sda), scl_(scl), mutex_(xSemaphoreCreateMutex()), recovered_ms_(0) {
+I2cBus::I2cBus(unsigned number, TwoWire &wire, int sda, int scl)
+    : number_(number), wire_(wire), sda_(sda), scl_(scl), mutex_(xSemaphoreCreateMutex()), recovered_ms_(0) {
+    configASSERT(mutex_ != nullptr);
 }
 
+/* The board may have restarted in the middle of a transfer. */
 void I2cBus::begin() {
-    wire_.begin(sda_, scl_, CLOCK_HZ);
+    clock_free();
+    start();
+}
+
+void I2cBus::start() {
+    if (!wire_.begin(sda_, scl_, CLOCK_HZ)) {
+        output_say("bus %u cannot be started at SDA %d, SCL %d: check GYROCAL_SDA and GYROCAL_SCL", number_, sda_, scl_);
+    }
     wire_.setTimeOut(TIMEOUT_MS);
 }
 
@@ -61,13 +72,18 @@ int I2cBus::read(uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     return static_cast<int>(got);
 }
 
-/* A part that was interrupted in the middle of a byte holds SDA low until it has clocked the rest of it out. */
 void I2cBus::recover() {
     if (millis() - recovered_ms_ < RECOVER_EVERY_MS) {
         return;
     }
     recovered_ms_ = millis();
     wire_.end();
+    clock_free();
+    start();
+}
+
+/* A part that was interrupted in the middle of a byte holds SDA low until it has clocked the rest of it out. */
+void I2cBus::clock_free() {
     pinMode(sda_, INPUT_PULLUP);
     pinMode(scl_, OUTPUT_OPEN_DRAIN | PULLUP);
     for (int i = 0; i < 9; i++) {
@@ -81,5 +97,4 @@ void I2cBus::recover() {
     delayMicroseconds(HALF_CLOCK_US);
     digitalWrite(sda_, HIGH);
     delayMicroseconds(HALF_CLOCK_US);
-    begin();
 }

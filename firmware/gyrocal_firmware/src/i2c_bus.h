@@ -8,16 +8,20 @@
 
 class I2cBus {
 public:
-    I2cBus(TwoWire &wire, int sda, int scl);
+    I2cBus(unsigned number, TwoWire &wire, int sda, int scl);
     void begin();
+    unsigned number() const { return number_; }
     bool answers(uint8_t address);
     /* As gc_port.h wants them; from any task. */
     int write(uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
     int read(uint8_t address, uint8_t reg, uint8_t *data, size_t n);
 
 private:
+    void start();
     void recover();
+    void clock_free();
 
+    unsigned number_;
     TwoWire &wire_;
     int sda_, scl_;
     SemaphoreHandle_t mutex_;

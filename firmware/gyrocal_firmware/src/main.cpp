@@ -12,45 +12,51 @@
 #define BOOT_MS 20 /* the sensors' own */
 #define IDLE_MS 4
 
-static Sensor *sensors[MAX_SENSORS];
-static unsigned count;
+static Sensor *sensors[MAX_SENSORS]; /* by their number; null where none answered */
+static const uint8_t addresses[SENSORS_A_BUS] = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW};
 
-static void add(I2cBus &bus, uint8_t address) {
+static void add(I2cBus &bus, unsigned which) {
+    const unsigned imu = SENSORS_A_BUS * bus.number() + which;
 #if defined(GYROCAL_INT1)
-    const int pin_int1 = count == 0 ? GYROCAL_INT1 : -1;
+    const int pin_int1 = imu == GYROCAL_INT1_SENSOR ? GYROCAL_INT1 : -1;
 #else
     const int pin_int1 = -1;
 #endif
-    sensors[count] = new Sensor(bus, address, count, pin_int1);
-    count++;
+    sensors[imu] = new Sensor(bus, addresses[which], imu, pin_int1);
+    status_led_add(imu);
 }
 
-static void add_those_that_answer(I2cBus &bus) {
-    static const uint8_t addresses[] = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW};
+static unsigned add_those_that_answer(I2cBus &bus) {
+    unsigned found = 0;
     bus.begin();
-    for (uint8_t address : addresses) {
-        if (bus.answers(address)) {
-            add(bus, address);
+    for (unsigned which = 0; which < SENSORS_A_BUS; which++) {
+        if (bus.answers(addresses[which])) {
+            add(bus, which);
+            found++;
         }
     }
+    return found;
 }
 
 void setup() {
     output_begin();
     delay(BOOT_MS);
-    static I2cBus first(Wire, GYROCAL_SDA, GYROCAL_SCL);
-    add_those_that_answer(first);
+    FlashStore::forget_older();
+    status_led_begin();
+    static I2cBus first(0, Wire, GYROCAL_SDA, GYROCAL_SCL);
+    unsigned found = add_those_that_answer(first);
 #if defined(GYROCAL_SDA2) && defined(GYROCAL_SCL2)
-    static I2cBus second(Wire1, GYROCAL_SDA2, GYROCAL_SCL2);
-    add_those_that_answer(second);
+    static I2cBus second(1, Wire1, GYROCAL_SDA2, GYROCAL_SCL2);
+    found += add_those_that_answer(second);
 #endif
-    if (count == 0) {
-        add(first, GC_LSM6DSO_ADDRESS); /* it says what is wrong, and finds the sensor once it is there */
+    if (found == 0) {
+        add(first, 0); /* it says what is wrong, and finds the sensor once it is there */
     }
-    status_led_begin(count);
     esp_task_wdt_init(WATCHDOG_S, true);
-    for (unsigned i = 0; i < count; i++) {
-        sensors[i]->start();
+    for (Sensor *sensor : sensors) {
+        if (sensor != nullptr) {
+            sensor->start();
+        }
     }
 }
 
@@ -60,8 +66,10 @@ void loop() {
     if (waiting > 0) {
         const size_t room = static_cast<size_t>(waiting) < sizeof data ? static_cast<size_t>(waiting) : sizeof data;
         const size_t n = Serial.readBytes(data, room);
-        for (unsigned i = 0; i < count; i++) {
-            sensors[i]->hear(data, n);
+        for (Sensor *sensor : sensors) {
+            if (sensor != nullptr) {
+                sensor->hear(data, n);
+            }
         }
     }
     status_led_show();

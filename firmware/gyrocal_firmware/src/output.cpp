@@ -6,21 +6,41 @@
 #include <freertos/FreeRTOS.h>
 #include <freertos/ringbuf.h>
 #include <freertos/task.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
 
 #define RING_BYTES 16384 /* 0.18 s of the wire */
-#define TX_BYTES 2048    /* without a buffer of its own the port's write waits for the wire */
+#define KEPT_FREE_BYTES 2048 /* of it for what is no sample: an answer to a command finds room while samples flood the wire */
+#define TX_BYTES 2048
 #define RX_BYTES 1024
 #define STACK_BYTES 3072
 #define PRIORITY 2
+#define SAY_BYTES 160
 
 static RingbufHandle_t ring;
+
+/* Only what there is room for: a write that waits for the wire would hold the port's lock, and no command would be heard. */
+static void write_all(const uint8_t *data, size_t n) {
+    while (n > 0) {
+        const int room = Serial.availableForWrite();
+        if (room <= 0) {
+            delay(1);
+            continue;
+        }
+        const size_t part = n < static_cast<size_t>(room) ? n : static_cast<size_t>(room);
+        const size_t done = Serial.write(data, part);
+        data += done;
+        n -= done;
+    }
+}
 
 static void run(void *) {
     for (;;) {
         size_t n = 0;
         void *item = xRingbufferReceive(ring, &n, portMAX_DELAY);
         if (item != nullptr) {
-            Serial.write(static_cast<const uint8_t *>(item), n);
+            write_all(static_cast<const uint8_t *>(item), n);
             vRingbufferReturnItem(ring, item);
         }
     }
@@ -31,10 +51,34 @@ void output_begin() {
     Serial.setRxBufferSize(RX_BYTES);
     Serial.begin(BAUD);
     ring = xRingbufferCreate(RING_BYTES, RINGBUF_TYPE_NOSPLIT);
-    configASSERT(ring != nullptr);
-    xTaskCreate(run, "output", STACK_BYTES, nullptr, PRIORITY, nullptr);
+    if (ring == nullptr || xTaskCreate(run, "output", STACK_BYTES, nullptr, PRIORITY, nullptr) != pdPASS) {
+        static const char why[] = "# no memory for the output: the board restarts\n";
+        Serial.write(reinterpret_cast<const uint8_t *>(why), sizeof why - 1u);
+        Serial.flush();
+        ESP.restart();
+    }
+}
+
+static bool is_sample(const char *data, size_t n) {
+    return n > 4u && (data[0] == '>' || memcmp(data, "$RAW", 4) == 0 || memcmp(data, "$GYR", 4) == 0);
 }
 
 int output_send(const char *data, size_t n) {
+    if (is_sample(data, n) && xRingbufferGetCurFreeSize(ring) < n + KEPT_FREE_BYTES) {
+        return 0;
+    }
     return xRingbufferSend(ring, data, n, 0) == pdTRUE ? static_cast<int>(n) : 0;
+}
+
+void output_say(const char *format, ...) {
+    char text[SAY_BYTES] = "# ";
+    va_list arguments;
+    va_start(arguments, format);
+    const int n = vsnprintf(text + 2, sizeof text - 3u, format, arguments);
+    va_end(arguments);
+    if (n > 0) {
+        const size_t length = strlen(text);
+        text[length] = '\n';
+        (void)output_send(text, length + 1u);
+    }
 }

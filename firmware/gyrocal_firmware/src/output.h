@@ -7,5 +7,7 @@
 void output_begin();
 /* n, or 0 where there is no room for all of it: then nothing of it is sent. */
 int output_send(const char *data, size_t n);
+/* A line for people, as printf. */
+void output_say(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
 #endif

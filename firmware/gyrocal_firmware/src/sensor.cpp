@@ -44,7 +44,7 @@ struct Port {
 };
 
 Sensor::Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1)
-    : bus_(bus), imu_(imu), pin_int1_(pin_int1), port_(), config_(), device_(), alarm_(nullptr), task_(nullptr),
+    : bus_(bus), address_(address), imu_(imu), pin_int1_(pin_int1), port_(), config_(), device_(), alarm_(nullptr), task_(nullptr),
       commands_(xStreamBufferCreate(COMMAND_BYTES, 1)) {
     port_.context = this;
     port_.bus_write = Port::bus_write;
@@ -69,12 +69,16 @@ void Sensor::start() {
     alarm.arg = this;
     alarm.name = "sample";
     ESP_ERROR_CHECK(esp_timer_create(&alarm, &alarm_));
-    flash_.begin(imu_);
-    xTaskCreate(run, "sensor", STACK_BYTES, this, PRIORITY, &task_);
+    flash_.begin(bus_.number(), address_);
+    if (commands_ == nullptr || xTaskCreate(run, "sensor", STACK_BYTES, this, PRIORITY, &task_) != pdPASS) {
+        output_say("sensor %u: no memory for its task: connect fewer sensors", imu_);
+    }
 }
 
 void Sensor::hear(const char *data, size_t n) {
-    xStreamBufferSend(commands_, data, n, 0);
+    if (task_ != nullptr) {
+        xStreamBufferSend(commands_, data, n, 0);
+    }
 }
 
 void IRAM_ATTR Sensor::on_data_ready(void *self) {

@@ -25,6 +25,7 @@ private:
     void wait(uint64_t t_us);
 
     I2cBus &bus_;
+    uint8_t address_;
     unsigned imu_;
     int pin_int1_;
     FlashStore flash_;

@@ -20,7 +20,7 @@ static const Look looks[] = {
 };
 
 static volatile gc_led_t state_of[MAX_SENSORS];
-static unsigned sensors;
+static bool there[MAX_SENSORS];
 
 static void light(const Look &look, bool on) {
 #if defined(GYROCAL_RGB_LED)
@@ -34,11 +34,14 @@ static void light(const Look &look, bool on) {
 #endif
 }
 
-void status_led_begin(unsigned count) {
-    sensors = count;
+void status_led_begin() {
 #if defined(GYROCAL_LED)
     pinMode(GYROCAL_LED, OUTPUT);
 #endif
+}
+
+void status_led_add(unsigned imu) {
+    there[imu] = true;
 }
 
 void status_led_set(unsigned imu, gc_led_t state) {
@@ -47,10 +50,10 @@ void status_led_set(unsigned imu, gc_led_t state) {
 
 /* The sensor that is furthest behind; when all are done, a misfit before none. */
 static gc_led_t shown() {
-    gc_led_t least = state_of[0], most = state_of[0];
-    for (unsigned i = 1; i < sensors; i++) {
-        least = state_of[i] < least ? state_of[i] : least;
-        most = state_of[i] > most ? state_of[i] : most;
+    gc_led_t least = GC_LED_MISFIT, most = GC_LED_IDLE;
+    for (unsigned i = 0; i < MAX_SENSORS; i++) {
+        least = there[i] && state_of[i] < least ? state_of[i] : least;
+        most = there[i] && state_of[i] > most ? state_of[i] : most;
     }
     return least < GC_LED_DONE ? least : most;
 }

@@ -4,7 +4,8 @@
 
 #include "gc_port.h"
 
-void status_led_begin(unsigned sensors);
+void status_led_begin();
+void status_led_add(unsigned imu);
 void status_led_set(unsigned imu, gc_led_t state);
 /* To be called every few milliseconds. */
 void status_led_show();

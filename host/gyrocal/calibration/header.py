@@ -10,6 +10,7 @@ from gyrocal import __version__
 from gyrocal.calibration.estimator import MAX_COLUMNS, Calibration, calibration_of
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
+from gyrocal.files import replace_text
 
 ARGUMENTS = 4
 
@@ -86,11 +87,9 @@ def write(model: Model, path: str | Path, axis: str = "z", rate_hz: float = 145.
     """Write ``calibration.h`` whole or not at all."""
     text = render(model, axis, rate_hz, table_dps)
     target = Path(path)
-    partial = target.with_name(target.name + ".partial")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(target)
+        replace_text(target, text)
     except OSError as error:
         raise InputError(f"{target}: {error.strerror}") from None
 

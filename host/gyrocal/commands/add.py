@@ -32,6 +32,7 @@ def run(
         )
     fitted.save(model)
     if as_json:
-        emit({"before": before.to_json(), "after": after.to_json()})
+        warnings = [w.to_json() for w in before.warnings]
+        emit({"before": before.to_json(), "after": after.to_json(), "warnings": warnings})
     else:
         print_before_after(before, after, model)

@@ -21,7 +21,9 @@ def run(
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
     from gyrocal.calibration.calibrate import calibrate
     from gyrocal.errors import InputError
+    from gyrocal.plausibility import check
     from gyrocal.present.output import emit, mdps, table
+    from gyrocal.present.report import print_warnings
     from gyrocal.recording.session import Session
 
     try:
@@ -29,10 +31,12 @@ def run(
     except ValueError:
         raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
     methods = None if method is None else [m.strip() for m in method.split(",")]
-    found = calibrate(Session.open(session), spans, methods, model)
+    opened = Session.open(session)
+    found, warnings = calibrate(opened, spans, methods, model), check(opened, model)
     if as_json:
-        emit({"estimates": [e.to_json() for e in found]})
+        emit({"estimates": [e.to_json() for e in found], "warnings": [w.to_json() for w in warnings]})
         return
+    print_warnings(warnings)
     rows = [
         [e.scenario, e.axis, e.method, f"{e.seconds:g}", f"{e.scale * 100:.4f}",
          "-" if e.scale_se is None else f"{e.scale_se * 100:.4f}",

@@ -44,6 +44,7 @@ def run(
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
     power_on_s: Annotated[float | None, typer.Option(help="From power-on to the first sample, s.")] = None,
     append: Annotated[bool, typer.Option("--append", help="Add runs to a session that is there.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Make a session of somebody else's recording.
 
@@ -53,7 +54,11 @@ def run(
     gyrocal import up.csv out --map t_s=time:ms --map gx_dps=gyr_x:rad/s --map gy_dps=gyr_y:rad/s
     --map gz_dps=gyr_z:rad/s --face up --rate 78
     """
+    from gyrocal.plausibility import check
+    from gyrocal.present.output import emit
+    from gyrocal.present.report import print_warnings
     from gyrocal.recording import importer
+    from gyrocal.warning import Warning
 
     cuts = [importer.Cut.parse(text) for text in runs or ()]
     if sections is not None:
@@ -62,6 +67,7 @@ def run(
         "face": face, "axis": axis, "table_rate_dps": rate, "turn_deg": turn_deg, "scenario": scenario, "day": day,
         "power_on_s": power_on_s,
     }  # fmt: skip
+    damaged: list[Warning] = []
     session = importer.import_recording(
         src,
         out,
@@ -77,6 +83,15 @@ def run(
         sensor=sensor,
         full_scale_dps=full_scale_dps,
         append=append,
+        warn=damaged.append,
     )
     samples = sum(len(r) for r in session.runs)
+    warnings = [*damaged, *check(session)]
+    if as_json:
+        emit({
+            "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": {},
+            "warnings": [w.to_json() for w in warnings],
+        })  # fmt: skip
+        return
+    print_warnings(warnings)
     print(f"{out}: {len(session.runs)} runs, {samples} samples at {session.sample_rate_hz:g} Hz")

@@ -30,7 +30,8 @@ def run(
         found, before, after, fitted = keep(opened, model if model.exists() else None, name, file, progress=say)
     fitted.save(model)
     if as_json:
-        emit({**found.to_json(), "before": before.to_json(), "after": after.to_json()})
+        warnings = [w.to_json() for w in before.warnings]
+        emit({**found.to_json(), "before": before.to_json(), "after": after.to_json(), "warnings": warnings})
         return
     gain = "" if found.gain is None else f"; held-out gain in log-likelihood {plus_minus(found.gain, found.gain_se)}"
     stdout.print(f"{found.formula}\nfound on {found.axis}, against {found.against.replace('_', ' ')}{gain}", style="bold")

@@ -1,9 +1,12 @@
 """``gyrocal record``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from gyrocal.device.record import Report
 
 
 def run(
@@ -24,34 +27,54 @@ def run(
 ) -> None:
     """Record a run from a device into a session folder.
 
-    What was received is on disk at once. Ctrl-C ends the run; if the device goes away, what came is kept (exit 3).
+    What was received is on disk at once. Ctrl-C, SIGTERM and SIGHUP end the recording; if the device goes away, what came is
+    kept, and the report is printed all the same (exit 3).
     """
     from rich.console import Console
 
     from gyrocal.device import record
     from gyrocal.device.port import Link
-    from gyrocal.present import output
+    from gyrocal.errors import DeviceError
+    from gyrocal.warning import Warning
 
     wanted = None if follow else record.wanted(face, rate, seconds, turn_deg, axis)
     console = Console(stderr=True)
-    with Link(port) as link, console.status(f"{port}: waiting for the device") as status:
-        recorder = record.Recorder(
-            link,
-            out,
-            wanted=wanted,
-            scenario=scenario,
-            day=day,
-            imu=imu,
-            progress=lambda run: status.update(
-                f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost, {run.missed} missed"
-            ),
-        )
-        report = recorder.record()
+    report = record.Report(str(out))
+    try:
+        with Link(port) as link, console.status(f"{port}: waiting for the device") as status:
+            recorder = record.Recorder(
+                link,
+                out,
+                wanted=wanted,
+                scenario=scenario,
+                day=day,
+                imu=imu,
+                progress=lambda run: status.update(
+                    f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost, {run.missed} missed"
+                ),
+            )
+            report = recorder.report
+            with recorder.stopped_by_signals():
+                recorder.record()
+    except DeviceError as failure:
+        if not any(warning.code == "device_gone" for warning in report.warnings):
+            report.warnings.append(Warning("device_gone", None, None, str(failure)))
+        _show(report, as_json)
+        raise
+    _show(report, as_json)
+
+
+def _show(report: "Report", as_json: bool) -> None:
+    from gyrocal.present import output
+    from gyrocal.warning import lines
+
     if as_json:
         output.emit(report.to_json())
         return
     for r in report.runs:
         what = f"{r.samples} samples, {r.lost} lost on the way, {r.missed} missed by the device"
-        print(f"{out}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {what}")
+        print(f"{report.session}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {what}")
+    for line in lines(report.warnings):
+        print(f"warning: {line}")
     for error in report.errors:
         print(f"device: {error}")

@@ -27,6 +27,9 @@ ANSWER_S = 3.0
 RETRY_S = 0.5
 REPLAY_NOTE = "replay: this device starts and stops its runs by itself"
 """The log line by which a simulated device says so to whoever opens its port."""
+BUSY = "another program has it open; close that one first"
+BUSY_NOTE = "busy: " + BUSY
+"""The log line by which a simulated device turns a second reader away."""
 REFUSALS = range(-29, -19)
 """Error codes (gc_error.h) that answer a command; others tell of the sensor."""
 
@@ -51,7 +54,9 @@ class SerialPort:
 
         self.name = name
         try:
-            self._serial = serial.serial_for_url(name, baudrate=baud, timeout=POLL_S, write_timeout=ANSWER_S)
+            self._serial = serial.serial_for_url(
+                name, baudrate=baud, timeout=POLL_S, write_timeout=ANSWER_S, exclusive=True
+            )
         except (OSError, ValueError, serial.SerialException) as error:
             raise DeviceError(_why_not_open(name, error)) from None
 
@@ -132,8 +137,8 @@ def _why_not_open(name: str, error: Exception) -> str:
     number = getattr(error, "errno", None)
     if number == errno.EACCES:
         return f"{name}: no permission; add yourself to its group (sudo usermod -aG dialout $USER) and log in again"
-    if number == errno.EBUSY:
-        return f"{name}: another program has it open; close that one first"
+    if number in (errno.EBUSY, errno.EWOULDBLOCK):  # taken, locked
+        return f"{name}: {BUSY}"
     if number == errno.ENOENT or (number is None and not Path(name).exists() and "://" not in name):
         from serial.tools.list_ports import comports
 
@@ -276,6 +281,8 @@ class Link:
         try:
             sentences = self.reader.feed(self._port.read())
         except PortGone:
+            if BUSY_NOTE in self.reader.logs and not self.reader.good:
+                raise DeviceError(f"{self.name}: {BUSY}") from None
             if not self._reconnect:
                 raise
             self.close()

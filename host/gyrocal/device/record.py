@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
 from gyrocal.device.port import Link, PortGone, describe_error
-from gyrocal.device.wire import Sentence, parse_real, parse_value, raw_table
+from gyrocal.device.run_stream import Begun, Ended, Ending, HeardRun, Part, Restarted, Rows, RunStream, Setting, Told
+from gyrocal.device.run_writer import Recorded, RunWriter, SessionFolder, same
+from gyrocal.device.wire import Sentence, parse_value
 from gyrocal.errors import DeviceError, InputError
-from gyrocal.recording.session import AXES, FORMAT, GAP_PERIODS, read_header, write_header
+from gyrocal.recording.session import AXES
+from gyrocal.warning import Warning
 
-COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 SILENCE_S = 3.0
 """So long without a word, and the device counts as gone."""
 
@@ -36,56 +39,9 @@ class Wanted:
         return (
             setting.face == self.face
             and (self.axis is None or setting.axis == self.axis)
-            and _same(setting.turn_deg, self.turn_deg)
-            and (self.turn_deg is not None or _same(setting.table_rate_dps, self.table_rate_dps))
+            and same(setting.turn_deg, self.turn_deg)
+            and (self.turn_deg is not None or same(setting.table_rate_dps, self.table_rate_dps))
         )
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What the device says of a run."""
-
-    face: str
-    axis: str
-    table_rate_dps: float | None
-    turn_deg: float | None
-
-    @staticmethod
-    def of(fields: dict[str, str], face: str) -> Setting:
-        axis = fields.get("axis", "")
-        if face not in ("up", "down") or axis not in AXES:
-            raise DeviceError(f"the device speaks of a run with face {face!r} and axis {axis!r}; flash it again")
-        turn_deg, rate_dps = _short(fields.get("turn_deg", "")), _short(fields.get("table_dps", ""))
-        return Setting(face, axis, rate_dps, turn_deg or None)
-
-
-def _short(text: str) -> float | None:
-    """A setting; digits beyond a float32's come from a device that keeps it as one."""
-    value = parse_real(text)
-    return None if value is None else float(f"{value:.7g}")
-
-
-def _same(a: float | None, b: float | None) -> bool:
-    return a is b is None or (a is not None and b is not None and np.isclose(a, b, rtol=1e-6, atol=1e-9).item())
-
-
-@dataclass
-class Recorded:
-    """One run that was recorded.
-
-    ``lost``: samples that the device took and that did not arrive; ``missed``: those that it never took, by their times.
-    """
-
-    file: str
-    scenario: str
-    face: str
-    axis: str
-    table_rate_dps: float | None
-    turn_deg: float | None
-    samples: int = 0
-    lost: int = 0
-    missed: int = 0
-    seconds: float = 0.0
 
 
 @dataclass
@@ -94,6 +50,7 @@ class Report:
 
     session: str
     runs: list[Recorded] = field(default_factory=list)
+    warnings: list[Warning] = field(default_factory=list)
     lost_sentences: int = 0
     bad_sentences: int = 0
     results: list[dict[str, Any]] = field(default_factory=list)
@@ -102,140 +59,22 @@ class Report:
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
 
-
-class SessionFolder:
-    """A session that grows run by run; ``session.toml`` is replaced whole each time."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._keys: dict[str, Any] = {}
-        self._entries: list[dict[str, Any]] = []
-        if (path / "session.toml").exists():
-            self._keys = read_header(path).model_dump(exclude_none=True)
-            self._entries = self._keys.pop("run")
-        elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise InputError(f"{path}: is there already and is no session; choose another name")
-
-    def settle(self, hello: Sentence) -> None:
-        """Take the device's settings into a new session, or check that an old one is of the same kind."""
-        rate_hz = hello.real("rate_hz")
-        if rate_hz is None:
-            raise DeviceError("the device does not say its rate_hz; flash it again")
-        if not self._keys:
-            self._keys = {
-                "format": FORMAT,
-                "sensor": hello.fields.get("sensor"),
-                "axis": hello.fields.get("axis") or "z",
-                "sample_rate_hz": rate_hz,
-                "full_scale_dps": hello.real("full_scale_dps"),
-                "lsb_dps": hello.real("lsb_dps"),
-            }
-        elif not _same(self._keys["sample_rate_hz"], rate_hz):
-            raise InputError(
-                f"{self.path}: is at {self._keys['sample_rate_hz']:g} Hz, the device at {rate_hz:g} Hz; "
-                "record into a new session"
-            )
-
-    def new_file(self, face: str) -> Path:
-        """A name for the next run's table that is not taken."""
-        number = len(self._entries)
-        while any((self.path / f"{number:03d}_{f}.csv").exists() for f in ("up", "down")):
-            number += 1
-        return self.path / f"{number:03d}_{face}.csv"
-
-    def add(self, entry: dict[str, Any]) -> None:
-        if entry.get("axis") == self._keys["axis"]:
-            entry = {**entry, "axis": None}
-        self._entries.append(entry)
-        write_header(self.path, self._keys, self._entries)
-
-
-class RunWriter:
-    """One run's table, written as samples arrive. ``session.toml`` names it from its second sample on."""
-
-    def __init__(
-        self, folder: SessionFolder, setting: Setting, hello: Sentence, scenario: str, day: int | None
-    ) -> None:
-        lsb = [hello.real(name) for name in ("lsb_dps", "lsb_g", "lsb_c", "zero_c")]
-        if None in lsb:
-            raise DeviceError("the device does not say the size of its counts; flash it again")
-        lsb_dps, lsb_g, lsb_c, self._zero_c = (value or 0.0 for value in lsb)
-        self._units = np.array([lsb_dps] * 3 + [lsb_g] * 3 + [lsb_c])
-        self._folder, self._day = folder, day
-        folder.path.mkdir(parents=True, exist_ok=True)
-        self._path = folder.new_file(setting.face)
-        self._file: TextIO = self._path.open("w", encoding="ascii", newline="")
-        self._file.write(",".join(COLUMNS) + "\n")
-        self._period_us = 1e6 / (hello.real("rate_hz") or np.nan)
-        self._first_us: int | None = None
-        self._last: tuple[int, int] | None = None
-        self.run = Recorded(self._path.name, scenario, **asdict(setting))
-
-    def write(self, sentences: list[Sentence], until_s: float = np.inf) -> bool:
-        """Append ``$RAW`` sentences of this run; True once a sample at or after ``until_s`` came, which is left out."""
-        if not sentences:
-            return False
-        table = raw_table(sentences)
-        if np.isnan(table.counts[:, :3]).any():
-            raise DeviceError("a $RAW sentence without rates; is the sensor's driver of this version?")
-        if self._first_us is None:
-            self._first_us = int(table.t_us[0])
-        seconds = (table.t_us - self._first_us) * 1e-6
-        inside = seconds < until_s - 0.5e-6
-        count = len(inside) if inside.all() else int(np.argmin(inside))
-        values = table.counts * self._units
-        values[:, 6] += self._zero_c
-        lines = []
-        for t_s, row in zip(seconds[:count].tolist(), values[:count].tolist(), strict=True):
-            cells = ["" if v != v else f"{v:.9g}" for v in row]
-            lines.append(f"{t_s:.6f},{','.join(cells)}\n")
-        self._file.writelines(lines)
-        self._file.flush()
-        self._count(table.number[:count], table.t_us[:count])
-        return count < len(inside)
-
-    def _count(self, numbers: np.ndarray[Any, Any], t_us: np.ndarray[Any, Any]) -> None:
-        if not len(numbers):
-            return
-        assert self._first_us is not None
-        before = self.run.samples
-        self.run.samples += len(numbers)
-        last = (int(numbers[0]) - 1, int(t_us[0]) - self._period_us) if self._last is None else self._last
-        steps = np.diff(numbers, prepend=last[0])
-        periods = np.diff(t_us, prepend=last[1]) / self._period_us
-        self.run.lost += int(np.sum(steps - 1))
-        self.run.missed += int(np.sum(np.where(periods > GAP_PERIODS * steps, np.rint(periods) - steps, 0)))
-        self.run.seconds = (int(t_us[-1]) - self._first_us) * 1e-6
-        self._last = int(numbers[-1]), int(t_us[-1])
-        if before < 2 <= self.run.samples:
-            self._folder.add(self._entry())
-
-    def _entry(self) -> dict[str, Any]:
-        assert self._first_us is not None
-        run = self.run
-        return {
-            "file": run.file, "scenario": run.scenario, "face": run.face,
-            "table_rate_dps": None if run.turn_deg else run.table_rate_dps, "axis": run.axis,
-            "turn_deg": run.turn_deg, "day": self._day, "power_on_s": round(self._first_us * 1e-6, 3),
-        }  # fmt: skip
-
-    def close(self) -> None:
-        """A file of fewer than two samples is removed."""
-        self._file.close()
-        if self.run.samples < 2:
-            self._path.unlink(missing_ok=True)
+    def warn(self, code: str, text: str, file: str | None = None) -> None:
+        self.warnings.append(Warning(code, None, file, text))
 
 
 class Recorder:
-    """Takes a device's sentences apart into runs and writes them.
+    """Has a device's runs written into a session.
 
     Args:
         link: an open conversation with the device.
         out: the session's folder, new or to be added to.
         scenario: of the first run; with ``wanted`` None each restart of the device begins the next one.
-        wanted: the one run to record; None: every run that the device announces.
+        wanted: the one run to record; None: every run that comes.
         imu: which sensor's samples to take.
         progress: told after each batch of samples.
+
+    ``report`` is valid also after an error.
     """
 
     def __init__(
@@ -253,11 +92,15 @@ class Recorder:
         self.report = Report(str(out))
         self._folder = SessionFolder(out)
         self._wanted = wanted
+        self._until_s = np.inf if wanted is None else wanted.seconds
         self._scenario = scenario
         self._day, self._imu, self._progress = day, imu, progress
+        self._stream = RunStream()
         self._writer: RunWriter | None = None
         self._said = ""
         self._hello: Sentence | None = None
+        self._heard: set[int] = set()
+        self._taking = self._stopped = False
 
     def record(self) -> Report:
         """Record until done.
@@ -276,11 +119,35 @@ class Recorder:
             self._take()
         except KeyboardInterrupt:
             self._stop_device()
+        except DeviceError as error:
+            self.report.warn("device_gone", str(error).removeprefix(f"{self.link.name}: "))
+            if self._writer is not None and self._writer.heard.ending is None:
+                self._writer.heard.ending = Ending.UNHEARD
+            raise
         finally:
             self._end_run()
-            self.report.lost_sentences = self.link.reader.lost
-            self.report.bad_sentences = self.link.reader.bad
+            self._count_damage()
         return self.report
+
+    @contextlib.contextmanager
+    def stopped_by_signals(self) -> Iterator[None]:
+        """Have Ctrl-C, SIGTERM and SIGHUP end the recording as if it were done; before it has begun they end the program."""
+
+        def stop(*_: object) -> None:
+            if not self._taking:
+                raise KeyboardInterrupt
+            self._stopped = True
+
+        numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+        before = {number: signal.getsignal(number) for number in numbers}
+        try:
+            for number in numbers:
+                if before[number] is not signal.SIG_IGN:  # nohup
+                    signal.signal(number, stop)
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def _start(self, wanted: Wanted) -> None:
         """Set the device up and have it begin."""
@@ -296,83 +163,119 @@ class Recorder:
         """The device begins by itself; a run may be going on already."""
         with contextlib.suppress(PortGone):  # a short replay may be over; all that it said is kept
             self.link.command("stream raw")
-            if self._wanted is not None:
-                self.link.command("status")
+            self.link.send("status")
+
+    def _ask(self) -> None:
+        """Have the device tell its settings and the run that goes on, if there is one."""
+        with contextlib.suppress(PortGone):  # reading says so, once all is read
+            self.link.send("hello")
+            self.link.send("status")
 
     def _take(self) -> None:
-        heard_at = time.monotonic()
+        self._taking = True
+        sampled_at = heard_at = time.monotonic()
         while True:
+            if self._stopped:
+                raise KeyboardInterrupt
             try:
                 sentences = self.link.receive()
             except PortGone:
                 self._check_end()
                 return
             now = time.monotonic()
+            heard_at = now if sentences else heard_at
             if any(s.tag == "RAW" and s.imu == self._imu for s in sentences):
-                heard_at = now
-            elif now - heard_at > SILENCE_S:
+                sampled_at = now
+            elif now - sampled_at > SILENCE_S:
                 if self._writer is not None:
                     raise DeviceError(f"{self.link.name}: no sample for {SILENCE_S:g} s; {self._kept()}")
-                self.link.command("status")
-                heard_at = time.monotonic()
-            if self._digest(s for s in sentences if s.imu == self._imu):
-                self._end_run()
+                if self._heard and self._imu not in self._heard:
+                    there = " or ".join(f"--imu {imu}" for imu in sorted(self._heard))
+                    raise DeviceError(f"{self.link.name}: there is no sensor {self._imu}; want {there}")
+                if now - heard_at > 2 * SILENCE_S:
+                    raise DeviceError(f"{self.link.name}: no word for {2 * SILENCE_S:g} s{self._said}")
+                self.link.send("status")
+                sampled_at = now
+            if self._digest(sentences):
                 self._stop_device()
                 return
 
-    def _digest(self, sentences: Iterable[Sentence]) -> bool:
+    def _digest(self, sentences: list[Sentence]) -> bool:
         """Handle sentences in order; True when the wanted run is complete."""
-        samples: list[Sentence] = []
-        for sentence in sentences:
-            if sentence.tag == "RAW":
-                if self._writer is not None and not sentence.text.startswith("-"):
-                    samples.append(sentence)
-                continue
-            if self._write(samples):
-                return True
-            samples = []
-            if self._event(sentence):
-                return True
-        return self._write(samples)
-
-    def _write(self, samples: list[Sentence]) -> bool:
-        if self._writer is None or not samples:
-            return False
-        done = self._writer.write(samples, np.inf if self._wanted is None else self._wanted.seconds)
-        if self._progress is not None:
-            self._progress(self._writer.run)
-        return done
-
-    def _event(self, sentence: Sentence) -> bool:
-        fields = sentence.fields
-        if sentence.tag in ("CAL", "ERR"):
+        self._heard |= {s.imu for s in sentences}
+        mine = [s for s in sentences if s.imu == self._imu]
+        for sentence in mine:
             self._note(sentence)
-        elif sentence.tag == "HEL" and sentence.seq == 0:
-            if self._writer is not None:
-                raise DeviceError(f"{self.link.name}: the device restarted during the run; {self._kept()}")
-            self._next_scenario()
-        elif sentence.tag == "STA" and fields.get("state") == "recording" and self._writer is None:
-            assert self.link.hello is not None
-            self._begin(Setting.of(self.link.hello.fields, fields.get("face", "")))
-        elif sentence.tag == "RUN" and fields.get("state") == "start" and self._writer is None:
-            self._begin(Setting.of(fields, fields.get("face", "")))
-        elif sentence.tag == "RUN" and fields.get("state") == "end" and self._writer is not None:
-            if self._wanted is None:
-                self._end_run()
-            elif self._complete_at_end(self._writer.run, self._wanted):
-                return True
-            else:
-                raise DeviceError(f"{self.link.name}: the device ended the run early; {self._kept()}")
+        return any(self._handle(part) for part in self._stream.feed(mine))  # what follows is not wanted
+
+    def _handle(self, part: Part) -> bool:
+        writer = self._writer
+        if isinstance(part, Begun):
+            self._begin(part.run)
+        elif isinstance(part, Told):
+            if writer is None:
+                self._begin(part.run)
+            elif part.run.setting is not None:
+                writer.settle(part.run.setting)
+        elif isinstance(part, Rows):
+            return writer is not None and self._write(writer, part)
+        elif isinstance(part, Ended):
+            return self._ended(part.run)
+        elif isinstance(part, Restarted):
+            self._restarted()
         return False
 
-    def _begin(self, setting: Setting) -> None:
-        if self._wanted is not None and not self._wanted.fits(setting):
+    def _begin(self, heard: HeardRun) -> None:
+        """A run begins; with a wanted one, only that is written."""
+        wanted = self._wanted
+        if heard.start is None:
+            self._ask()
+        if wanted is not None and heard.setting is None:
+            if self.link.replays:
+                return  # until its setting is told
+            axis = wanted.axis or self._folder.axis
+            heard.setting = Setting(wanted.face, axis, wanted.table_rate_dps, wanted.turn_deg)
+            heard.face = wanted.face
+        setting = heard.setting
+        if wanted is not None and setting is not None and not wanted.fits(setting):
             if self.link.replays:
                 return
             raise DeviceError(f"{self.link.name}: the device began another run than was asked for: {setting}")
-        if setting.turn_deg is None and setting.table_rate_dps is None:
+        if setting is not None and not setting.has_rate:
             raise InputError("the device announces a run whose rate is not known; send it `set table_dps RATE` first")
-        self._writer = RunWriter(self._folder, setting, self._settings(), self._scenario, self._day)
+        self._writer = RunWriter(self._folder, self._settings(), self._scenario, self._day, heard)
+
+    def _write(self, writer: RunWriter, rows: Rows) -> bool:
+        done = writer.write(rows.sentences, self._until_s)
+        if self._progress is not None:
+            self._progress(writer.run)
+        if done:
+            self._end_run(cut=True)
+        return done
+
+    def _ended(self, heard: HeardRun) -> bool:
+        writer, wanted = self._writer, self._wanted
+        if writer is None or wanted is None:
+            self._end_run()
+            return False
+        if heard.ending is Ending.RESTART:
+            raise DeviceError(f"{self.link.name}: the device restarted during the run; {self._kept()}")
+        assert self._hello is not None  # a run that ends less than 1.5 periods before the wanted time is whole
+        if writer.seconds_sent() + 1.5 / (self._hello.real("rate_hz") or 1.0) < wanted.seconds:
+            raise DeviceError(f"{self.link.name}: the device ended the run early; {self._kept()}")
+        self._end_run()
+        return True
+
+    def _restarted(self) -> None:
+        """Each power cycle is a scenario of its own; a device that has started anew streams nothing by itself."""
+        if self._wanted is not None:
+            return
+        if any(run.scenario == self._scenario for run in self.report.runs):
+            head = self._scenario.rstrip("0123456789")
+            digits = self._scenario[len(head) :] or "0"
+            self._scenario = f"{head}{int(digits) + 1:0{len(digits)}d}"
+        with contextlib.suppress(PortGone):  # reading says so, once all is read
+            self.link.send("stream raw")
 
     def _settings(self) -> Sentence:
         """The device's settings; asked for again where it has restarted since."""
@@ -384,23 +287,57 @@ class Recorder:
         assert self._hello is not None
         return self._hello
 
-    def _complete_at_end(self, run: Recorded, wanted: Wanted) -> bool:
-        """A run that ends with its last sample less than 1.5 periods before the wanted time is whole."""
-        assert self._hello is not None
-        return run.seconds + 1.5 / (self._hello.real("rate_hz") or 1.0) >= wanted.seconds
+    def _end_run(self, *, cut: bool = False) -> None:
+        """Close the run that is being written, and say what is not as it should be."""
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        heard = writer.heard
+        by_gravity = not writer.settled and self._settle_by_gravity(writer)
+        writer.end(self._until_s, cut=cut)
+        run = writer.run
+        file = run.file if run.samples >= 2 else None
+        if writer.is_listed:
+            self.report.runs.append(run)
+        elif run.samples >= 2:
+            why = "too few of its samples follow each other" if writer.settled else "nothing tells its face and rate"
+            self.report.warn("run_unannounced", f"a run of {run.samples} samples is left out of the session: {why}", file)
+        if run.lost:
+            all_of_them = run.samples + run.lost
+            self.report.warn("samples_lost", f"{run.lost} of {all_of_them} samples that were sent did not arrive", file)
+        unheard = [
+            what
+            for what, is_unheard in (
+                ("start", heard.start is None),
+                ("end", heard.ending in (Ending.UNHEARD, Ending.RESTART)),
+            )
+            if is_unheard
+        ]
+        if unheard and (run.samples or run.lost):
+            source = "; its face is that of the accelerometer, its rate the one last told: check both" if by_gravity else ""
+            self.report.warn("run_unannounced", f"the {' and the '.join(unheard)} of a run did not arrive{source}", file)
 
-    def _next_scenario(self) -> None:
-        if self._wanted is None and self.report.runs:
-            head = self._scenario.rstrip("0123456789")
-            digits = self._scenario[len(head) :] or "0"
-            self._scenario = f"{head}{int(digits) + 1:0{len(digits)}d}"
+    def _settle_by_gravity(self, writer: RunWriter) -> bool:
+        """The face of a run of which no sentence told it."""
+        settings = writer.heard.settings or {}
+        axis = settings.get("axis", "")
+        face = writer.face_by_gravity(axis) if axis in AXES else ""
+        if not face:
+            return False
+        setting = Setting.of(settings, face)
+        if setting.has_rate:
+            writer.settle(setting)
+        return setting.has_rate
 
-    def _end_run(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
-            if self._writer.run.samples >= 2:
-                self.report.runs.append(self._writer.run)
-            self._writer = None
+    def _count_damage(self) -> None:
+        reader, report = self.link.reader, self.report
+        report.lost_sentences, report.bad_sentences = reader.lost, reader.bad + reader.overlong
+        repeated = sum(run.repeated for run in report.runs)
+        if report.bad_sentences:
+            advice = "shorten the cable, or check the port's speed"
+            report.warn("line_damaged", f"{report.bad_sentences} lines came damaged: {advice}")
+        if repeated:
+            report.warn("line_damaged", f"{repeated} samples came more than once; each is kept once")
 
     def _check_end(self) -> None:
         """The device is gone: an error unless it had come to its end between two runs."""
@@ -426,10 +363,10 @@ class Recorder:
         with contextlib.suppress(DeviceError):  # what was wanted is on disk
             self.link.command("stop")
             while time.monotonic() < deadline:
-                for sentence in self.link.receive():
-                    self._note(sentence)
-                    if sentence.tag == "RUN" and sentence.fields.get("state") == "end":
-                        return
+                sentences = self.link.receive()
+                self._digest(sentences)
+                if any(s.tag == "RUN" and s.imu == self._imu and s.fields.get("state") == "end" for s in sentences):
+                    return
 
     def _note(self, sentence: Sentence) -> None:
         if sentence.tag == "ERR":

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gyrocal.device.port import CHUNK, REPLAY_NOTE
+from gyrocal.device.port import BUSY_NOTE, CHUNK, REPLAY_NOTE
 from gyrocal.device.wire import Reader, Sentence
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.recording.session import Run, Session
@@ -40,7 +40,11 @@ _RUN = np.dtype(
 )  # fmt: skip
 _ROW = np.dtype([("t_us", "<i8"), ("temp", "<i2"), ("gyro", "<i2", 3), ("acc", "<i2", 3), ("flags", "<u2")])
 
+PSEUDO_TERMINALS = "/dev/"
+"""What a link to one points into."""
 WAIT_S = 0.02
+TURN_AWAY_S = 0.2
+"""So long a second reader waits: the first may have hung up, its last words not yet read."""
 CARRY = 4096
 
 
@@ -197,8 +201,8 @@ class PtyOutlet:
         if symlink is not None:
             self.name = str(symlink)
             try:
-                if symlink.is_symlink():
-                    symlink.unlink()
+                if symlink.is_symlink() and os.readlink(symlink).startswith(PSEUDO_TERMINALS):
+                    symlink.unlink()  # an earlier device's
                 symlink.symlink_to(self._slave_name)
             except OSError as error:
                 os.close(self._master)
@@ -236,8 +240,8 @@ class PtyOutlet:
 
     def close(self) -> None:
         os.close(self._master)
-        if self._symlink is not None:
-            self._symlink.unlink(missing_ok=True)
+        if self._symlink is not None and self._symlink.is_symlink() and os.readlink(self._symlink) == self._slave_name:
+            self._symlink.unlink()
 
 
 class TcpOutlet:
@@ -253,15 +257,30 @@ class TcpOutlet:
         self._server.setblocking(False)
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 * CARRY)
         self._client: socket.socket | None = None
+        self._second: socket.socket | None = None
+        self._second_s = 0.0
         self.name = f"socket://{host or '127.0.0.1'}:{self._server.getsockname()[1]}"
 
     def connected(self) -> bool:
         if self._client is None:
-            with contextlib.suppress(BlockingIOError):
-                self._client, _ = self._server.accept()
-                self._client.setblocking(False)
-                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._client, self._second = self._second or self._accept(), None
+        elif self._second is None:
+            self._second, self._second_s = self._accept(), time.monotonic()
+        elif time.monotonic() - self._second_s > TURN_AWAY_S:
+            with contextlib.suppress(OSError):
+                self._second.send(f"# {BUSY_NOTE}\n".encode())
+            self._second.close()
+            self._second = None
         return self._client is not None
+
+    def _accept(self) -> socket.socket | None:
+        try:
+            client, _ = self._server.accept()
+        except BlockingIOError:
+            return None
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return client
 
     def fd(self) -> int:
         return self._server.fileno() if self._client is None else self._client.fileno()
@@ -304,6 +323,8 @@ class TcpOutlet:
 
     def close(self) -> None:
         self._drop()
+        if self._second is not None:
+            self._second.close()
         self._server.close()
 
 

@@ -25,7 +25,7 @@ MAX_FIELDS = 24
 
 RAW_FIELDS = ("n", "gx", "gy", "gz", "ax", "ay", "az", "temp")
 _REAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?").fullmatch
-_SEQ_RANGE = 1 << 32
+SEQ_RANGE = 1 << 32
 _T_RANGE = 1 << 64
 _IMU_RANGE = 1 << 8
 
@@ -72,7 +72,7 @@ def raw_table(sentences: Iterable[Sentence]) -> RawTable:
     """The ``$RAW`` sentences among ``sentences`` as arrays; DeviceError where one does not hold what it should."""
     raw = [s for s in sentences if s.tag == "RAW"]
     for sentence in raw:
-        if sentence.text.count(",") != len(RAW_FIELDS) - 1:
+        if sentence.text.count(",") != len(RAW_FIELDS) - 1 or sentence.t_us >= _T_RANGE // 2:
             raise _not_raw(sentence)
     try:
         values = _integers([s.text for s in raw])
@@ -94,7 +94,7 @@ def raw_table(sentences: Iterable[Sentence]) -> RawTable:
 def _integers(texts: list[str]) -> np.ndarray[Any, np.dtype[np.float64]]:
     cells = ",".join(texts).split(",") if texts else []
     values = np.array([int(cell) if cell else math.nan for cell in cells], np.float64).reshape(-1, len(RAW_FIELDS))
-    if not np.all(np.abs(values[:, 0]) < _SEQ_RANGE):
+    if not np.all(np.abs(values[:, 0]) < SEQ_RANGE):
         raise ValueError("a sample without a number")
     return values
 
@@ -175,7 +175,7 @@ def _parse(line: bytes) -> Sentence | None:
     if not (seq_text.isdecimal() and t_text.isdecimal() and imu_text.isdecimal() and body.isascii()):
         return None
     seq, t_us, imu = int(seq_text), int(t_text), int(imu_text)
-    if seq >= _SEQ_RANGE or t_us >= _T_RANGE or imu >= _IMU_RANGE or text.count(",") >= MAX_FIELDS:
+    if seq >= SEQ_RANGE or t_us >= _T_RANGE or imu >= _IMU_RANGE or text.count(",") >= MAX_FIELDS:
         return None
     if len(tag) != 4 or not (tag[1:].isalpha() and tag.isupper() and text.isprintable()):
         return None
@@ -223,13 +223,13 @@ class Reader:
             sentences.append(sentence)
             _, seq, _, imu, _ = sentence
             if seq != following.get(imu, seq):
-                self._count_jump((seq - following[imu]) % _SEQ_RANGE)
-            following[imu] = (seq + 1) % _SEQ_RANGE
+                self._count_jump((seq - following[imu]) % SEQ_RANGE)
+            following[imu] = (seq + 1) % SEQ_RANGE
         self.good += len(sentences)
         return sentences
 
     def _count_jump(self, missing: int) -> None:
-        if missing < _SEQ_RANGE // 2:
+        if missing < SEQ_RANGE // 2:
             self.lost += missing
         else:
             self.restarts += 1

@@ -7,7 +7,7 @@ what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from gyrocal import plausibility
 from gyrocal.diagnosis.probes import Finding, beside, probe, slow_probes, too_much_power
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
+from gyrocal.files import replacing
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.fit import LEAST_WHITE_DPS, Fit, fit
@@ -27,6 +29,7 @@ from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import each, one_thread
+from gyrocal.warning import Warning
 
 ALARM = 0.01
 """Chance of crying misfit on a session that holds none, all tests together (the contract allows 0.02)."""
@@ -68,6 +71,7 @@ class Comparison:
 
     note: str = ""
     """What a person should know of how it came about."""
+    warnings: list[Warning] = field(default_factory=list)
 
     @property
     def floors(self) -> dict[str, float]:
@@ -75,7 +79,20 @@ class Comparison:
         return {axis: level.floor_dps for axis, level in self.per_axis.items()}
 
     @property
+    def judged(self) -> list[str]:
+        """The axes that can be judged: no blocking warning stands against them."""
+        blocked = plausibility.blocked(self.warnings, AXES)
+        return [axis for axis in self.per_axis if axis not in blocked]
+
+    @property
+    def implausible(self) -> bool:
+        """Does a blocking warning stand against the session's own axis?"""
+        return any(w.blocks(self.fit.session.axis) for w in self.warnings)
+
+    @property
     def verdict(self) -> str:
+        if self.implausible:
+            return "implausible"
         return "misfit" if self.where else "adequate"
 
     def to_json(self) -> dict[str, Any]:
@@ -95,6 +112,7 @@ class Comparison:
                 for line in self.fit.model.lines()
                 for name, value in line.values.items()
             ],
+            "warnings": [w.to_json() for w in self.warnings],
         }
 
 
@@ -108,7 +126,9 @@ def compare(
 
     ``floor_from``: the richer model's floors by axis (``Comparison.floors``), for both when two models are compared.
     """
-    fitted = fit(session, Model.open(model), progress=progress)
+    opened = Model.open(model)
+    warnings = plausibility.check(session, opened)
+    fitted = fit(session, opened, progress=progress)
     if not fitted.axes:
         raise InputError("the model has no term on any axis; give it scale and bias at least")
     folds = heldout.folds(fitted, only_day)
@@ -128,11 +148,12 @@ def compare(
     squares = np.sum([of for of, _, _ in found.values()], axis=0)
     spectra = {axis: lines for axis, (_, lines, _) in found.items()}
     white = {axis: power for axis, (_, _, power) in found.items()}
-    where = find_misfit(session, fitted, spectra, progress)
+    blocked = plausibility.blocked(warnings, AXES)
+    where = find_misfit(session, fitted, spectra, [a for a in fitted.axes if a not in blocked], progress)
     floors = floor_from or {axis: _floor(fitted, axis, where, white[axis]) for axis in fitted.axes}
     per_axis = {axis: _level(squares[[AXES.index(axis)]], floors[axis]) for axis in fitted.axes}
     pooled = _level(squares, float(np.sqrt(np.mean([f**2 for f in floors.values()]))))
-    return Comparison(fitted, pooled, per_axis, where, _kind(session, folds), spectra, white)
+    return Comparison(fitted, pooled, per_axis, where, _kind(session, folds), spectra, white, warnings=warnings)
 
 
 def _floor(fitted: Fit, axis: str, where: list[Finding], white_power: float) -> float:
@@ -200,14 +221,14 @@ def _kind(session: Session, folds: list[heldout.Fold]) -> str:
 
 
 def find_misfit(
-    session: Session, fitted: Fit, spectra: dict[str, Spectrum], progress: Progress | None = None
-) -> list[Finding]:
-    """Every probe on every axis; those that noise explains with less than its share of :data:`ALARM`, strongest first."""
+    session: Session, fitted: Fit, spectra: dict[str, Spectrum], axes: Sequence[str], progress: Progress | None = None,
+) -> list[Finding]:  # fmt: skip
+    """Every probe on each of the ``axes``; those that noise explains with less than its share of ``ALARM``, strongest first."""
     if sum(b.t_s.size for b in fitted.blocks) < LEAST_BLOCKS:
         return []
-    probes = {axis: slow_probes(session, AXES.index(axis)) for axis in fitted.axes}
+    probes = {axis: slow_probes(session, AXES.index(axis)) for axis in axes}
     tests = sum(len(kinds) for on_axis in probes.values() for _, kinds in on_axis)
-    share = ALARM / (tests + 4 * len(fitted.axes))
+    share = ALARM / max(1, tests + 4 * len(axes))
 
     def on(axis: str) -> list[Finding]:
         found = []
@@ -219,7 +240,7 @@ def find_misfit(
                 found.append(finding)
         return found + _beyond_noise(session, fitted, axis, spectra[axis], share)
 
-    return sorted(chain.from_iterable(each(on, fitted.axes, session.rows)), key=lambda f: -f.strength)
+    return sorted(chain.from_iterable(each(on, axes, session.rows)), key=lambda f: -f.strength)
 
 
 def _beyond_noise(session: Session, fitted: Fit, axis: str, lines: Spectrum, share: float) -> list[Finding]:
@@ -340,9 +361,8 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
 def write_residuals(comparison: Comparison, path: Path) -> None:
     """:func:`residual_table` as Parquet or CSV, by the name's ending, whole or not at all."""
     frame = residual_table(comparison)
-    partial = path.with_name(path.name + ".partial")
     try:
-        frame.write_parquet(partial) if path.suffix == ".parquet" else frame.write_csv(partial)
-        partial.replace(path)
+        with replacing(path) as partial:
+            frame.write_parquet(partial) if path.suffix == ".parquet" else frame.write_csv(partial)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gyrocal.diagnosis.compare import Comparison, compare
+from gyrocal.diagnosis.compare import SHEPPARD, Comparison, compare
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Values
 from gyrocal.effects.reading_fault import Detected, ReadingFault
@@ -114,7 +114,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Candidates best first, and the verdict: add, ambiguous, unknown or adequate."""
+    """Candidates best first, and the verdict: add, ambiguous, unknown, adequate or implausible."""
 
     verdict: str
     candidates: list[Candidate]
@@ -126,7 +126,10 @@ class Diagnosis:
         return next((c for c in self.candidates if c.decision == "add"), None)
 
     def to_json(self) -> dict[str, Any]:
-        return {"verdict": self.verdict, "candidates": [c.to_json() for c in self.candidates], "unknown": self.unknown}
+        return {
+            "verdict": self.verdict, "candidates": [c.to_json() for c in self.candidates], "unknown": self.unknown,
+            "warnings": [w.to_json() for w in self.comparison.warnings],
+        }  # fmt: skip
 
 
 @one_thread
@@ -144,7 +147,7 @@ def diagnose(
     def on(axis: str) -> list[Candidate]:
         return _candidates_on(session, comparison, axis, own, progress)
 
-    judged = list(chain.from_iterable(each(on, comparison.fit.axes, session.rows)))
+    judged = list(chain.from_iterable(each(on, comparison.judged, session.rows)))
     judged = _decide(_q_values(judged), comparison)
     order = {"add": 0, "suggest": 1, "reject": 2, "not_measurable": 3}
     judged = _groups(judged)
@@ -152,7 +155,9 @@ def diagnose(
     verdict = "adequate"
     best = next((c for c in judged if c.decision == "add"), None)
     unknown = None
-    if best is not None:
+    if comparison.implausible:
+        verdict = "implausible"
+    elif best is not None:
         verdict = "ambiguous" if len(best.group) > 1 else "add"
     elif comparison.where:
         verdict = "unknown"
@@ -255,9 +260,9 @@ def _judge_reading(
     design = current.design.over(comparison.fit.blocks, [*current.design.terms, term])
     fitted = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
     folds = heldout.folds(comparison.fit)
-    white = comparison.white_power[axis]
     before, after = (_run_powers(comparison, axis, f, folds) for f in (current, fitted))
-    gains = np.array([(before[file] - after[file]) / (2 * white) for file in before])
+    power = max(comparison.white_power[axis], _rounding_power(comparison, axis))
+    gains = np.array([_power_gain(*before[file], after[file][0], power) for file in before])
     total = float(np.sum(gains)) if gains.size else None
     spread = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
     return Candidate(
@@ -268,12 +273,31 @@ def _judge_reading(
     )  # fmt: skip
 
 
-def _run_powers(comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]) -> dict[str, float]:
-    """Sum of squares of each run's held-out residuals, dps^2; in sample where nothing can be held out."""
+def _rounding_power(comparison: Comparison, axis: str) -> float:
+    """Mean square, dps^2, that rounding to the readings' own steps leaves: no prediction is better."""
+    steps = [run.step_dps[AXES.index(axis)] for run in comparison.fit.session.runs]
+    return float(min((s for s in steps if s > 0), default=0.0)) ** 2 * SHEPPARD
+
+
+def _power_gain(before: float, samples: int, after: float, power: float) -> float:
+    """Gain in log-likelihood as a sum of squares falls, dps^2, over noise of mean square ``power``.
+
+    The excess counts as noise of its own: ``samples/2·log(1 + change/power)``, which for small changes is the Gaussian gain at
+    known noise, and never exceeds what so many readings of a finite range and step can tell.
+    """
+    change = (before - after) / (samples * power)
+    return 0.5 * samples * float(np.copysign(np.log1p(abs(change)), change))
+
+
+def _run_powers(
+    comparison: Comparison, axis: str, fitted: AxisFit, folds: list[heldout.Fold]
+) -> dict[str, tuple[float, int]]:
+    """Each run's held-out residuals: sum of squares, dps^2, and how many; in sample where nothing can be held out."""
     alone = comparison.fit.on(axis, fitted)
-    powers: dict[str, float] = {}
+    powers: dict[str, tuple[float, int]] = {}
     for p in heldout.predictions(alone, folds) if folds else heldout.fitted(alone):
-        powers[p.run.file] = powers.get(p.run.file, 0.0) + float(np.sum(p.residual_dps**2))
+        total, count = powers.get(p.run.file, (0.0, 0))
+        powers[p.run.file] = total + float(np.sum(p.residual_dps**2)), count + p.residual_dps.size
     return powers
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,6 +23,9 @@ class Detected:
 
 class ReadingFault(Effect):
     """A fault of the reading. It has no columns: :meth:`detect` finds it, :meth:`distort` plants it."""
+
+    clips: ClassVar[bool] = False
+    """Whether readings stay at a limit that this fault knows."""
 
     def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
         return self

@@ -32,6 +32,8 @@ class Saturation(ReadingFault):
         ),
     )
 
+    clips = True
+
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Readings heaped at the largest value that occurs, more than noise would put there."""
         readings = np.concatenate([r.gyro_dps[:, axis] for r in runs])

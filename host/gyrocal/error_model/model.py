@@ -6,14 +6,18 @@ import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
+
+import tomli_w
 
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.errors import InputError
+from gyrocal.files import replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
@@ -217,33 +221,58 @@ class Model:
     def save(self, path: str | Path) -> None:
         """Write the file whole or not at all."""
         target = Path(path)
-        partial = target.with_name(target.name + ".partial")
         try:
-            partial.write_text(self.toml(), encoding="utf-8")
-            partial.replace(target)
+            replace_text(target, self.toml(), self._check_written)
         except OSError as error:
             raise InputError(f"{target}: {error.strerror}") from None
 
+    def _check_written(self, partial: Path) -> None:
+        """Raises InputError where a file does not hold this model: what it was to replace is then kept."""
+        read = _parse(tomllib.loads(partial.read_text(encoding="utf-8")), partial)
+        if read.name != self.name or [_shape(line) for line in read.lines()] != [_shape(line) for line in self._grouped()]:
+            raise InputError(f"the model {self.name!r} cannot be written so that it reads back; the file is left as it was")
+
+    def _grouped(self) -> list[Line]:
+        """The lines as the file has them: effect by effect."""
+        listed = list(self.lines())
+        return [line for effect_id in self.ids for line in listed if line.id == effect_id]
+
     def toml(self) -> str:
         """The file's text: one line an effect, the equation above it."""
-        lines = [HEADER + f'format = "{FORMAT}"', f'name = "{self.name}"']
+        lines = [HEADER + f'format = "{FORMAT}"', f"name = {_quoted(self.name)}"]
         white = {axis: n.white_sd_dps for axis, n in self.noise.items() if n.white_sd_dps is not None}
         if white:
             levels = ", ".join(f"{axis} = {_number(sd)}" for axis, sd in white.items())
             lines.append(f"white_sd_dps = {{ {levels} }}  # one sample's white noise")
         lines.append("effects = [")
-        listed = list(self.lines())
-        for effect_id in self.ids:
-            same = [line for line in listed if line.id == effect_id]
-            lines.append(f"  # {same[0].kind.title}: {same[0].kind.equation}")
+        for _, group in groupby(self._grouped(), key=lambda line: line.id):
+            same = list(group)
+            lines.append(f"  # {_one_line(same[0].kind.title)}: {_one_line(same[0].kind.equation)}")
             for line in same:
                 numbers = {**line.values, **{f"{n}_se": se for n, se in line.se.items() if math.isfinite(se)}}
-                parts = [f'id = "{line.id}"', f'axis = "{line.axis}"']
+                parts = [f"id = {_quoted(line.id)}", f"axis = {_quoted(line.axis)}"]
                 if isinstance(line.kind, FormulaEffect):
-                    parts.append(f"formula = '{line.kind.equation}'")
+                    parts.append(f"formula = {_quoted(line.kind.equation)}")
                 parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
                 lines.append("  { " + ", ".join(parts) + " },")
         return "\n".join([*lines, "]", ""])
+
+
+def _quoted(text: str) -> str:
+    """A TOML string."""
+    return tomli_w.dumps({"text": text}).removeprefix("text = ").rstrip("\n")
+
+
+def _one_line(text: str) -> str:
+    """A text fit for a comment: no line breaks, nothing that cannot be printed."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def _shape(line: Line) -> tuple[str, str, str, dict[str, str], dict[str, str]]:
+    """What a file holds of a line, numbers to the digits that it keeps."""
+    formula = line.kind.equation if isinstance(line.kind, FormulaEffect) else ""
+    se = {n: _number(v) for n, v in line.se.items() if math.isfinite(v)}
+    return line.id, line.axis, formula, {n: _number(v) for n, v in line.values.items()}, se
 
 
 def _number(value: float) -> str:

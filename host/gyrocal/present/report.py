@@ -11,13 +11,28 @@ from gyrocal import __version__
 from gyrocal.diagnosis.compare import Comparison
 from gyrocal.diagnosis.diagnose import Candidate, Diagnosis
 from gyrocal.errors import InputError
+from gyrocal.files import replace_text
 from gyrocal.present.output import mdps, plus_minus, stdout, table
+from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
+CONTRADICTED = (
+    "The session contradicts itself, so nothing is judged on its axis: mend what the warnings say, or overrule them with "
+    "accept in session.toml."
+)
+
+
+def print_warnings(warnings: Iterable[Warning]) -> None:
+    """One paragraph each, the blocking ones first."""
+    for told in by_weight(warnings):
+        kind = "" if told.blocking else "note: "
+        stdout.print(kind + line(told), style="bold red" if told.blocking else None, markup=False)
 
 
 def headline(c: Comparison) -> str:
     """The verdict in a sentence."""
+    if c.verdict == "implausible":
+        return CONTRADICTED
     if c.verdict == "adequate":
         return "The model is adequate: what is left over is noise."
     first = c.where[0]
@@ -30,6 +45,7 @@ def level_rows(c: Comparison) -> list[list[str]]:
 
 
 def print_comparison(c: Comparison) -> None:
+    print_warnings(c.warnings)
     table("", ["axis:", "rms mdps", "floor mdps", "excess mdps"], level_rows(c))
     stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
     if c.where:
@@ -39,6 +55,7 @@ def print_comparison(c: Comparison) -> None:
 
 
 def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
+    print_warnings(d.comparison.warnings)
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
     rows = [
@@ -51,8 +68,8 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(f"rejected too: {by_effect(rejected[REJECTED_SHOWN:])}")
     unseen = [c for c in d.candidates if c.decision == "not_measurable"]
     nowhere = {c.effect.id for c in unseen} - {c.effect.id for c in (*passed, *rejected)}
-    if nowhere:
-        on_table = [c for c in unseen if c.effect.id in nowhere and c.axis == d.comparison.fit.session.axis]
+    on_table = [c for c in unseen if c.effect.id in nowhere and c.axis == d.comparison.fit.session.axis]
+    if on_table:
         rows = [[c.effect.id, c.next_measurement] for c in on_table]
         table("What this session cannot show", ["effect:", "what would show it:"], rows)
     stdout.print(verdict_text(d), style="bold")
@@ -76,6 +93,8 @@ def by_effect(candidates: Iterable[Candidate]) -> str:
 def verdict_text(d: Diagnosis) -> str:
     """The diagnosis in a sentence or two."""
     best = d.best
+    if d.verdict == "implausible":
+        return CONTRADICTED
     if d.verdict == "add" and best is not None:
         return f"Missing: {best.effect.title.lower()} on {best.axis}. {best.effect.cause.split('. ')[0]}."
     if d.verdict == "ambiguous" and best is not None:
@@ -105,6 +124,7 @@ def explained(before: Comparison, after: Comparison) -> float | None:
 
 
 def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
+    print_warnings(before.warnings)
     if before.note:
         stdout.print(before.note, style="bold")
     rows = []
@@ -136,24 +156,22 @@ def write_page(path: Path, c: Comparison) -> None:
     page = jinja2.Environment(autoescape=True).from_string(template)
     text = page.render(
         name=c.fit.session.path.name if c.fit.session.path else "session", adequate=c.verdict == "adequate",
-        headline=headline(c),
+        headline=headline(c), warnings=[(w.blocking, line(w)) for w in by_weight(c.warnings)],
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
         parameters=_parameters(c), version=__version__,
     )  # fmt: skip
-    partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
+        replace_text(path, text)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
 
 
 def _parameters(c: Comparison) -> list[list[Any]]:
     rows = []
-    for line in c.fit.model.lines():
-        units = {p.name: p.unit for p in line.kind.parameters}
-        for name, value in line.values.items():
-            se = line.se.get(name)
+    for listed in c.fit.model.lines():
+        units = {p.name: p.unit for p in listed.kind.parameters}
+        for name, value in listed.values.items():
+            se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-            rows.append([line.id, line.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
+            rows.append([listed.id, listed.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
     return rows

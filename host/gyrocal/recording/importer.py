@@ -13,7 +13,7 @@ import json
 import math
 import re
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ from gyrocal.recording.session import (
     write_header,
     write_table,
 )
+from gyrocal.warning import Warning
 
 TARGETS = (*REQUIRED, *OPTIONAL)
 HEADER_SEARCH_LINES = 200
@@ -265,11 +266,15 @@ def _merge(layers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Source:
-    """A table as it lies in a file: the wanted columns, not yet converted; ``first_row``: the file's row of entry 0."""
+    """A table as it lies in a file: the wanted columns, not yet converted; ``first_row``: the file's row of entry 0.
+
+    ``damage`` says in words what was left out of it.
+    """
 
     label: str
     first_row: int
     frame: pl.DataFrame
+    damage: str = ""
 
     def numbers(self, mapping: ColumnMap, start: int, end: int) -> Array:
         """A column's rows in the target's unit; NaN where an optional cell is empty. Time starts at 0."""
@@ -331,8 +336,12 @@ def read_source(
         raise InputError(f"{path}: row {first + 1}: no samples")
     wanted = [list(columns).index(name) for name in names]
     table: list[list[str]] = [[] for _ in names]
+    damage = ""
     for number, line in enumerate(lines[first:], start=first + 1):
         cells = _split(line, separator)
+        if number == len(lines) and len(cells) < len(columns) and number > first + 1:
+            damage = f"row {number} was not written to its end ({len(cells)} cells of {len(columns)}) and is left out"
+            break
         if len(cells) != len(columns):
             raise InputError(f"{path}: row {number}: {len(cells)} cells, there should be {len(columns)}")
         for taken, index in zip(table, wanted, strict=True):
@@ -340,7 +349,7 @@ def read_source(
     series = [pl.Series(n, cells, pl.String).str.strip_chars(QUOTES) for n, cells in zip(names, table, strict=True)]
     if separator == ";":
         series = [column.str.replace(",", ".", literal=True) for column in series]
-    return Source(str(path), first + 1, pl.DataFrame(series))
+    return Source(str(path), first + 1, pl.DataFrame(series), damage)
 
 
 def _present(path: Path, columns: Sequence[str], names: Sequence[str], optional: Sequence[str]) -> list[str]:
@@ -500,6 +509,7 @@ def import_recording(
     sensor: str | None = None,
     full_scale_dps: float | None = None,
     append: bool = False,
+    warn: Callable[[Warning], None] = lambda _: None,
 ) -> Session:
     """Make a session of a recording; nothing is left behind where that fails.
 
@@ -512,6 +522,7 @@ def import_recording(
         defaults: keys of ``[[run]]`` for all of them.
         axis: the session's axis.
         form: a name of ``FORMATS``, whose mappings come before ``maps``.
+        warn: told what was left out of the file.
 
     Raises:
         InputError: one line naming file, row or option, and the reason.
@@ -536,6 +547,8 @@ def import_recording(
     else:
         table = read_source(path, REQUIRED, OPTIONAL, columns, skip)
         mappings = [ColumnMap(name, name) for name in table.frame.columns]
+    if table.damage:
+        warn(Warning("line_damaged", None, None, f"{path}: {table.damage}"))
     existing = Session.open(folder, check=False) if append and folder.exists() else None
     number = len(existing.runs) if existing else 0
     face = (defaults or {}).get("face", "up")

@@ -6,10 +6,10 @@ A session is a folder with ``session.toml`` and one table a run (CSV or Parquet)
 
 from __future__ import annotations
 
-import shutil
+import datetime
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -20,6 +20,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gyrocal.errors import InputError
+from gyrocal.files import new_folder, replace_text
 
 FORMAT = "gyrocal-session/1"
 AXES = ("x", "y", "z")
@@ -68,6 +69,11 @@ class SessionFile(BaseModel):
     full_scale_dps: float | None = Field(default=None, gt=0)
     lsb_dps: float | None = Field(default=None, gt=0)
     latitude_deg: float | None = Field(default=None, ge=-90, le=90)
+    board: str | None = None
+    rig: str | None = None
+    line: str | None = None
+    made_on: str | datetime.date | None = None
+    accept: list[str] | None = None
     run: list[RunEntry] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -101,6 +107,8 @@ class Run:
     frame: pl.DataFrame | None = field(default=None, repr=False, compare=False)
     lsb_dps: float | None = None
     latitude_deg: float | None = None
+    unread: tuple[str, ...] = ()
+    """Keys of the run's entry in session.toml that nobody reads."""
 
     @property
     def axis_index(self) -> int:
@@ -111,12 +119,21 @@ class Run:
         return 1.0 if self.face == "up" else -1.0
 
     @cached_property
+    def _read(self) -> tuple[pl.DataFrame, str]:
+        if self.frame is not None:
+            return check_table(self.frame, self.file), ""
+        assert self.path is not None
+        return read_table_and_damage(self.path, self.file)
+
+    @property
     def table(self) -> pl.DataFrame:
         """The run's table, checked."""
-        if self.frame is not None:
-            return check_table(self.frame, self.file)
-        assert self.path is not None
-        return read_table(self.path, self.file)
+        return self._read[0]
+
+    @property
+    def damage(self) -> str:
+        """What was left out of the table, in words; empty where nothing was."""
+        return self._read[1]
 
     def __len__(self) -> int:
         return self.table.height
@@ -219,6 +236,10 @@ class Session:
     lsb_dps: float | None = None
     latitude_deg: float | None = None
     path: Path | None = None
+    accept: tuple[str, ...] = ()
+    """Warnings that the user overrules, each a ``code`` or ``code:axis``."""
+    unread: tuple[str, ...] = ()
+    """Keys of session.toml that nobody reads."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
@@ -234,6 +255,8 @@ class Session:
             lsb_dps=header.lsb_dps,
             latitude_deg=header.latitude_deg,
             path=folder,
+            accept=tuple(header.accept or ()),
+            unread=tuple(header.model_extra or ()),
         )
         for run in session.runs:
             if run.path is not None and not run.path.is_file():
@@ -244,10 +267,7 @@ class Session:
 
     def with_runs(self, runs: Iterable[Run]) -> Session:
         """The same session with other runs."""
-        return Session(
-            self.sample_rate_hz, tuple(runs), self.axis, self.sensor, self.full_scale_dps, self.lsb_dps,
-            self.latitude_deg, self.path,
-        )  # fmt: skip
+        return replace(self, runs=tuple(runs))
 
     @property
     def rows(self) -> int:
@@ -273,16 +293,13 @@ class Session:
         folder = Path(path)
         if folder.exists():
             raise InputError(f"{folder}: is there already; choose another name or remove it")
-        partial = folder.with_name(folder.name + ".partial")
-        shutil.rmtree(partial, ignore_errors=True)  # an interrupted one's
-        partial.mkdir(parents=True)
-        entries = []
-        for run in self.runs:
-            name = str(Path(run.file).with_suffix(".parquet" if parquet else ".csv"))
-            write_table(run.table, partial / name)
-            entries.append(run_entry(run, name, self.axis))
-        write_header(partial, self.header(), entries)
-        partial.rename(folder)
+        with new_folder(folder) as partial:
+            entries = []
+            for run in self.runs:
+                name = str(Path(run.file).with_suffix(".parquet" if parquet else ".csv"))
+                write_table(run.table, partial / name)
+                entries.append(run_entry(run, name, self.axis))
+            write_header(partial, self.header(), entries)
         return Session.open(folder, check=False)
 
     def header(self) -> dict[str, Any]:
@@ -290,6 +307,7 @@ class Session:
         return {
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
+            "accept": list(self.accept) or None,
         }  # fmt: skip
 
 
@@ -335,9 +353,7 @@ def write_header(folder: Path, header: Mapping[str, Any], runs: Iterable[Mapping
     """Write ``session.toml`` whole or not at all; keys that are None are left out."""
     content: dict[str, Any] = {k: v for k, v in header.items() if v is not None}
     content["run"] = [{k: v for k, v in entry.items() if v is not None} for entry in runs]
-    partial = folder / "session.toml.partial"
-    partial.write_text(tomli_w.dumps(content), encoding="utf-8")
-    partial.replace(folder / "session.toml")
+    replace_text(folder / "session.toml", tomli_w.dumps(content), durable=False)
 
 
 def write_table(table: pl.DataFrame, path: Path) -> None:
@@ -351,10 +367,15 @@ def write_table(table: pl.DataFrame, path: Path) -> None:
 
 def read_table(path: Path, name: str | None = None) -> pl.DataFrame:
     """Read and check a run's table (CSV or Parquet), float64 columns, missing optional cells null."""
+    return read_table_and_damage(path, name)[0]
+
+
+def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataFrame, str]:
+    """:func:`read_table`, and what was left out of it: a last row that was not written to its end."""
     label = str(path) if name is None or path.name == Path(name).name else name
     if path.suffix == ".parquet":
         try:
-            return check_table(pl.read_parquet(path), label)
+            return check_table(pl.read_parquet(path), label), ""
         except (OSError, pl.exceptions.PolarsError) as error:
             raise InputError(f"{label}: not a readable Parquet file: {_first_line(error)}") from None
     try:
@@ -366,6 +387,7 @@ def read_table(path: Path, name: str | None = None) -> pl.DataFrame:
     except OSError as error:
         raise InputError(f"{label}: {_first_line(error)}") from None
     _check_columns(header, label)
+    body, damage = _without_unfinished(body, len(header))
     if body.translate(None, NUMBERS):  # anything but numbers: name the row, before the fast reader meets it
         _find_bad_row(path, label, len(header))
     if not body.strip():
@@ -377,7 +399,43 @@ def read_table(path: Path, name: str | None = None) -> pl.DataFrame:
         raise InputError(f"{label}: {_first_line(error)}") from None
     if table[header[-1]].null_count():
         _find_bad_row(path, label, len(header))
-    return check_table(table, label)
+    return check_table(table, label), damage
+
+
+def _without_unfinished(body: bytes, width: int) -> tuple[bytes, str]:
+    """The rows of a table without a last one that was cut off, and what to say of it.
+
+    A last row without a line's end may have lost digits: it is left out where its last cell is far from those above.
+    """
+    rows = body.rsplit(b"\n", 101)
+    ended = rows[-1].strip() == b""
+    if ended:
+        rows.pop()
+    if len(rows) < 3:
+        return body, ""
+    cells = rows[-1].split(b",")
+    short = len(cells) < width and b"".join(cells).strip() != b""
+    if not short and (ended or (_is_number_at(cells[-1]) and not _cut(cells[-1], rows[1:-1]))):
+        return body, ""
+    kept = body.rstrip()[: -len(rows[-1].rstrip())] if rows[-1].strip() else body
+    what = f"{len(cells)} cells of {width}" if short else f"it ends with {cells[-1].decode(errors='replace')!r}"
+    return kept, f"the last row was not written to its end ({what}) and is left out; nothing needs to be changed"
+
+
+def _is_number_at(cell: bytes) -> bool:
+    return _is_number(cell.decode(errors="replace"))
+
+
+def _cut(cell: bytes, rows: list[bytes]) -> bool:
+    """Is a last cell far from the last cells of the rows above: as a number that lost its end would be?"""
+    above = [c for c in (row.rsplit(b",", 1)[-1].strip() for row in rows) if c and _is_number_at(c)]
+    if not above:
+        return False
+    if not cell.strip():
+        return len(above) == len(rows)
+    values = [float(c) for c in above]
+    low, high = min(values), max(values)
+    return not low - (high - low) <= float(cell) <= high + (high - low)
 
 
 def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
@@ -459,16 +517,11 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
     return Run(
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
         entry.day, entry.power_on_s, header.sample_rate_hz, path=folder / entry.file,
-        lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg,
+        lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg, unread=tuple(entry.model_extra or ()),
     )  # fmt: skip
 
 
 def _check_rate_known(run: Run) -> None:
     where = run.path or run.file
-    measured_hz = 1.0 / float(np.median(np.diff(run.t_s)))
-    if not 0.5 < measured_hz / run.sample_rate_hz < 2.0:
-        raise InputError(
-            f"{where}: t_s has {measured_hz:.4g} samples a second, session.toml says sample_rate_hz = {run.sample_rate_hz:g}"
-        )
     if run.column("rate_ref_dps") is None and run.table_rate_dps is None and run.turn_deg is None:
         raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")

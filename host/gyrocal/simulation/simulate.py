@@ -19,6 +19,7 @@ import polars as pl
 from gyrocal.effects import base
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.errors import InputError
+from gyrocal.files import replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.component import NoiseComponent
 from gyrocal.noise.drift import Drift, ou_noise
@@ -38,6 +39,7 @@ from gyrocal.simulation.campaigns import (
 )
 from gyrocal.simulation.climate import ROOM_SD_C, Day
 
+TRUTH_FORMAT = "gyrocal-truth/1"
 RATE_HZ = 145.0
 LSB_DPS = 0.00875
 FULL_SCALE_DPS = 250.0
@@ -140,6 +142,8 @@ def simulate(
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: is there already; choose another name or remove it")
+    if out is not None:
+        _check_replaceable(Path(f"{out}.truth.json"))
     chosen = CAMPAIGNS[campaign]
     plan = chosen.plan(scenarios, seconds)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
@@ -171,7 +175,7 @@ def simulate(
             progress(i + 1, len(plan))
     session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
     record = {
-        "format": "gyrocal-truth/1", "campaign": campaign, "seed": seed,
+        "format": TRUTH_FORMAT, "campaign": campaign, "seed": seed,
         "effects": sorted({e["id"] for t in truths for e in t.effects} | {i for i, _ in wanted}),
         "noise": {
             "white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": sensor.drift.sd_dps, "ou_tau_s": sensor.drift.tau_s,
@@ -181,8 +185,19 @@ def simulate(
     }  # fmt: skip
     if out is not None:
         session = session.save(out, parquet=parquet)
-        Path(f"{out}.truth.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
     return session, record
+
+
+def _check_replaceable(truth: Path) -> None:
+    """InputError where a file of the truth's name is no truth: it is not ours to replace."""
+    if truth.exists():
+        try:
+            ours = json.loads(truth.read_text(encoding="utf-8"))["format"] == TRUTH_FORMAT
+        except (OSError, ValueError, KeyError, TypeError):
+            ours = False
+        if not ours:
+            raise InputError(f"{truth}: is there already and holds no truth of a simulation; choose another name")
 
 
 def table2_draw(rng: np.random.Generator) -> list[tuple[str, dict[str, float]]]:

@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from gyrocal.errors import InputError
+from gyrocal.files import new_folder
 
 TABLES = (".csv", ".parquet")
 LARGEST_BYTES = 8 << 30
@@ -89,17 +90,13 @@ class Places:
     def unpack(self, archive: Path | BinaryIO, name: str) -> Path:
         """A zip of a session folder into a new folder: session.toml and its tables, by name, and nothing else of it."""
         target = self.free(Path(name).stem)
-        partial = target.with_name(f".{target.name}.partial")
-        shutil.rmtree(partial, ignore_errors=True)
         try:
-            with zipfile.ZipFile(archive) as packed:
-                _extract(packed, partial, name)
-            partial_session = Places([partial]).session(partial)
-            partial_session.rename(target)
+            with new_folder(target) as partial:
+                with zipfile.ZipFile(archive) as packed:
+                    _extract(packed, partial, name)
+                Places([partial]).session(partial)
         except (zipfile.BadZipFile, RuntimeError, NotImplementedError, OSError, EOFError) as error:
             raise InputError(f"{name}: cannot be unpacked: {error}") from None
-        finally:
-            shutil.rmtree(partial, ignore_errors=True)
         return target
 
 

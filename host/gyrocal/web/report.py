@@ -9,6 +9,7 @@ from gyrocal import __version__
 from gyrocal.api import Comparison
 from gyrocal.present import pictures
 from gyrocal.present.report import headline, level_rows
+from gyrocal.warning import by_weight, line
 from gyrocal.web import charts
 from gyrocal.web.views import Bar, CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence
@@ -30,7 +31,8 @@ def page(
     blocks = charts.blocks(charts.LIGHT, bars)
     template = (files("gyrocal") / "web" / "report.html").read_text(encoding="utf-8")
     text: str = jinja2.Environment(autoescape=True).from_string(template).render(
-        name=name, adequate=found.verdict == "adequate", headline=headline(found), model=", ".join(compared["model"]),
+        name=name, adequate=found.verdict == "adequate", headline=headline(found),
+        warnings=[(w.blocking, line(w)) for w in by_weight(found.warnings)], model=", ".join(compared["model"]),
         held_out=found.held_out, remark=remark, levels=level_rows(found), where=found.where, pictures=drawn,
         bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, floor_mdps=floor_mdps, diagnosis=diagnosis,
         calibration=calibration, parameters=compared["parameters"], evidence=evidence, drawn=_drawn, version=__version__,

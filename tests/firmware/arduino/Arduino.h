@@ -40,9 +40,18 @@ public:
     size_t setRxBufferSize(size_t size);
     size_t setTxBufferSize(size_t size);
     int available();
+    int availableForWrite();
+    void flush();
     size_t write(const uint8_t *buffer, size_t size);
 };
 
 extern HardwareSerial Serial;
+
+class EspClass {
+public:
+    void restart();
+};
+
+extern EspClass ESP;
 
 #endif

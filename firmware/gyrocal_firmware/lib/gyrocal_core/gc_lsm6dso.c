@@ -145,7 +145,8 @@ int gc_lsm6dso_init(gc_lsm6dso_t *imu, const gc_port_t *port, uint8_t address, d
         error = read_regs(imu, GC_LSM6DSO_FREQ_FINE, &freq_fine, 1);
     }
     const int faster = freq_fine < 128u ? freq_fine : freq_fine - 256;
-    imu->period_us = 1e6 / (odr_hz * (1.0 + GC_LSM6DSO_FREQ_FINE_LSB * faster));
+    const double true_hz = GC_LSM6DSO_ROOT_HZ / (double)(1u << (GC_LSM6DSO_ROOT_CODE - odr_code)); /* 12.5 stands for 13.02 */
+    imu->period_us = 1e6 / (true_hz * (1.0 + GC_LSM6DSO_FREQ_FINE_LSB * faster));
     if (error == GC_OK) { /* an I3C master is not there; its bus would take noise for its own start condition */
         error = write_reg(imu, GC_LSM6DSO_CTRL9_XL, (uint8_t)(ctrl9 | GC_LSM6DSO_CTRL9_I3C_DISABLE));
     }

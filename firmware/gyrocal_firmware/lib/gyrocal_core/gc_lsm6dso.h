@@ -54,6 +54,9 @@ extern "C" {
 #define GC_LSM6DSO_TURN_ON_US 80000u /* from power-down until the gyroscope's readings can be used */
 #define GC_LSM6DSO_CONFIG_CHECK_US 500000u
 
+/* AN5192: every output data rate is this one halved, whatever round figure the datasheet calls it by. */
+#define GC_LSM6DSO_ROOT_HZ 6667.0
+#define GC_LSM6DSO_ROOT_CODE 10u
 #define GC_LSM6DSO_FREQ_FINE_LSB 0.0015 /* by so much the part's own clock is faster than nominal, as its maker measured */
 #define GC_LSM6DSO_LSB_G 0.000061 /* at 2 g */
 #define GC_LSM6DSO_LSB_C (1.0 / 256.0)

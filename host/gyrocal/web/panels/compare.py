@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
-from gyrocal.web import charts, plots
+from gyrocal.web import charts, plots, warned
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
 from gyrocal.web.traces import Traces
@@ -100,12 +100,15 @@ class ComparePanel:
                 ui.label(f"{told} Holding the model against them…").classes("big")
             return
         view = step.view
-        fits = view.compared["verdict"] == "adequate"
+        warned.show(view.compared["warnings"])
+        fits, judged = view.compared["verdict"] == "adequate", view.compared["verdict"] != "implausible"
         tone = "good" if fits else "bad"
         with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
             with ui.element("div"):
-                ui.label("The model fits." if fits else "The model does not fit.").classes("big")
+                verdict = "The model fits." if fits else "The model does not fit."
+                ui.label(verdict if judged else "The session contradicts itself.").classes("big")
                 why = "What is left over is noise." if fits else "The readings hold something that it does not know:"
+                why = why if judged else "Nothing is judged on its axis until that is mended or accepted."
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
                     for finding in view.compared["where"][:3]:
@@ -123,7 +126,7 @@ class ComparePanel:
                     with ui.element("div").classes(f"figure {kind}"):
                         ui.html(f"<b>{value}</b>", sanitize=False)
                         ui.label(name)
-            if not fits:
+            if not fits and judged:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
                 button.props("unelevated no-caps").classes("primary")
 

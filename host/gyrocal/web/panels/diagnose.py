@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from gyrocal.web import charts
+from gyrocal.present.report import CONTRADICTED
+from gyrocal.web import charts, warned
 from gyrocal.web.state import Topic
 from gyrocal.web.views import Card, DiagnosisView
 from gyrocal.web.words import evidence
@@ -63,6 +64,7 @@ class DiagnosePanel:
                     ui.label("Open a session first.").classes("big")
                     ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return
+            warned.show(self.bench.step.view.compared["warnings"])
             if found is None:
                 self._invite()
                 self._added()
@@ -77,10 +79,12 @@ class DiagnosePanel:
 
     def _invite(self) -> None:
         assert self.bench.step is not None
-        fits = self.bench.step.view.compared["verdict"] == "adequate"
+        compared = self.bench.step.view.compared
+        fits, judged = compared["verdict"] == "adequate", compared["verdict"] != "implausible"
         bars = self.bench.waterfall()
         with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}").style("flex: none"), ui.element("div"):
-            ui.label("The model fits: what is left over is noise." if fits else "The model does not fit yet.").classes("big")
+            verdict = "The model fits: what is left over is noise." if fits else "The model does not fit yet."
+            ui.label(verdict if judged else CONTRADICTED).classes("big")
             if len(bars) > 1:
                 ui.label(f"The excess error went from {bars[0].after:.2f} to {bars[-1].after:.2f} mdps.")
             with ui.row().style("margin-top: 8px"):

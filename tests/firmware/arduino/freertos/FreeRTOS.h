@@ -15,6 +15,7 @@ typedef enum { RINGBUF_TYPE_NOSPLIT } RingbufferType_t;
 
 #define pdTRUE 1
 #define pdFALSE 0
+#define pdPASS pdTRUE
 #define portMAX_DELAY 0xFFFFFFFFu
 #define pdMS_TO_TICKS(ms) ((TickType_t)(ms))
 #define configASSERT(x) ((void)(x))
@@ -35,6 +36,7 @@ size_t xStreamBufferSend(StreamBufferHandle_t buffer, const void *data, size_t n
 size_t xStreamBufferReceive(StreamBufferHandle_t buffer, void *data, size_t n, TickType_t ticks);
 
 RingbufHandle_t xRingbufferCreate(size_t bytes, RingbufferType_t type);
+size_t xRingbufferGetCurFreeSize(RingbufHandle_t ring);
 BaseType_t xRingbufferSend(RingbufHandle_t ring, const void *item, size_t n, TickType_t ticks);
 void *xRingbufferReceive(RingbufHandle_t ring, size_t *n, TickType_t ticks);
 void vRingbufferReturnItem(RingbufHandle_t ring, void *item);

@@ -1,0 +1,339 @@
+"""One sensor's sentences taken apart into runs, also where some of them are damaged, missing or repeated.
+
+A sample belongs to the run in progress only if nothing contradicts it: its number and its time go on from the last sample's,
+the sentences missing in between are too few to hold another run's start, and gravity has not changed sides. Else a new run
+begins, whose face is not known until a sentence tells it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from gyrocal.device.wire import SEQ_RANGE, Sentence, parse_real, raw_table
+from gyrocal.errors import DeviceError
+from gyrocal.recording.session import AXES
+
+RECENT, RECENT_SAMPLES = 64, 4096
+"""A sentence that equals one of so many before it is a repetition; a device that starts anew may say older ones again."""
+SETTINGS = ("axis", "table_dps", "turn_deg")
+GRAVITY_MIN_G = 0.5
+"""As in the core: with less along the axis, the accelerometer does not show the face."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the device says of a run: ``table_rate_dps`` signed, about the table; ``turn_deg`` the run's net angle."""
+
+    face: str
+    axis: str
+    table_rate_dps: float | None
+    turn_deg: float | None
+
+    @staticmethod
+    def of(fields: dict[str, str], face: str) -> Setting:
+        """From the fields of a sentence; DeviceError where they are of another version."""
+        axis = fields.get("axis", "")
+        if face not in ("up", "down") or axis not in AXES:
+            raise DeviceError(f"the device speaks of a run with face {face!r} and axis {axis!r}; flash it again")
+        turn_deg, rate_dps = _short(fields.get("turn_deg", "")), _short(fields.get("table_dps", ""))
+        return Setting(face, axis, rate_dps, turn_deg or None)
+
+    @property
+    def has_rate(self) -> bool:
+        return self.table_rate_dps is not None or self.turn_deg is not None
+
+
+def _short(text: str) -> float | None:
+    """A setting; digits beyond a float32's come from a device that keeps it as one."""
+    value = parse_real(text)
+    return None if value is None else float(f"{value:.7g}")
+
+
+class Ending(Enum):
+    """How a run ended: the device said so, it started anew, or nobody heard it."""
+
+    SAID = auto()
+    RESTART = auto()
+    UNHEARD = auto()
+
+
+@dataclass
+class HeardRun:
+    """What was heard of one run.
+
+    ``setting``: None until a sentence has told the face. ``start``: its ``$RUN state=start``, None where that was not heard.
+    ``from_number``: of the first sample that was sent to us. ``sent``: samples of the run that the device has told of.
+    ``repeated``: samples that came again. ``ending``: None while the run goes on. ``settings``: axis, table_dps and turn_deg as
+    the device last told them, None where they have changed since.
+    """
+
+    setting: Setting | None = None
+    start: Sentence | None = None
+    from_number: int = 0
+    sent: int = 0
+    repeated: int = 0
+    face: str = ""
+    settings: dict[str, str] | None = None
+    ending: Ending | None = None
+    last: Sentence | None = None
+    last_number: int = -1
+
+    def may_be_ended_by(self, end: Sentence) -> bool:
+        """Whether a ``$RUN state=end`` is this run's."""
+        fields = end.fields
+        first = self.start.fields.get("first") if self.start is not None else None
+        return (
+            self.face in ("", fields.get("face"))
+            and first in (None, "", fields.get("first", first))
+            and (_count(fields) is None or self.last_number < (_count(fields) or 0))
+        )
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A run begins, or one that goes on is met."""
+
+    run: HeardRun
+
+
+@dataclass(frozen=True)
+class Told:
+    """The setting of a run is known now."""
+
+    run: HeardRun
+
+
+@dataclass(frozen=True)
+class Rows:
+    """``$RAW`` sentences of a run, their numbers and times rising."""
+
+    run: HeardRun
+    sentences: list[Sentence]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A run is over."""
+
+    run: HeardRun
+
+
+@dataclass(frozen=True)
+class Restarted:
+    """The device has started anew."""
+
+
+Part = Begun | Told | Rows | Ended | Restarted
+
+
+class Memory:
+    """The latest of what was seen."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._order: deque[object] = deque()
+        self._seen: set[object] = set()
+
+    def holds(self, key: object) -> bool:
+        """Whether it was there; from now on it is."""
+        if key in self._seen:
+            return True
+        self._seen.add(key)
+        self._order.append(key)
+        if len(self._order) > self._size:
+            self._seen.discard(self._order.popleft())
+        return False
+
+
+class RunStream:
+    """Takes one sensor's sentences in their order and tells what becomes of its runs."""
+
+    def __init__(self) -> None:
+        self.run: HeardRun | None = None
+        self._parts: list[Part] = []
+        self._settings: dict[str, str] = {}
+        self._settled = False
+        self._lsb_g: float | None = None
+        self._last: Sentence | None = None
+        self._missing = 0
+        self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
+
+    def feed(self, sentences: Iterable[Sentence]) -> list[Part]:
+        """What these sentences tell, in order.
+
+        Raises:
+            DeviceError: a sentence that does not hold what it should.
+        """
+        self._parts = []
+        for sentence in sentences:
+            if self._is_repeated(sentence):
+                continue
+            self._note_order(sentence)
+            if sentence.tag == "RAW":
+                self._sample(sentence)
+            elif sentence.tag == "RUN":
+                self._boundary(sentence)
+            elif sentence.tag == "STA":
+                self._state(sentence)
+            elif sentence.tag in ("HEL", "ACK"):
+                self._learn(sentence)
+            self._last = sentence
+        return self._parts
+
+    def _is_repeated(self, sentence: Sentence) -> bool:
+        repeated = self._latest.holds(sentence)
+        if sentence.tag == "RAW":
+            repeated = self._samples.holds((sentence.t_us, sentence.text))
+            if repeated and self.run is not None:
+                self.run.repeated += 1
+        return repeated
+
+    def _note_order(self, sentence: Sentence) -> None:
+        """Count what is missing before this sentence; one that goes back comes from a device that started anew."""
+        if self._last is None:
+            return
+        step = (sentence.seq - self._last.seq) % SEQ_RANGE
+        if step >= SEQ_RANGE // 2 or (sentence.tag == "HEL" and sentence.seq == 0):
+            self._end(Ending.RESTART)
+            self._parts.append(Restarted())
+            self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
+            self._settled = False
+            self._missing = 0
+        else:
+            self._missing += max(step - 1, 0)
+
+    def _sample(self, sentence: Sentence) -> None:
+        number = _number(sentence)
+        run = self.run
+        if number < 0:
+            self._end(Ending.UNHEARD)
+            self._missing = 0
+            return
+        if run is not None and run.last is not None:
+            if self._is_next(run, run.last, sentence, number):
+                if number == run.last_number or sentence.t_us == run.last.t_us:
+                    run.repeated += 1
+                    return
+            else:
+                self._end(Ending.UNHEARD)
+        if self.run is None:
+            self._begin(HeardRun())
+        run = self.run
+        assert run is not None
+        if run.last is None and run.start is None:
+            run.from_number = number - min(number, self._missing)
+            if self._missing > number + 2:  # more than an end and a start: settings too, perhaps
+                self._settled = False
+                run.settings = None
+        run.last, run.last_number = sentence, number
+        self._missing = 0
+        latest = self._parts[-1] if self._parts else None
+        if isinstance(latest, Rows) and latest.run is run:
+            latest.sentences.append(sentence)
+        else:
+            self._parts.append(Rows(run, [sentence]))
+
+    def _is_next(self, run: HeardRun, last: Sentence, sentence: Sentence, number: int) -> bool:
+        """Whether a sample goes on from the run's last one."""
+        if number < run.last_number or sentence.t_us < last.t_us:
+            return False
+        if self._missing >= number + 2:  # this run's end, another's start and as many samples of that one
+            return False
+        return self._missing == 0 or not self._is_turned_over(last, sentence)
+
+    def _is_turned_over(self, last: Sentence, sentence: Sentence) -> bool:
+        axis = self._settings.get("axis", "")
+        if axis not in AXES or self._lsb_g is None:
+            return False
+        before, after = (_acceleration(s, AXES.index(axis)) * self._lsb_g for s in (last, sentence))
+        return min(abs(before), abs(after)) > GRAVITY_MIN_G and before * after < 0
+
+    def _boundary(self, sentence: Sentence) -> None:
+        fields = sentence.fields
+        self._learn(sentence)
+        face = fields.get("face", "")
+        if fields.get("state") == "start":
+            self._end(Ending.UNHEARD)
+            self._begin(HeardRun(Setting.of(fields, face), sentence, face=face))
+            self._missing = 0
+        elif fields.get("state") == "end":
+            if self.run is not None and not self.run.may_be_ended_by(sentence):
+                self._end(Ending.UNHEARD)
+            sent = _count(fields) or 0
+            if self.run is None:  # none of its samples came
+                self._begin(HeardRun(from_number=sent - min(sent, self._missing)))
+            run = self.run
+            assert run is not None
+            run.sent, run.face = max(run.sent, sent), face
+            run.setting = run.setting or Setting.of(fields, face)
+            self._end(Ending.SAID)
+            self._missing = 0
+
+    def _state(self, sentence: Sentence) -> None:
+        fields = sentence.fields
+        if fields.get("state") != "recording":
+            self._end(Ending.UNHEARD)
+            return
+        face = fields.get("face", "")
+        if self.run is not None and self.run.face not in ("", face):
+            self._end(Ending.UNHEARD)
+        if self.run is None:
+            self._begin(HeardRun(face=face))
+        run = self.run
+        assert run is not None
+        run.face, run.sent = face, max(run.sent, _count(fields) or 0)
+        self._tell()
+
+    def _learn(self, sentence: Sentence) -> None:
+        """The device's settings, where a sentence tells them; a `set` that does not say what it set leaves them unknown."""
+        fields = sentence.fields
+        told = {name: fields[name] for name in SETTINGS if name in fields}
+        self._settings.update(told)
+        if len(told) == len(SETTINGS):
+            self._settled = True
+        elif fields.get("cmd") == "set" and len(fields) == 1:
+            self._settled = False
+        self._lsb_g = self._lsb_g if "lsb_g" not in fields else sentence.real("lsb_g")
+        if sentence.tag != "RUN" and self.run is not None:
+            self.run.settings = dict(self._settings) if self._settled else None
+            self._tell()
+
+    def _tell(self) -> None:
+        run = self.run
+        if run is not None and run.setting is None and run.settings is not None and run.face:
+            run.setting = Setting.of(run.settings, run.face)
+            self._parts.append(Told(run))
+
+    def _begin(self, run: HeardRun) -> None:
+        run.settings = dict(self._settings) if self._settled else None
+        self.run = run
+        self._parts.append(Begun(run))
+
+    def _end(self, ending: Ending) -> None:
+        if self.run is not None:
+            self.run.ending = ending
+            self._parts.append(Ended(self.run))
+            self.run = None
+
+
+def _number(sentence: Sentence) -> int:
+    """The sample's number in its run; -1 where there is no run."""
+    try:
+        return int(sentence.text.partition(",")[0])
+    except ValueError:
+        raw_table([sentence])
+        raise
+
+
+def _acceleration(sentence: Sentence, axis: int) -> float:
+    """Counts; 0 where the device has none."""
+    return parse_real(sentence.text.split(",")[4 + axis]) or 0.0
+
+
+def _count(fields: dict[str, str]) -> int | None:
+    """``n``: how many samples the run has."""
+    text = fields.get("n", "")
+    return int(text) if text.isdecimal() else None

@@ -1,0 +1,78 @@
+"""The other columns: time against the stated sample rate, and the units of acceleration and temperature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.plausibility.runs import told
+from gyrocal.recording.session import Run, Session
+from gyrocal.warning import Warning
+
+RATE_OFF = 0.05
+MILLISECONDS = (300.0, 3000.0)
+SLOWEST_HZ = 1.0
+GRAVITY_OFF = 0.1
+TEMPERATURES_C = (-60.0, 150.0)
+STANDARD_GRAVITY = 9.80665
+
+
+def check(session: Session) -> list[Warning]:
+    """``accel_unit``, ``temp_unit`` and ``sample_rate``."""
+    return [*_acceleration(session), *_temperature(session), *_sample_rate(session)]
+
+
+def _acceleration(session: Session) -> list[Warning]:
+    steady = [r for r in session.runs if r.acc_g is not None and not r.rate_is_mean and np.ptp(r.rate_dps) == 0.0]
+    steady = [r for r in steady if not np.any(r.rate_dps)] or steady
+    if not steady:
+        return []
+    norm = float(np.median([np.linalg.norm(np.nanmean(r.acc_g, axis=0)) for r in steady if r.acc_g is not None]))
+    if abs(norm - 1) <= GRAVITY_OFF:
+        return []
+    unit = next((u for u, g in (("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if abs(norm / g - 1) < GRAVITY_OFF), None)
+    guess = f"it is in {unit}" if unit else "its unit or its scale is wrong"
+    text = (
+        f"the acceleration at rest is {norm:.4g}, and gravity is 1 g: {guess}. "
+        f"Give the unit when importing (--map ax_g=COLUMN:{unit or 'UNIT'})"
+    )
+    return [Warning("accel_unit", None, None, text)]
+
+
+def _temperature(session: Session) -> list[Warning]:
+    low, high = TEMPERATURES_C
+
+    def median(run: Run) -> float:
+        return float("nan") if run.temp_c is None else float(np.nanmedian(run.temp_c))
+
+    hit = [r for r in session.runs if not np.isnan(median(r)) and not low <= median(r) <= high]
+
+    def text(run: Run | None) -> str:
+        return (
+            f"temp_c is {median(run or hit[0]):.4g}, outside {low:g} to {high:g} degC. "
+            "Give the unit when importing (--map temp_c=COLUMN:K, or degF), or drop the column"
+        )
+
+    return told(session, "temp_unit", None, hit, text, False)
+
+
+def _sample_rate(session: Session) -> list[Warning]:
+    rates = {r.file: measured_hz(r) for r in session.runs}
+    hit = [r for r in session.runs if rates[r.file] < SLOWEST_HZ or abs(rates[r.file] / r.sample_rate_hz - 1) > RATE_OFF]
+
+    def text(run: Run | None) -> str:
+        rate = rates[(run or hit[0]).file]
+        ratio = session.sample_rate_hz / rate
+        ms = rate < SLOWEST_HZ or MILLISECONDS[0] < ratio < MILLISECONDS[1] or MILLISECONDS[0] < 1 / ratio < MILLISECONDS[1]
+        doubt = " Is t_s in ms? Convert it to seconds (--map t_s=COLUMN:ms)." if ms else ""
+        return (
+            f"t_s has {rate:.4g} samples a second, session.toml says sample_rate_hz = {session.sample_rate_hz:g}.{doubt} "
+            "Correct sample_rate_hz, or the times"
+        )
+
+    return told(session, "sample_rate", None, hit, text, False)
+
+
+def measured_hz(run: Run) -> float:
+    """Samples a second by regression of time on the sample's number."""
+    number = np.arange(len(run)) - (len(run) - 1) / 2
+    return float(number @ number) / float(number @ (run.t_s - run.t_s[0]))

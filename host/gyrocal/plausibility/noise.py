@@ -1,0 +1,72 @@
+"""The noise of the readings, and whether it can be that of the stated unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.warning import Warning
+
+DENSITY_DPS = 0.005
+"""Noise density of consumer MEMS gyroscopes, dps/sqrt(Hz): 0.003 to 0.015 by their data sheets."""
+LEAST_BAND_HZ = 50.0
+"""A slow log does not narrow the sensor's own band."""
+WITHIN = 3.5
+"""Sensors' noise differs by this factor either way."""
+LEAST_STEP_DPS = 0.0035
+"""One count of the finest usual range, in deg/s: a grid as coarse as this is in deg/s."""
+ROUNDING_DPS = 1e-6
+"""Steps below this are of the numbers' own rounding."""
+SHEPPARD = 1 / 12
+"""Variance, counts^2, that rounding to whole counts adds."""
+
+
+def still_dps(run: Run, axis: int) -> Array:
+    """Readings less the true rate where that is known at each moment, shape [n], deg/s."""
+    about = axis == run.axis_index and not run.rate_is_mean
+    return run.gyro_dps[:, axis] - (run.rate_dps if about else 0.0)
+
+
+def step_dps(session: Session, axis: int) -> float:
+    """One count: as the session states it, else the least step of the readings of the axis; 0 where neither tells."""
+    if session.lsb_dps is not None:
+        return session.lsb_dps
+    steps = [s for s in (float(r.step_dps[axis]) for r in session.runs) if s > ROUNDING_DPS]
+    return min(steps, default=0.0)
+
+
+def own_sd_dps(session: Session, axis: int) -> float | None:
+    """One sample's noise without that of rounding, deg/s, the median over the runs that move at all; None where none does."""
+    step = step_dps(session, axis)
+    variances = [
+        max(0.0, float(np.mean(np.diff(still_dps(r, axis)) ** 2)) / 2 - SHEPPARD * step**2)
+        for r in session.runs
+        if np.ptp(r.gyro_dps[:, axis]) > 0
+    ]
+    return float(np.sqrt(np.median(variances))) if variances else None
+
+
+def unit_unsure(session: Session) -> list[Warning]:
+    """Nothing turns, and the noise is 57 times off the usual."""
+    if any(r.rate_is_mean or bool(np.any(r.rate_dps)) for r in session.runs):
+        return []
+    usual_dps = DENSITY_DPS * float(np.sqrt(max(session.sample_rate_hz / 2, LEAST_BAND_HZ)))
+    unstated = replace(session, lsb_dps=None)  # a stated count would be in the right unit
+    found = [sd for sd in (own_sd_dps(unstated, i) for i in range(len(AXES))) if sd]
+    if not found:
+        return []
+    ratio = float(np.median(found)) / usual_dps
+    steps = [s for r in session.runs for s in r.step_dps if s > 0]
+    fine = min(steps, default=0.0) < LEAST_STEP_DPS
+    deg = 180 / np.pi
+    small, large = 1 / WITHIN < ratio * deg < WITHIN and fine, 1 / WITHIN < ratio / deg < WITHIN
+    if not (small or large):
+        return []
+    text = (
+        f"nothing turns in this session, so nothing tells deg/s from rad/s, and the noise of {np.median(found):.2g} dps is "
+        f"{1 / ratio if small else ratio:.0f} times {'less' if small else 'more'} than usual: the readings may be in "
+        f"{'rad/s' if small else 'deg/s already when they were converted'}. Check the unit of --map, and record a known turn"
+    )
+    return [Warning("unit_unsure", None, None, text)]

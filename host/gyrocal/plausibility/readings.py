@@ -1,0 +1,189 @@
+"""The readings by themselves: do they move where they must, stay within the range, and begin as they go on?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.effects.saturation import Saturation
+from gyrocal.error_model.model import Model
+from gyrocal.plausibility.noise import own_sd_dps, step_dps
+from gyrocal.plausibility.noise import still_dps as still
+from gyrocal.plausibility.runs import told
+from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.warning import Warning
+
+HALF_COUNT = 0.5
+STANDS_S = 0.5
+LEAST_STANDING = 8
+MOST_EQUAL = 0.7
+"""Chance that noise of half a count leaves a reading where it was, in the middle of a count."""
+BY_CHANCE = 1e-6
+MOVES_COUNTS = 6.0
+TYPICAL_DENSITY_DPS = 0.004
+USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
+CUT_OFF = 0.01
+FIRST = 3
+FOLLOWING = 30
+STANDS_OFF = 10.0
+STANDS_OFF_STEPS = 3.0
+
+
+def constant(session: Session) -> list[Warning]:
+    """``constant_reading`` and ``axis_absent``: readings that do not move although they should."""
+    out: list[Warning] = []
+    own = {session.axis, *(r.axis for r in session.runs)}
+    for i, axis in enumerate(AXES):
+        still_runs = [r for r in session.runs if np.ptp(r.gyro_dps[:, i]) == 0]
+        if len(still_runs) == len(session.runs):
+            if axis in own and _should_move(session, i):
+                text = f"{axis} reads {still_runs[0].gyro_dps[0, i]:.6g} dps in every sample. Check wiring and driver"
+                out.append(Warning("constant_reading", axis, None, text, True))
+            elif axis not in own:
+                text = f"{axis} reads {still_runs[0].gyro_dps[0, i]:.6g} dps throughout and is left out"
+                out.append(Warning("axis_absent", axis, None, text))
+            continue
+        level = clip_level_dps(session, i)
+        noise_counts = _noise_counts(session, i)
+        stuck = [
+            r for r in still_runs
+            if not _at(r.gyro_dps[0, i], level) and (noise_counts > HALF_COUNT or _moves(r, i, 0, len(r), session))
+        ]  # fmt: skip
+        text = f"{axis} reads one value throughout; the sensor hung or a column was filled. Record the run again"
+        out += [Warning("constant_reading", axis, r.file, text, True) for r in stuck]
+        out += _standing(session, i, [r for r in session.runs if r not in still_runs], level, noise_counts)
+    return out
+
+
+def _should_move(session: Session, axis: int) -> bool:
+    """Is an axis of one value throughout contradicted: by the rates, or by the noise of its neighbours or of its kind?"""
+    rates = [r.rate_dps if r.axis_index == axis else np.zeros(1) for r in session.runs]
+    if max(float(r.max()) for r in rates) - min(float(r.min()) for r in rates) > 1.0 or any(
+        r.rate_is_mean for r in session.runs
+    ):
+        return True
+    others = [sd for sd in (own_sd_dps(session, i) for i in range(len(AXES)) if i != axis) if sd is not None]
+    usual = TYPICAL_DENSITY_DPS * float(np.sqrt(session.sample_rate_hz / 2))
+    count = session.lsb_dps or max((step_dps(session, i) for i in range(len(AXES))), default=0.0)
+    return (float(np.median(others)) if others else usual) > HALF_COUNT * count
+
+
+def _noise_counts(session: Session, axis: int) -> float:
+    sd, step = own_sd_dps(session, axis), step_dps(session, axis)
+    return 0.0 if sd is None or step <= 0 else sd / step
+
+
+def _moves(run: Run, axis: int, start: int, stop: int, session: Session) -> bool:
+    """Does the true rate about this axis move between two rows by far more than counts and noise hide?"""
+    if run.axis_index != axis or run.rate_is_mean:
+        return False
+    least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0), 0.1)
+    return float(np.ptp(run.rate_dps[start:stop])) > least
+
+
+def _standing(session: Session, axis: int, runs: list[Run], level: float | None, noise_counts: float) -> list[Warning]:
+    """Stretches of half a second and more in which a reading stands still."""
+    out = []
+    samples = sum(map(len, runs))
+    for run in runs:
+        y = run.gyro_dps[:, axis]
+        start, length = _longest(y, level)
+        if length < max(LEAST_STANDING, STANDS_S * run.sample_rate_hz):
+            continue
+        equal = float(np.mean(np.diff(np.delete(y, slice(start, start + length))) == 0)) if length < y.size - 2 else 0.0
+        rare = samples * max(equal, MOST_EQUAL) ** (length - 1) < BY_CHANCE
+        if (noise_counts > HALF_COUNT and rare) or (rare and _moves(run, axis, start, start + length, session)):
+            text = (
+                f"{AXES[axis]} stands still at {y[start]:.6g} dps for {length / run.sample_rate_hz:.2g} s from "
+                f"{run.t_s[start]:.4g} s on. The sensor or its driver hung: cut the stretch out, or record the run again"
+            )
+            out.append(Warning("constant_reading", AXES[axis], run.file, text, True))
+    return out
+
+
+def _longest(y: Array, level: float | None) -> tuple[int, int]:
+    """First row and number of the longest stretch of equal readings, those at the limit left out."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
+    lengths = np.diff(edges)
+    if level is not None:
+        lengths = np.where(np.abs(np.abs(y[edges[:-1]]) - level) < 1e-6, 0, lengths)
+    k = int(np.argmax(lengths))
+    return int(edges[k]), int(lengths[k])
+
+
+def _at(value: float, level: float | None) -> bool:
+    return level is not None and abs(abs(value) - level) < 1e-6
+
+
+def clip_level_dps(session: Session, axis: int) -> float | None:
+    """The reading at which an axis is cut off, deg/s; None where none is.
+
+    Readings heap at the largest value that occurs. One run that is stuck there by itself is not cut off, unless the value is
+    the stated or a usual range.
+    """
+    readings = [r.gyro_dps[:, axis] for r in session.runs]
+    limit = max(float(np.abs(y).max()) for y in readings)
+    if limit <= 0:
+        return None
+    at = [y for y in readings if bool(np.any(np.abs(y) > limit - 1e-6))]
+    ranges = USUAL_RANGES_DPS if session.full_scale_dps is None else (session.full_scale_dps, *USUAL_RANGES_DPS)
+    ranged = any(abs(limit / one - 1) < 1e-3 for one in ranges)
+    stated = session.full_scale_dps is not None and abs(limit - session.full_scale_dps) <= max(session.lsb_dps or 0.0, 1e-6)
+    heaped = sum(int(np.count_nonzero(np.abs(y) > limit - 1e-6)) for y in at)
+    heap = heaped >= FIRST and stated
+    heap = heap or Saturation().detect(session.runs, axis) is not None
+    alone = len(at) == 1 and np.ptp(at[0]) == 0
+    return limit if (heap or (ranged and alone)) and (ranged or not alone) else None
+
+
+def cut_off(session: Session) -> set[tuple[str | None, str | None]]:
+    """(axis, file) of runs whose mean is not that of the rate, for more than :data:`CUT_OFF` of their readings are clipped."""
+    out: set[tuple[str | None, str | None]] = set()
+    for i, axis in enumerate(AXES):
+        level = clip_level_dps(session, i)
+        if level is not None:
+            out |= {(axis, r.file) for r in session.runs if np.mean(np.abs(r.gyro_dps[:, i]) > level - 1e-6) > CUT_OFF}
+    return out
+
+
+def clipped(session: Session, model: Model) -> list[Warning]:
+    """``clipped``: readings at full scale, unless the model holds a fault that leaves such readings out."""
+    out = []
+    for i, axis in enumerate(AXES):
+        known = any(term.fault is not None and term.fault.clips for term in model.on(axis))
+        level = None if known else clip_level_dps(session, i)
+        if level is None:
+            continue
+        count = sum(int(np.count_nonzero(np.abs(r.gyro_dps[:, i]) > level - 1e-6)) for r in session.runs)
+        text = (
+            f"{count} readings of {axis} are at {level:.6g} dps, the end of the range: the rate was at least that. "
+            "Record with the next larger range, leave the runs out, or put the limit into the model (gyrocal add saturation)"
+        )
+        out.append(Warning("clipped", axis, None, text))
+    return out
+
+
+def first_sample(session: Session) -> list[Warning]:
+    """``first_sample``: the first readings of a run off the line through those that follow."""
+    out = []
+    for i, axis in enumerate(AXES):
+        off = {r.file: apart for r in session.runs if (apart := _first_apart_dps(r, i)) is not None}
+
+        def text(run: Run | None, off: dict[str, float] = off, axis: str = axis) -> str:
+            apart = max(off.values(), key=abs) if run is None else off[run.file]
+            return f"{axis} begins {apart:+.3g} dps off what follows. Drop the first {FIRST} samples, or start recording later"
+
+        out += told(session, "first_sample", axis, [r for r in session.runs if r.file in off], text, False)
+    return out
+
+
+def _first_apart_dps(run: Run, axis: int) -> float | None:
+    if run.rate_is_mean or len(run) < FIRST + FOLLOWING:
+        return None
+    y = still(run, axis)[: FIRST + FOLLOWING]
+    index = np.arange(y.size, dtype=float)
+    after = slice(FIRST, None)
+    line = np.polynomial.Polynomial.fit(index[after], y[after], 1)
+    left = y - line(index)
+    noise = float(np.sqrt(np.mean(left[after] ** 2)))
+    least = STANDS_OFF * noise + STANDS_OFF_STEPS * float(run.step_dps[axis])
+    return float(left[0]) if noise > 0 and abs(left[0]) > least else None

@@ -1,0 +1,81 @@
+"""Runs that are said to be at rest: do their means agree, and does gravity stay where it is?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.plausibility.runs import Mean, Means, spread
+from gyrocal.plausibility.slopes import Lines
+from gyrocal.recording.session import AXES, Run
+from gyrocal.warning import Warning
+
+OFF_DPS = 1.0
+SPREADS = 6.0
+"""Of the other rests: where all of them scatter, none stands out."""
+TURNED_DEG = 5.0
+WINDOW_S = 1.0
+
+
+def moved(means: Means, lines: Lines) -> list[Warning]:
+    """``not_at_rest``, by the readings' means and by the direction of gravity."""
+    out = []
+    seen: set[str] = set()
+    for run in (r for r in means.session.runs if _said_at_rest(r)):
+        angle_deg = _gravity_turns_deg(run)
+        if angle_deg > TURNED_DEG:
+            text = f"gravity turns by {angle_deg:.0f} deg in this run at rest. Cut the movement out of it, or give its turn_deg"
+            out.append(Warning("not_at_rest", run.axis, run.file, text, True))
+            seen.add(run.file)
+    for axis in AXES:
+        rests = [m for m in means.by_axis[axis] if _said_at_rest(m.run) and m.run.file not in seen]
+        apart = _apart(rests, _scatter_dps(lines, axis))
+        out += [Warning("not_at_rest", axis, m.run.file, _text(m, rests, axis), True) for m in apart]
+    return out
+
+
+def _said_at_rest(run: Run) -> bool:
+    return not run.rate_is_mean and bool(np.all(run.rate_dps == 0.0))
+
+
+def _scatter_dps(lines: Lines, axis: str) -> float:
+    """By how much the runs about an axis scatter anyway."""
+    line = lines.get((axis, axis))
+    return 0.0 if line is None else line.scatter_dps
+
+
+def _apart(rests: list[Mean], scatter_dps: float) -> list[Mean]:
+    """Rests whose mean is off the others'; of two that disagree the one farther from zero."""
+    if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > max(OFF_DPS, SPREADS * scatter_dps):
+        return [max(rests, key=lambda m: abs(m.mean_dps))]
+    values = np.array([m.mean_dps for m in rests])
+    out = []
+    for i, m in enumerate(rests if len(rests) > 2 else []):
+        others = np.delete(values, i)
+        off = abs(m.mean_dps - float(np.median(others)))
+        if off > max(OFF_DPS, SPREADS * spread(others)):
+            out.append(m)
+    return out
+
+
+def _text(m: Mean, rests: list[Mean], axis: str) -> str:
+    others = float(np.median([o.mean_dps for o in rests if o is not m]))
+    return (
+        f"the run is said to be at rest, but {axis} reads {m.mean_dps:.4g} dps in the mean, {others:.4g} in the other rests. "
+        "Give the true table_rate_dps, or record the rest again with the table still"
+    )
+
+
+def _gravity_turns_deg(run: Run) -> float:
+    """Largest angle between mean accelerations of one second each, deg; 0 without an accelerometer."""
+    if run.acc_g is None or not np.isfinite(run.acc_g).all():
+        return 0.0
+    size = max(10, round(WINDOW_S * run.sample_rate_hz))
+    count = len(run) // size
+    if count < 2:
+        return 0.0
+    means = run.acc_g[: count * size].reshape(count, size, 3).mean(axis=1)
+    norms = np.linalg.norm(means, axis=1)
+    if norms.min() < 0.3 * np.median(norms) or norms.min() <= 0:
+        return 0.0
+    directions = means / norms[:, None]
+    return float(np.rad2deg(np.arccos(np.clip(np.min(directions @ directions[0]), -1.0, 1.0))))

@@ -1,0 +1,125 @@
+"""What the checks need of each run: mean rate and mean reading of every axis, and the slope where the true rate moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Set
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.warning import Warning
+
+MOVES_DPS = 1.0
+"""Standard deviation of a true rate that moves; an encoder's noise is far less."""
+STILL_DPS = 0.01
+CLUSTERS = 16
+"""Stretches of a run whose scatter gives standard errors: noise within each may be of any colour."""
+LONGEST_LAG_S = 0.1
+
+
+@dataclass(frozen=True)
+class Mean:
+    """One run on one axis. ``slope`` and ``offset_dps`` are a regression's where the true rate moves, else None."""
+
+    run: Run
+    rate_dps: float
+    mean_dps: float
+    se_dps: float
+    slope: float | None = None
+    slope_se: float = 0.0
+    offset_dps: float = 0.0
+
+    @property
+    def rests(self) -> bool:
+        return self.slope is None and abs(self.rate_dps) < STILL_DPS
+
+
+class Means:
+    """Means of all runs of a session on all axes; ``skip`` are (axis, file) whose readings say nothing (file None: any)."""
+
+    def __init__(self, session: Session, skip: Set[tuple[str | None, str | None]] = frozenset()) -> None:
+        self.session, self._skip = session, skip
+
+    @cached_property
+    def by_axis(self) -> dict[str, list[Mean]]:
+        """For each axis of the readings, every run's; the true rate is that about the run's own axis."""
+        return {axis: [_mean(r, i) for r in self.session.runs if self._says(axis, r)] for i, axis in enumerate(AXES)}
+
+    def _says(self, axis: str, run: Run) -> bool:
+        return not {(axis, run.file), (axis, None)} & self._skip
+
+    def about(self, table_axis: str, axis: str | None = None) -> list[Mean]:
+        """Readings of ``axis`` (the table's by default) in the runs about ``table_axis``."""
+        return [m for m in self.by_axis[axis or table_axis] if m.run.axis == table_axis]
+
+    @property
+    def turned(self) -> list[str]:
+        """Axes about which the table turns in some run."""
+        return [a for a in AXES if any(not m.rests for m in self.about(a))]
+
+
+def _mean(run: Run, axis: int) -> Mean:
+    y, rate = run.gyro_dps[:, axis], run.rate_dps
+    if not run.rate_is_mean and float(np.std(rate)) > MOVES_DPS:
+        y, rate = _aligned(y, rate, round(LONGEST_LAG_S * run.sample_rate_hz))
+        slope, se, offset = _regression(y, rate)
+        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset)
+    if run.rate_is_mean:  # what varies is the turn itself
+        return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
+    return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
+
+
+def _regression(y: Array, rate: Array) -> tuple[float, float, float]:
+    about = rate - rate.mean()
+    slope = float(about @ y) / float(about @ about)
+    offset = float(y.mean() - slope * rate.mean())
+    return slope, _clustered_se(about, y - offset - slope * rate), offset
+
+
+def _clustered_se(x: Array, residual: Array) -> float:
+    """Standard error of a regression on ``x`` [n] with ``residual`` [n] correlated within each of :data:`CLUSTERS` stretches.
+
+    The sandwich estimator of Liang and Zeger, Biometrika 73 (1986) 13.
+    """
+    edges = np.unique(np.linspace(0, x.size, CLUSTERS + 1).astype(np.intp))[:-1]
+    scores = np.add.reduceat(x * residual, edges)
+    k = max(2, edges.size)
+    return float(np.sqrt(float(scores @ scores) * k / (k - 1)) / float(x @ x))
+
+
+def _aligned(y: Array, rate: Array, longest: int) -> tuple[Array, Array]:
+    """Reading and true rate, one shifted until they correlate best: a delay of some samples is no contradiction."""
+
+    def shifted(lag: int) -> tuple[Array, Array]:
+        n = y.size - abs(lag)
+        return (y[lag:], rate[:n]) if lag >= 0 else (y[:n], rate[-lag:])
+
+    def fits(lag: int) -> float:
+        a, b = shifted(lag)
+        a, b = a - a.mean(), b - b.mean()
+        return abs(float(a @ b)) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
+
+    lag, best = 0, fits(0)
+    longest = min(longest, y.size // 4)
+    step = max((1, -1), key=lambda s: fits(s) if longest else 0.0)
+    while abs(lag + step) <= longest and (value := fits(lag + step)) > best:
+        lag, best = lag + step, value
+    return shifted(lag)
+
+
+def spread(values: Array) -> float:
+    """Standard deviation of the bulk of values [n], from the median of their distances to the median."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values)))) if values.size else 0.0
+
+
+def told(
+    session: Session, code: str, axis: str | None, runs: Iterable[Run], text: Callable[[Run | None], str], blocking: bool
+) -> list[Warning]:
+    """One warning a run, or a single one without a file where it holds for all runs about the axis."""
+    hit = list(runs)
+    concerned = [r for r in session.runs if r.axis == axis or axis is None] or list(session.runs)
+    if len(hit) > 1 and len(hit) >= len(concerned):
+        return [Warning(code, axis, None, text(None), blocking)]
+    return [Warning(code, axis, run.file, text(run), blocking) for run in hit]

@@ -1,0 +1,49 @@
+"""What a command warns of: a contradiction in a recording, told beside the answer and not in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Warning:
+    """One warning. ``axis`` and ``file`` are None where it holds for all of them.
+
+    ``text`` says what is contradicted, by how much, and what to change. A ``blocking`` warning keeps its axis out of every
+    judgement until the session is mended or the warning accepted.
+    """
+
+    code: str
+    axis: str | None
+    file: str | None
+    text: str
+    blocking: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+    def blocks(self, axis: str) -> bool:
+        """Does it keep this axis out of the judgement?"""
+        return self.blocking and self.axis in (None, axis)
+
+
+def accepted(warnings: Iterable[Warning], accept: Sequence[str]) -> list[Warning]:
+    """The warnings, those that ``accept`` names (``code`` or ``code:axis``) no longer blocking."""
+    return [replace(w, blocking=w.blocking and w.code not in accept and f"{w.code}:{w.axis}" not in accept) for w in warnings]
+
+
+def by_weight(warnings: Iterable[Warning]) -> list[Warning]:
+    """The blocking ones first."""
+    return sorted(warnings, key=lambda w: not w.blocking)
+
+
+def line(warning: Warning) -> str:
+    """A warning in a line: the file, what is the matter (the axis is part of the text), and the code."""
+    return f"{f'{warning.file}: ' if warning.file else ''}{warning.text} ({warning.code})"
+
+
+def lines(warnings: Iterable[Warning]) -> list[str]:
+    """One line of text a warning, the blocking ones first."""
+    return [line(w) for w in by_weight(warnings)]

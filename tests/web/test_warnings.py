@@ -1,0 +1,31 @@
+"""A session that contradicts itself is told so on top of the panels, and is not said to fit."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gyrocal.simulation.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Any:
+    folder: Path = tmp_path_factory.mktemp("slip")
+    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=6.0)
+    wrong = [replace(r, face="up") if r.file == "008_down.csv" else r for r in session.runs]
+    session.with_runs(wrong).save(folder / "slip")
+    return serve(folder, "slip")
+
+
+def test_the_warning_stands_on_top(served: Any, look: Callable[..., Any]) -> None:
+    page = look(served.url)
+    page.get_by_text("The session contradicts itself.").wait_for()
+    told = page.locator('[aria-label="warnings"]')
+    assert "008_down.csv: " in told.inner_text()
+    assert "(face_wrong)" in told.inner_text()
+    assert not page.get_by_text("The model fits.").is_visible()
+    page.get_by_role("button", name="Diagnose").first.click()
+    page.get_by_text("nothing is judged on its axis").first.wait_for()
+    assert page.locator('[aria-label="what is missing"] [aria-label="warnings"]').is_visible()
