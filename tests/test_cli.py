@@ -56,6 +56,9 @@ def test_calibrate_json(session: str, capsys: pytest.CaptureFixture[str]) -> Non
         "scale_se",
         "bias_dps",
         "bias_se_dps",
+        "misfit",
+        "flags",
+        "trusted",
     }
     assert all(e["scale_se"] > 0 and e["bias_se_dps"] > 0 for e in estimates), "baseline and network know how sure they are"
 

@@ -12,7 +12,9 @@ from gyrocal.errors import GyrocalError, InputError
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-BENCHMARKS = {"blind": ROOT / "tests" / "blind", "paper": ROOT / "benchmarks", "inference": ROOT / "benchmarks"}
+BENCHMARKS = dict.fromkeys(("paper", "robustness", "inference", "population"), ROOT / "benchmarks") | {
+    "blind": ROOT / "tests" / "blind"
+}
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
 

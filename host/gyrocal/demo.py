@@ -148,8 +148,6 @@ def _answers(sentences: Iterable[Sentence], fresh: Session, truths: dict[str, An
         said = sentence.fields
         seconds = float(said["seconds"])
         scale, bias_dps = sentence.real("scale"), sentence.real("bias_dps")
-        assert scale is not None
-        assert bias_dps is not None
         estimates.append(
             Estimate(
                 current,
@@ -160,6 +158,8 @@ def _answers(sentences: Iterable[Sentence], fresh: Session, truths: dict[str, An
                 sentence.real("scale_se"),
                 bias_dps,
                 sentence.real("bias_se_dps"),
+                sentence.real("misfit"),
+                tuple(filter(None, said.get("flags", "").split("+"))),
             )
         )
         misfit.setdefault(said["method"], {}).setdefault(seconds, []).append(sentence.real("misfit") or np.nan)
@@ -175,6 +175,8 @@ def errors(estimates: Iterable[Estimate], truths: dict[str, Any]) -> Errors:
     found: dict[str, dict[float, list[tuple[float, float]]]] = {}
     for e in estimates:
         truth = truths[e.scenario]
+        if e.scale is None or e.bias_dps is None:
+            continue
         error = (abs(e.scale - truth["scale"][2]), abs(e.bias_dps - truth["bias_dps"][2]))
         found.setdefault(e.method, {}).setdefault(e.seconds, []).append(error)
     return {

@@ -12,8 +12,8 @@ from gyrocal_export.graph import Graph, attribute
 BLOCK = 4  # GC_CNN_BLOCK
 
 
-def c_header(graph: Graph, blocks: str = "") -> str:
-    """The header's text; the same graph gives the same text. ``blocks`` is the table of network gyrocal, if it is to answer.
+def c_header(graph: Graph, convnet: str = "") -> str:
+    """The header's text; the same graph gives the same text. ``convnet`` is the table of network gyrocal, if it is to answer.
 
     Raises:
         InputError: not a quantised network paper, or of a shape that the kernel does not compute.
@@ -53,10 +53,10 @@ def c_header(graph: Graph, blocks: str = "") -> str:
     scratch = combined["channels"] * combined["columns"] + max(rows + sums, hidden)
     meta = graph.metadata
     return TEMPLATE.format(
-        names=f"`{meta['name']}`" + (" and `gyrocal`" if blocks else ""),
-        include="gc_blocknet.h" if blocks else "gc_cnn.h",
-        table=f"{blocks}\n" if blocks else "",
-        blocks="    .blocks = &gc_blocks,\n" if blocks else "",
+        names=f"`{meta['name']}`" + (" and `gyrocal`" if convnet else ""),
+        include="gc_convnet.h" if convnet else "gc_cnn.h",
+        table=f"{convnet}\n" if convnet else "",
+        convnet="    .convnet = &gc_gyrocal,\n" if convnet else "",
         name=meta["name"],
         arrays="\n".join(arrays),
         scratch=scratch,
@@ -99,18 +99,18 @@ TEMPLATE = """\
     .combined_conv = {{gc_net_combined_code, gc_net_combined_step, gc_net_combined_bias}},
     .fc1 = {{gc_net_fc1_code, gc_net_fc1_step, gc_net_fc1_bias}},
     .fc2 = {{gc_net_fc2_code, gc_net_fc2_step, gc_net_fc2_bias}},
-{blocks}}};
+{convnet}}};
 
 #endif
 """
 
 
-BLOCKS_ALONE = """\
+GYROCAL_ALONE = """\
 /* Written by `gyrocal export` from the quantised graph of network `gyrocal`; do not edit. */
 #ifndef GYROCAL_WEIGHTS_H
 #define GYROCAL_WEIGHTS_H
 
-#include "gc_blocknet.h"
+#include "gc_convnet.h"
 
 #define GC_NET_SCRATCH_FLOATS 1
 
@@ -119,17 +119,17 @@ static const gc_cnn_net_t gc_net = {{
     .name = "{name}",
     .rate_hz = {rate_hz},
     .table_dps = {table_dps},
-    .blocks = &gc_blocks,
+    .convnet = &gc_gyrocal,
 }};
 
 #endif
 """
 
 
-def c_header_of_blocks(blocks: str, metadata: dict[str, str]) -> str:
+def c_header_of_gyrocal(convnet: str, metadata: dict[str, str]) -> str:
     """The header of network gyrocal without the paper's."""
     rate_hz, table_dps = (literal(float(metadata[name])) for name in ("rate_hz", "table_dps"))
-    return BLOCKS_ALONE.format(table=blocks, name=metadata["name"], rate_hz=rate_hz, table_dps=table_dps)
+    return GYROCAL_ALONE.format(table=convnet, name=metadata["name"], rate_hz=rate_hz, table_dps=table_dps)
 
 
 def _conv_shape(graph: Graph, conv: Any, pool: Any, length: int) -> dict[str, int]:

@@ -39,7 +39,7 @@ def _paper(run: Path) -> tuple[bytes, ...]:
 
 
 def _gyrocal(run: Path) -> tuple[bytes, ...]:
-    from gyrocal_export.c_header import c_header_of_blocks
+    from gyrocal_export.c_header import c_header_of_gyrocal
     from gyrocal_export.gyrocal_onnx import tables, to_onnx
     from gyrocal_export.train_gyrocal import load
 
@@ -47,7 +47,7 @@ def _gyrocal(run: Path) -> tuple[bytes, ...]:
     model, quantised = (to_onnx(net, metadata, int8=int8) for int8 in (False, True))
     return (
         model.SerializeToString(deterministic=True), quantised.SerializeToString(deterministic=True),
-        (run / "made_by.json").read_bytes(), c_header_of_blocks(tables(quantised, str(run)), metadata).encode(),
+        (run / "made_by.json").read_bytes(), c_header_of_gyrocal(tables(quantised, str(run)), metadata).encode(),
     )  # fmt: skip
 
 
@@ -72,5 +72,5 @@ def shipped_header() -> str:
     from gyrocal_export.gyrocal_onnx import tables
 
     with as_file(files("gyrocal") / "data") as data:
-        blocks = tables(onnx.load(data / "gyrocal.int8.onnx"), "gyrocal.int8.onnx")
-        return c_header(Graph.open(data / "paper.int8.onnx"), blocks)
+        convnet = tables(onnx.load(data / "gyrocal.int8.onnx"), "gyrocal.int8.onnx")
+        return c_header(Graph.open(data / "paper.int8.onnx"), convnet)

@@ -53,3 +53,9 @@ def test_an_effect_is_one_file_that_no_list_names() -> None:
         assert f"GC_EFFECT({effect.stem}) {{" in effect.read_text()
         others = [p for p in (*SOURCES, *HEADERS) if p != effect and f"effect_{effect.stem}" in p.read_text()]
         assert not others, f"{effect.stem} is named in {others}"
+
+
+def test_the_core_names_no_part_outside_its_driver() -> None:
+    for path in (*SOURCES, *HEADERS):
+        if path.stem != "gc_lsm6dso":
+            assert "lsm6dso" not in path.read_text().lower(), path.name

@@ -22,7 +22,7 @@ from gyrocal.device.run_stream import RECENT
 from gyrocal.errors import DeviceError
 from gyrocal.recording.session import Run, Session
 
-from .conftest import LSB_DPS, make_session
+from .conftest import LSB_DPS, two_faces
 from .damage import Harm, Lines, opener, spoilt
 from .fake import FakeDevice
 
@@ -152,7 +152,7 @@ def test_gravity_tells_the_face_or_the_run_is_left_out(acc_counts: int, faces: l
 
 @pytest.mark.parametrize("where", ["first", "last", "middle"])
 def test_a_stall_that_gave_half_the_samples_says_so(where: str, tmp_path: Path) -> None:
-    session = make_session(seconds=4.0, scenarios=1)
+    session = two_faces(seconds=4.0, scenarios=1)
     n = len(session.runs[0])
     kept = {"first": range(n // 2, n), "last": range(n // 2), "middle": [*range(n // 4), *range(3 * n // 4, n)]}[where]
 
@@ -201,7 +201,7 @@ def test_repeated_samples_are_dropped_and_counted(tmp_path: Path) -> None:
 
 
 def test_a_run_of_which_most_samples_are_lost_leaves_a_session_that_can_be_read(tmp_path: Path) -> None:
-    session = make_session(seconds=4.0, scenarios=1)
+    session = two_faces(seconds=4.0, scenarios=1)
 
     def harm(_: int, line: bytes) -> list[bytes]:
         fields = line.split(b",")
@@ -240,7 +240,7 @@ class Said:
 def said(require_tool: Callable[[str], str]) -> Said:
     """Two power cycles with runs of 0.7 s."""
     require_tool("cc")
-    session = make_session(seconds=0.7)
+    session = two_faces(seconds=0.7)
     sentences = device.replay(session)
     return Said(session, [wire.encode(s.tag, s.seq, s.t_us, s.imu, s.fields or s.text.split(","))[:-1] for s in sentences])
 

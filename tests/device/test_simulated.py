@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,20 @@ def test_baseline_is_the_closed_form_on_the_rows(session: Session) -> None:
             expected.append((seconds, scale, mean_up - (1.0 + scale) * 78.0))
     got = [tuple(s.real(k) for k in ("seconds", "scale", "bias_dps")) for s in answers]
     assert np.allclose(np.array(got, float), expected, rtol=2e-8, atol=1e-9)
+
+
+def test_answers_say_what_speaks_against_them(session: Session) -> None:
+    answers = [s.fields for s in device.replay(session, stream="off") if s.tag == "CAL"]
+    told = {(a["seconds"], a["flags"], a["trusted"]) for a in answers}
+    assert told == {("2", "", "1"), ("4", "missed", "0"), ("6", "missed", "0")}  # each run has a gap after 2.3 s
+    swapped = Session(
+        session.sample_rate_hz,
+        tuple(replace(run, table_rate_dps=100.0) for run in session.runs),
+        full_scale_dps=session.full_scale_dps,
+        lsb_dps=session.lsb_dps,
+    )
+    answers = [s.fields for s in device.replay(swapped, stream="off") if s.tag == "CAL"]
+    assert {a["flags"] for a in answers} == {"implausible", "implausible+missed"}
 
 
 @pytest.mark.parametrize("tcp", [None, "127.0.0.1:0"], ids=["pty", "tcp"])

@@ -3,6 +3,7 @@
 #include "calibration.h"
 #include "emul_lsm6dso.h"
 #include "gc_device.h"
+#include "gc_lsm6dso.h"
 #include "gc_error.h"
 #include "weights.h"
 
@@ -62,7 +63,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
     static const gc_port_t port = {
         .bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us, .send = send};
     static const gc_device_config_t config = {
-        .port = &port, .address = GC_LSM6DSO_ADDRESS, .calibration = &gc_calibration, .net = &gc_net};
+        .port = &port, .part = &gc_lsm6dso, .address = GC_LSM6DSO_ADDRESS, .calibration = &gc_calibration, .net = &gc_net};
     now = 0;
     luck = data;
     luck_n = n;

@@ -62,13 +62,16 @@ def test_the_device_answers_as_the_host_does(replayed: tuple[Session, list[dict]
 
 
 @pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
-def test_standard_errors_agree_too(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
+def test_standard_errors_misfit_and_flags_agree_too(replayed: tuple[Session, list[dict]], model: Model, method: str) -> None:
     session, said = replayed
     host = [e for e in calibrate(session, None, [method], model) if e.method == method]
     device = sorted((c for c in said if c["method"] == method), key=lambda c: c["seconds"])
     for e, c in zip(host, device, strict=True):
         assert c["scale_se"] == pytest.approx(e.scale_se, rel=1e-6)
         assert c["bias_se_dps"] == pytest.approx(e.bias_se_dps, rel=1e-6)
+        assert c["misfit"] == pytest.approx(e.misfit, rel=1e-5)
+        assert tuple(filter(None, (c["flags"] or "").split("+"))) == e.flags
+        assert c["trusted"] == e.trusted
 
 
 @pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
@@ -80,14 +83,14 @@ def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model
 
 
 def test_what_takes_long_comes_in_parts(model: Model, tmp_path: Path, require_tool) -> None:
-    """Six alternatives: a part of the model's answer a sample, so that none is missed meanwhile; then the network's, a face a
-    sample. At the end of a run that is over sooner, all that is left at once."""
+    """Six parts of the baseline's standard errors, six alternatives of the model's answer, a part a sample, so that none is
+    missed meanwhile; then the network's, a face a sample. At the end of a run that is over sooner, all that is left at once."""
     require_tool("cc")
     header.write(model, tmp_path / "calibration.h")
     whole, _ = simulate(None, "table2", seed=7, scenarios=1, seconds=7.0)
     short = whole.with_runs(r.part(0, n) for r, n in zip(whole.runs, (1015, 873), strict=True))
     said = [[s for s in replay(of, include_dir=tmp_path) if s.tag in ("RAW", "CAL")] for of in (whole, short)]
-    for sentences, gaps in zip(said, ([6, 2] * 3, [6, 2] * 2 + [2, 0]), strict=True):
+    for sentences, gaps in zip(said, ([6, 2] * 3, [6, 2] * 2 + [0, 0]), strict=True):
         at = [i for i, s in enumerate(sentences) if s.tag == "CAL"]
         methods = [sentences[i].fields["method"] for i in at]
         assert methods == ["baseline", "model", "cnn"] * 3

@@ -55,7 +55,9 @@ class Gyrocal(DeviceMonitorFilterBase):
         bias = self.number(values["bias_dps"], values["bias_se_dps"], 1000.0, 1, "mdps")
         misfit = f", misfit {float(values['misfit']):.2f}" if values["misfit"] else ""
         what = f"{values['method']}, {float(values['seconds']):g} s, axis {values['axis']}"
-        return f"RESULT {what}: scale {scale}, bias {bias}{misfit}"
+        against = values.get("flags", "")
+        trust = f", NOT TRUSTED: {against.replace('+', ', ')}" if against else ""
+        return f"RESULT {what}: scale {scale}, bias {bias}{misfit}{trust}"
 
     def show_raw(self, _values, fields, imu, t_us):
         """Rates, seldom enough to read."""

@@ -4,6 +4,7 @@
 #include "calibration.h"
 #include "emul_lsm6dso.h"
 #include "gc_device.h"
+#include "gc_lsm6dso.h"
 #include "gc_error.h"
 #include "gc_format.h"
 #include "rows.h"
@@ -412,7 +413,7 @@ int main(int argc, char **argv) {
                 return usage("--stream takes raw or off");
             }
         } else if (strcmp(option, "--fifo") == 0) {
-            if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > GC_LSM6DSO_FIFO_BATCH_MAX) {
+            if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > GC_BATCH_MAX) {
                 return usage("--fifo takes a number of samples, 128 at most");
             }
             sim.fifo = (unsigned)number;
@@ -459,6 +460,7 @@ int main(int argc, char **argv) {
     };
     const gc_device_config_t config = {
         .port = &port,
+        .part = &gc_lsm6dso,
         .address = GC_LSM6DSO_ADDRESS,
         .imu = imu,
         .calibration = &gc_calibration,

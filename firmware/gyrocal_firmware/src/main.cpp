@@ -1,5 +1,6 @@
 /* The ESP32's port of the core: finds the sensors, gives each a task, passes commands on and shows the light. */
 #include "board.h"
+#include "gc_lsm6dso.h"
 #include "i2c_bus.h"
 #include "output.h"
 #include "sensor.h"

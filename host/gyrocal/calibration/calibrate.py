@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gyrocal.calibration.estimator import Answer, calibration_of, estimate
+from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
+from gyrocal.calibration.trust import Evidence, answer_flags, ordered, reading_flags, with_table
+from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run, Session
+from gyrocal.noise.whitening import Noise
+from gyrocal.recording.session import AXES, GAP_PERIODS, Run, Session
+
+if TYPE_CHECKING:
+    from gyrocal.calibration.network import Prior
 
 METHODS = ("baseline", "cnn", "model")
 DEFAULT_SECONDS = (2.0, 4.0, 6.0)
@@ -23,19 +29,27 @@ STEADY = 0.03
 
 @dataclass(frozen=True)
 class Estimate:
-    """One answer; an error that the method does not give is None."""
+    """One answer; what the method does not give is None: all of it where a network has no answer."""
 
     scenario: str
     method: str
     seconds: float
     axis: str
-    scale: float
+    scale: float | None
     scale_se: float | None
-    bias_dps: float
+    bias_dps: float | None
     bias_se_dps: float | None
+    misfit: float | None = None
+    flags: tuple[str, ...] = ()
+    """What speaks against it (:data:`gyrocal.calibration.trust.FLAGS`)."""
+
+    @property
+    def trusted(self) -> bool:
+        """Does nothing speak against it?"""
+        return not self.flags
 
     def to_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return {**asdict(self), "flags": list(self.flags), "trusted": self.trusted}
 
 
 def calibrate(
@@ -118,42 +132,46 @@ def _steady(run: Run) -> bool:
     return not run.rate_is_mean and rate_dps[0] != 0 and bool(np.ptp(rate_dps) <= STEADY * abs(rate_dps[0]))
 
 
+Found = tuple[str, Sequence[Run], Answer | None, set[str]]
+"""Axis, the runs that were used, an answer if there is one, and the flags that the method itself raises."""
+
+
 def _estimates(
     session: Session, scenario: str, runs: Sequence[Run], span: float | None, method: str, model: Model | str | Path | None
 ) -> list[Estimate]:  # fmt: skip
-    out: list[Estimate] = []
-
-    def keep(axis: str, answer: Answer | None, used: Sequence[Run]) -> None:
-        if answer is None:
-            return
-        seconds = span if span is not None else max(r.duration_s for r in used)
-        out.append(
-            Estimate(
-                scenario, method, float(seconds), axis, answer.scale, answer.scale_se, answer.bias_dps, answer.bias_se_dps
-            )
-        )  # fmt: skip
-
     if method == "model":
         cut = [r if r.rate_is_mean else (r if span is None else r.first(span)) for r in runs]
-        parts = [r for r in cut if r is not None]
-        opened = Model.open(model)
-        for axis in AXES:
-            # turned by hand about another axis, a run says more of misalignment than of this axis
-            mine = [r for r in parts if r.axis == axis or not r.rate_is_mean]
-            if opened.on(axis) and _informed(mine, axis):
-                white = white_sd_dps(mine, axis)
-                keep(axis, estimate(calibration_of(opened, axis, white), mine), mine)
-        return out
-    for up, down in pairs(runs):
-        first = [up, down] if span is None else [up.first(span), down.first(span)]
-        halves = [r for r in first if r is not None]
-        if len(halves) < 2:
-            continue
-        if method == "baseline":
-            keep(up.axis, baseline(halves[0], halves[1]), halves)
-        else:
-            keep(up.axis, network(up, down, span or min(up.duration_s, down.duration_s)), halves)
-    return out
+        found = _by_model([r for r in cut if r is not None], Model.open(model))
+    else:
+        found = []
+        for up, down in pairs(runs):
+            first = (up, down) if span is None else (up.first(span), down.first(span))
+            if first[0] is None or first[1] is None:
+                continue
+            if method == "baseline":
+                found.append((up.axis, [first[0], first[1]], baseline(first[0], first[1]), set()))
+            else:
+                found += _by_network(up, down, span or min(up.duration_s, down.duration_s), network_prior(model, up.axis))
+    return [
+        _estimate(session, scenario, method, span or max(r.duration_s for r in used), axis, used, answer, flags)
+        for axis, used, answer, flags in found
+    ]
+
+
+def _estimate(
+    session: Session, scenario: str, method: str, seconds: float, axis: str, used: Sequence[Run], answer: Answer | None,
+    flags: set[str],
+) -> Estimate:  # fmt: skip
+    """An answer with what speaks against it; None: the method has none."""
+    flags = flags | reading_flags(used, axis, session.full_scale_dps)
+    if answer is None:
+        return Estimate(scenario, method, float(seconds), axis, None, None, None, None, None, ordered(flags))
+    blocks = sum(np.unique(r.t_us // BLOCK_US).size for r in used)
+    flags |= answer_flags(answer.scale, answer.bias_dps, answer.misfit, blocks)
+    return Estimate(
+        scenario, method, float(seconds), axis, answer.scale, answer.scale_se, answer.bias_dps, answer.bias_se_dps,
+        answer.misfit, ordered(flags),
+    )  # fmt: skip
 
 
 def _pooled(session: Session, span: float | None, model: Model | str | Path | None) -> list[Estimate]:
@@ -170,18 +188,9 @@ def _pooled(session: Session, span: float | None, model: Model | str | Path | No
     for axis, fitted in fit(session.with_runs(runs), Model.open(model), axes=axes).axes.items():
         scale, bias = (next(t for t in fitted.terms if t.effect.role is role) for role in (Role.SCALE, Role.BIAS))
         if scale.values and "bias_dps" in bias.values:
-            out.append(
-                Estimate(
-                    "all",
-                    "model",
-                    float(seconds),
-                    axis,
-                    scale.values["scale"],
-                    scale.se["scale"],
-                    bias.values["bias_dps"],
-                    bias.se["bias_dps"],
-                )
-            )
+            scale_se = with_table(scale.se["scale"], runs)
+            answer = Answer(scale.values["scale"], scale_se, bias.values["bias_dps"], bias.se["bias_dps"], None)
+            out.append(_estimate(session, "all", "model", seconds, axis, runs, answer, set()))
     return out
 
 
@@ -205,48 +214,92 @@ def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
     return max(float(np.sqrt(total / (2 * sum(len(r) - 1 for r in runs)))), 1e-9)
 
 
+def _by_model(runs: Sequence[Run], model: Model) -> list[Found]:
+    found: list[Found] = []
+    for axis in AXES:
+        # turned by hand about another axis, a run says more of misalignment than of this axis
+        mine = [r for r in runs if r.axis == axis or not r.rate_is_mean]
+        if not model.on(axis) or not _informed(mine, axis):
+            continue
+        calibration = calibration_of(model, axis, white_sd_dps(mine, axis))
+        fitted = model.noise_on(axis).white_sd_dps is not None
+        if not fitted:
+            calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, DRIFT_SD_DPS, DRIFT_TAU_S))
+        answer = estimate(calibration, mine)
+        if answer is None:
+            continue
+        steady = all(r.axis == axis and (_steady(r) or not np.any(r.rate_dps)) for r in mine)
+        evidence = Evidence.of(mine) if steady and not fitted else None
+        if evidence is not None:
+            answer = evidence.with_errors(answer)
+        else:
+            answer = replace(answer, scale_se=with_table(answer.scale_se, mine))
+        found.append((axis, mine, answer, set()))
+    return found
+
+
 def baseline(up: Run, down: Run) -> Answer:
-    """The paper's eq. (9)-(10) from two runs; standard errors from the white noise that successive differences show."""
+    """The paper's eq. (9)-(10) from two runs, with the standard errors that noise, drift and typical effects leave."""
     w_up, w_down = float(np.mean(up.rate_dps)), float(np.mean(down.rate_dps))
-    (mean_up, var_up), (mean_down, var_down) = _mean(up), _mean(down)
+    mean_up, mean_down = (float(np.mean(r.gyro_dps[:, r.axis_index])) for r in (up, down))
     scale = (mean_up - mean_down) / (w_up - w_down) - 1
-    span = abs(w_up - w_down)
-    return Answer(
-        scale, float(np.sqrt(var_up + var_down)) / span,
-        mean_up - (1 + scale) * w_up, float(np.sqrt(w_down**2 * var_up + w_up**2 * var_down)) / span, None,
-    )  # fmt: skip
+    answer = Answer(scale, np.nan, mean_up - (1 + scale) * w_up, np.nan, None)
+    evidence = Evidence.of([up, down])
+    return answer if evidence is None else evidence.with_errors(answer)
 
 
-def _mean(run: Run) -> tuple[float, float]:
-    y: Array = run.gyro_dps[:, run.axis_index]
-    white = float(np.sum(np.diff(y) ** 2)) / (2 * (y.size - 1))
-    return float(np.mean(y)), white / y.size
+def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]:
+    """The network's answer and what speaks against it; nothing where the runs are too short for it, or samples are missing."""
+    from gyrocal.calibration.network import STAGES_S
+
+    stage = network_stage(up, down, seconds)
+    if stage is None:
+        return []
+    used = [run.first(STAGES_S[stage]) or run for run in (up, down)]
+    answer, evidence = network(up, down, stage, prior), Evidence.of(used)
+    if answer is None or evidence is None:
+        return [(up.axis, used, None, {"net_range"})]
+    flags = {"disagrees"} if evidence.disagrees(answer) else set()
+    answer = replace(answer, misfit=evidence.misfit_of(answer), scale_se=with_table(answer.scale_se, used))
+    return [(up.axis, used, answer, flags)]
 
 
-def network(up: Run, down: Run, seconds: float) -> Answer | None:
-    """The shipped network `gyrocal` on as much of the first 2, 4 or 6 s as ``seconds`` holds.
+def network_stage(up: Run, down: Run, seconds: float) -> int | None:
+    """0, 1 or 2: as much of the first 2, 4 or 6 s as ``seconds`` holds. None: too short for 2 s, or a sample is missing."""
+    from gyrocal.calibration.network import STAGES_S
 
-    None where the runs are too short for 2 s, or a sample is missing.
+    stage = sum(s <= seconds + 1e-6 for s in STAGES_S) - 1
+    enough = stage >= 0 and all(consecutive(r) >= round(STAGES_S[stage] * r.sample_rate_hz) for r in (up, down))
+    return stage if enough else None
+
+
+def network(up: Run, down: Run, stage: int, prior: Prior | None = None) -> Answer | None:
+    """The shipped network `gyrocal` on the first 2, 4 or 6 s (``stage`` 0, 1 or 2), by default with flat priors.
+
+    None where it cannot be believed: at a sample rate or a true rate that it was not trained for, or where the readings, less
+    their mean, lie beyond its training data.
     """
-    from gyrocal.calibration.network import STAGES_S, BlockNetwork
+    from gyrocal.calibration.network import FLAT, FaceNetwork, merge
 
-    net = BlockNetwork.shipped()
-    if not _suits_network(up):
-        raise InputError(
-            f"{up.file}: the network was trained at {net.rate_hz:g} Hz and {net.table_dps:g} dps, this run has "
-            f"{up.sample_rate_hz:g} Hz and {abs(float(up.rate_dps[0])):g} dps; "
-            "leave cnn out of --method or train a network for it"
-        )
-    stage = sum(net.samples(k) <= seconds * net.rate_hz + 1e-6 for k in range(len(STAGES_S))) - 1
-    if stage < 0 or min(consecutive(up), consecutive(down)) < net.samples(stage):
+    net = FaceNetwork.shipped()
+    n, runs = net.samples(stage), (up, down)
+    w_dps = [float(np.mean(r.rate_dps[:n])) for r in runs]
+    if not all(net.suits(r.sample_rate_hz, w) for r, w in zip(runs, w_dps, strict=True)):
         return None
-    n, w_dps = net.samples(stage), abs(float(up.rate_dps[0]))
-    means = [
-        net.block_means(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n])
-        for r in sorted((up, down), key=lambda r: -float(r.rate_dps[0]))  # the network's first face has the positive rate
-    ]
-    scale, bias_dps, scale_sd, bias_sd_dps = map(float, net.estimate(means[0], means[1], stage, w_dps, -w_dps)[0])
-    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None)
+    faces = [net.face(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n], stage, w) for r, w in zip(runs, w_dps, strict=True)]
+    scale, bias_dps, scale_sd, bias_sd_dps = map(float, merge(faces[0], faces[1], prior or FLAT)[0])
+    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None) if np.isfinite(scale) else None
+
+
+def network_prior(model: Model | str | Path | None, axis: str) -> Prior:
+    """What a model says of scale and bias before anything is measured: flat without a model."""
+    from gyrocal.calibration.network import FLAT, Prior
+
+    opened = None if model is None else Model.open(model)
+    if opened is None or not opened.on(axis):
+        return FLAT
+    known = calibration_of(opened, axis, white_sd_dps=1.0)  # the noise does not matter here
+    return Prior(known.scale, known.bias_dps)
 
 
 def consecutive(run: Run) -> int:
@@ -257,8 +310,6 @@ def consecutive(run: Run) -> int:
 
 def _suits_network(run: Run) -> bool:
     """Is the run at the sample rate and the table rate that the shipped network was trained for?"""
-    from gyrocal.calibration.network import RATE_TOLERANCE, BlockNetwork
+    from gyrocal.calibration.network import FaceNetwork
 
-    net = BlockNetwork.shipped()
-    near = abs(abs(float(run.rate_dps[0])) - net.table_dps) <= RATE_TOLERANCE * net.table_dps
-    return near and abs(run.sample_rate_hz - net.rate_hz) <= 1e-3 * net.rate_hz
+    return FaceNetwork.shipped().suits(run.sample_rate_hz, float(run.rate_dps[0]))

@@ -6,6 +6,8 @@ noise are Gaussian and integrated out in closed form, the transient's time const
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gyrocal.calibration.estimator import Calibration, Column, Posterior
@@ -51,9 +53,16 @@ def table2(grid: int = GRID) -> Calibration:
     )  # fmt: skip
 
 
-def limit(up_dps: Array, down_dps: Array, seconds: float, grid: int = GRID) -> Posterior:
+def flat(calibration: Calibration) -> Calibration:
+    """The same without what it knows of scale and bias: for a sensor that nobody has measured before."""
+    return replace(calibration, bias_dps=(0.0, np.inf), scale=(0.0, np.inf))
+
+
+def limit(up_dps: Array, down_dps: Array, seconds: float, grid: int = GRID, *, known: bool = True) -> Posterior:
     """The posterior of scale and bias from every sample of the first ``seconds``.
 
-    ``up_dps`` and ``down_dps`` [n, samples]: measured - true rate of scenarios of ``table2``.
+    ``up_dps`` and ``down_dps`` [n, samples]: measured - true rate of scenarios of ``table2``. With ``known`` the campaign's
+    priors of scale and bias count, else they are flat.
     """
-    return answers(table2(grid), up_dps, down_dps, seconds, PROTOCOL, by_sample=True)
+    calibration = table2(grid) if known else flat(table2(grid))
+    return answers(calibration, up_dps, down_dps, seconds, PROTOCOL, by_sample=True)

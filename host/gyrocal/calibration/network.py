@@ -1,9 +1,10 @@
 """The networks on this machine, by onnxruntime: `paper`, scale and bias from two windows of rate, and `gyrocal`, the same
-with standard deviations from the block means of 2, 4 or 6 s."""
+with standard deviations from the readings of 2, 4 or 6 s."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -13,8 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyrocal.errors import InputError
+from gyrocal.recording.session import Array
 
 RATE_TOLERANCE = 0.03  # of the table's rate; gc_cnn.c has the same
+RATE_HZ_TOLERANCE = 1e-3
+"""Of the sample rate; the device has the same."""
 
 
 def _session(path: str | Path) -> Any:
@@ -33,7 +37,7 @@ def _session(path: str | Path) -> Any:
 
 
 class OnnxNetwork:
-    """What both networks are: an ONNX graph as ``gyrocal export`` writes it, that takes both faces and answers with ``y``.
+    """What both networks are: an ONNX graph as ``gyrocal export`` writes it, that answers with ``y``.
 
     Attributes:
         name: of the network.
@@ -74,24 +78,6 @@ class OnnxNetwork:
         with as_file(files("gyrocal") / "data" / cls.FILE) as path:
             return cls.open(path)
 
-    def _faces(
-        self, up: ArrayLike, down: ArrayLike, shape: tuple[int, str], w_up_dps: float, w_down_dps: float
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Both faces [n, columns] as float32, ``shape`` columns of what. InputError: another shape or rate, a NaN."""
-        first, second = (np.atleast_2d(np.asarray(x, np.float32)) for x in (up, down))
-        columns, what = shape
-        if first.shape != second.shape or first.shape[1:] != (columns,):
-            raise InputError(f"network {self.name} takes two [n, {columns}] {what}, not {first.shape} and {second.shape}")
-        off = (w_up_dps - self.table_dps, w_down_dps + self.table_dps)
-        if not all(abs(x) <= RATE_TOLERANCE * self.table_dps for x in off):
-            raise InputError(
-                f"network {self.name} was trained at true rates {self.table_dps:g} and {-self.table_dps:g} dps, "
-                f"not {w_up_dps:g} and {w_down_dps:g}; train one for this table"
-            )
-        if np.isnan(first).any() or np.isnan(second).any():
-            raise InputError(f"network {self.name}: a reading is NaN")
-        return first, second
-
     def _run(self, **inputs: NDArray[np.float32]) -> NDArray[np.float32]:
         y: NDArray[np.float32] = self._session.run(["y"], inputs)[0]
         return y
@@ -128,7 +114,17 @@ class Network(OnnxNetwork):
         Raises:
             InputError: a wrong shape or true rate, or a NaN.
         """
-        up, down = self._faces(up_residual_dps, down_residual_dps, (self.window, "windows"), w_up_dps, w_down_dps)
+        up, down = (np.atleast_2d(np.asarray(x, np.float32)) for x in (up_residual_dps, down_residual_dps))
+        if up.shape != down.shape or up.shape[1:] != (self.window,):
+            raise InputError(f"network {self.name} takes two [n, {self.window}] windows, not {up.shape} and {down.shape}")
+        off = (w_up_dps - self.table_dps, w_down_dps + self.table_dps)
+        if not all(abs(x) <= RATE_TOLERANCE * self.table_dps for x in off):
+            raise InputError(
+                f"network {self.name} was trained at true rates {self.table_dps:g} and {-self.table_dps:g} dps, "
+                f"not {w_up_dps:g} and {w_down_dps:g}; train one for this table"
+            )
+        if np.isnan(up).any() or np.isnan(down).any():
+            raise InputError(f"network {self.name}: a reading is NaN")
         return self._run(up=image(up, w_up_dps), down=image(down, w_down_dps))
 
 
@@ -138,65 +134,146 @@ def image(residual_dps: NDArray[np.float32], w_dps: float) -> NDArray[np.float32
 
 
 STAGES_S = (2.0, 4.0, 6.0)
-BLOCK_S = 0.25
-BLOCKS = 24
 
 
-class BlockNetwork(OnnxNetwork):
-    """Network `gyrocal`: block means of both faces and the stage -> scale, bias and their standard deviations.
+@dataclass(frozen=True)
+class Prior:
+    """What is known of scale and bias before anything is measured: (mean, sd) each; sd infinite = nothing."""
+
+    scale: tuple[float, float] = (0.0, np.inf)
+    bias_dps: tuple[float, float] = (0.0, np.inf)
+
+
+FLAT = Prior()
+
+
+@dataclass(frozen=True)
+class FaceAnswers:
+    """What readings of one face at true rate ``w_dps`` say of u = w·scale + bias; arrays [n].
 
     Attributes:
-        clip_dps: the largest |measured - true rate| that it was trained on; what is beyond counts as this.
+        u_dps, precision: mean, and 1/variance (1/dps^2).
+        in_range: were the readings, less their mean, like the training data? What is said of others is worth nothing.
+    """
+
+    w_dps: float
+    u_dps: Array
+    precision: Array
+    in_range: NDArray[np.bool_]
+
+
+def merge(up: FaceAnswers, down: FaceAnswers, prior: Prior = FLAT) -> Array:
+    """Scale, bias (dps) and their standard deviations, [n, 4]; NaN where a face is out of range.
+
+    Two measurements of one line and a Gaussian prior, in closed form; ``gc_convnet_merge`` is the same.
+    """
+    of_scale, of_bias = (0.0 if np.isinf(sd) else 1 / sd**2 for _, sd in (prior.scale, prior.bias_dps))
+    p_up, p_down, w_up, w_down = up.precision, down.precision, up.w_dps, down.w_dps
+    bb = of_bias + p_up + p_down
+    bs = p_up * w_up + p_down * w_down
+    ss = of_scale + p_up * w_up**2 + p_down * w_down**2
+    b = of_bias * prior.bias_dps[0] + p_up * up.u_dps + p_down * down.u_dps
+    s = of_scale * prior.scale[0] + p_up * w_up * up.u_dps + p_down * w_down * down.u_dps
+    det = bb * ss - bs**2
+    y = np.column_stack([(bb * s - bs * b) / det, (ss * b - bs * s) / det, np.sqrt(bb / det), np.sqrt(ss / det)])
+    return np.where((up.in_range & down.in_range)[:, None], y, np.nan)
+
+
+class FaceNetwork(OnnxNetwork):
+    """Network `gyrocal`: the readings of one face -> w·scale + bias, and how sure that is.
+
+    Attributes:
+        unit_dps: of the graph's answer.
+        column_range_dps, sample_range_dps: how far a mean over a fifth of a second may be from the mean of all readings, and a
+            reading from that mean over a fifth of a second.
+        pool: samples of such a mean, a column.
     """
 
     FILE = "gyrocal.int8.onnx"
-    LACKS = "not network gyrocal: rate_hz, table_dps or clip_dps is missing"
+    LACKS = "not network gyrocal: rate_hz, table_dps, pool, unit_dps or a range is missing"
 
     def _read(self, shapes: Mapping[str, list[Any]], metadata: Mapping[str, str]) -> None:
         of_one = {name: shape[1:] for name, shape in shapes.items()}
-        if of_one != {"up": [BLOCKS], "down": [BLOCKS], "stage": [len(STAGES_S)]} or metadata.get("name") != "gyrocal":
-            raise InputError(f"{self.source}: not network gyrocal: its inputs are not up and down [N, 24] and stage [N, 3]")
+        stages = len(STAGES_S)
+        if of_one.keys() != {"readings", "stage"} or of_one["stage"] != [stages] or metadata.get("name") != "gyrocal":
+            what = "readings [N, 1, samples] and stage [N, 3]"
+            raise InputError(f"{self.source}: not network gyrocal: its inputs are not {what}")
         super()._read(shapes, metadata)
-        self.clip_dps = float(metadata["clip_dps"])
+        self.unit_dps, self.column_range_dps, self.sample_range_dps = (
+            float(metadata[name]) for name in ("unit_dps", "column_range_dps", "sample_range_dps")
+        )
+        self.pool = int(metadata["pool"])
+        self._samples = int(of_one["readings"][1])
 
     def samples(self, stage: int) -> int:
         """Samples of each run that stage 0, 1 or 2 takes: those of the first 2, 4 or 6 s."""
-        return int(STAGES_S[stage] * self.rate_hz + 0.5)
+        return self._samples // len(STAGES_S) * (stage + 1)
 
-    def block_means(self, residual_dps: ArrayLike) -> NDArray[np.float32]:
-        """Means [n, 24] over blocks of 0.25 s of consecutive samples [n, m]; zero where there are none."""
-        y = np.atleast_2d(np.asarray(residual_dps, float))
-        block = (np.arange(y.shape[1]) * (1 / BLOCK_S / self.rate_hz)).astype(np.int64)
-        numbers, first, count = np.unique(block, return_index=True, return_counts=True)
-        means = np.zeros((len(y), BLOCKS), np.float32)
-        means[:, numbers[:BLOCKS]] = (np.add.reduceat(y, first, axis=1) / count)[:, :BLOCKS]
-        return means
+    def suits(self, rate_hz: float, w_dps: float) -> bool:
+        """Was it trained at this sample rate, and at this true rate or its opposite?"""
+        near = abs(abs(w_dps) - self.table_dps) <= RATE_TOLERANCE * self.table_dps
+        return near and abs(rate_hz - self.rate_hz) <= RATE_HZ_TOLERANCE * self.rate_hz
 
-    def estimate(
-        self, up_dps: ArrayLike, down_dps: ArrayLike, stage: int, w_up_dps: float, w_down_dps: float
-    ) -> NDArray[np.float32]:
-        """Scale, bias (dps) and their standard deviations, [n, 4].
+    def face(self, residual_dps: ArrayLike, stage: int, w_dps: float) -> FaceAnswers:
+        """What one face's readings say.
 
         Args:
-            up_dps, down_dps: block means of measured - true rate, [n, 24].
+            residual_dps: measured - true rate, [n, samples(stage)] consecutive samples from the run's first one on. A reading
+                that is no number is out of range.
             stage: 0, 1 or 2: of 2, 4 or 6 s.
-            w_up_dps, w_down_dps: the true rates about the sensed axis: +table_dps and -table_dps within 3 %.
+            w_dps: the true rate about the sensed axis: +table_dps or -table_dps within 3 %.
 
         Raises:
-            InputError: a wrong shape or true rate, or a NaN.
+            InputError: a wrong shape or true rate.
         """
-        up, down = self._faces(up_dps, down_dps, (BLOCKS, "block means"), w_up_dps, w_down_dps)
-        one_hot = np.zeros((len(up), len(STAGES_S)), np.float32)
+        answer = self.infer(residual_dps, stage, w_dps)
+        with np.errstate(invalid="ignore"):
+            mean = np.mean(np.atleast_2d(np.asarray(residual_dps, float)), axis=1)
+        u_dps = mean + np.sign(w_dps) * self.unit_dps * answer[:, 0]
+        return FaceAnswers(w_dps, u_dps, np.exp(answer[:, 1]) / self.unit_dps**2, np.isfinite(answer[:, 0]))
+
+    def infer(self, residual_dps: ArrayLike, stage: int, w_dps: float) -> Array:
+        """The graph's own answer to :meth:`face`, [n, 2]: u less the mean, turned, and the logarithm of its precision.
+
+        Both are in units; NaN where the readings are out of range.
+        """
+        y = np.atleast_2d(np.asarray(residual_dps, float))
+        if y.shape[1:] != (self.samples(stage),):
+            raise InputError(f"network {self.name} takes [n, {self.samples(stage)}] readings, not {y.shape}")
+        if not self.suits(self.rate_hz, w_dps):
+            raise InputError(
+                f"network {self.name} was trained at true rates {self.table_dps:g} and {-self.table_dps:g} dps, "
+                f"not {w_dps:g}; train one for this table"
+            )
+        with np.errstate(invalid="ignore"):
+            x = y - y.mean(axis=1, keepdims=True)
+            columns = x.reshape(len(x), -1, self.pool)
+            means = columns.mean(axis=2)
+            off = np.abs(columns - means[:, :, None]).max(axis=(1, 2))
+            in_range = (np.abs(means).max(axis=1) <= self.column_range_dps) & (off <= self.sample_range_dps)
+        readings = np.zeros((len(x), 1, self._samples), np.float32)
+        readings[in_range, 0, : y.shape[1]] = np.sign(w_dps) * x[in_range]
+        one_hot = np.zeros((len(x), len(STAGES_S)), np.float32)
         one_hot[:, stage] = 1.0
-        return self._run(up=up, down=down, stage=one_hot)
+        return np.where(in_range[:, None], self._run(readings=readings, stage=one_hot).astype(float), np.nan)
+
+    def estimate(
+        self, up_dps: ArrayLike, down_dps: ArrayLike, stage: int, w_up_dps: float, w_down_dps: float, prior: Prior = FLAT
+    ) -> Array:
+        """Scale, bias (dps) and their standard deviations, [n, 4]: :meth:`face` of both, and :func:`merge`."""
+        up, down = self.face(up_dps, stage, w_up_dps), self.face(down_dps, stage, w_down_dps)
+        if np.sign(w_up_dps) == np.sign(w_down_dps):
+            said = f"true rates of {w_up_dps:g} and {w_down_dps:g} dps"
+            raise InputError(f"{said} do not tell scale from bias; turn the sensor over")
+        return merge(up, down, prior)
 
 
-def open_network(path: str | Path) -> Network | BlockNetwork:
+def open_network(path: str | Path) -> Network | FaceNetwork:
     """An ONNX file of either network.
 
     Raises:
         InputError: no such file, or neither network.
     """
     session = _session(path)
-    kind = BlockNetwork if session.get_modelmeta().custom_metadata_map.get("name") == "gyrocal" else Network
+    kind = FaceNetwork if session.get_modelmeta().custom_metadata_map.get("name") == "gyrocal" else Network
     return kind(session, str(path))

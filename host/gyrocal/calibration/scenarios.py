@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from gyrocal.calibration.estimator import BLOCK_US, Calibration, Posterior, posterior
 from gyrocal.errors import InputError
-from gyrocal.noise.whitening import normal_equations
+from gyrocal.noise.whitening import Noise, normal_equations
 from gyrocal.recording.session import AXES, Array, Run
 
 FACES = ("up", "down")
+Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -148,18 +150,65 @@ class Simulation:
                 chosen = k - a + rng.integers(0, a, n)
                 size = rng.normal(np.array([c.mean for c in own])[chosen], np.array([c.sd for c in own])[chosen])
                 y += size[:, None] * columns[chosen]
-            y += rng.standard_normal(y.shape) * self._white_dps + self._drift(n, rng)
+            y += rng.standard_normal(y.shape) * self._white_dps
+            y += drift(calibration.noise, float(self.t_s[1] - self.t_s[0]), y.shape, rng)
             faces.append(y)
         return faces[0], faces[1], scale, bias_dps
 
-    def _drift(self, n: int, rng: np.random.Generator) -> Array:
-        """Ornstein-Uhlenbeck drift at the times, shape [n, m]."""
-        from scipy.signal import lfilter
 
-        noise = self.calibration.noise
-        if noise.ou_sd_dps <= 0:
-            return np.zeros((n, self.t_s.size))
-        phi = float(np.exp(-(self.t_s[1] - self.t_s[0]) / noise.ou_tau_s))
-        shocks = rng.standard_normal((n, self.t_s.size)) * noise.ou_sd_dps * np.sqrt(1 - phi**2)
-        shocks[:, 0] /= np.sqrt(1 - phi**2)
-        return np.asarray(lfilter([1.0], [1.0, -phi], shocks, axis=1))
+class Faces:
+    """Faces drawn from what a calibration knows of effects and noise, without scale and bias; the true rate is positive.
+
+    By means of ``pool`` samples each, ``n_columns`` of them, as if read at ``protocol.rate_hz``; drift stands still within one.
+    With ``spread`` each effect of a face is as many times as large as an even draw on a logarithmic scale from 1/spread to
+    spread says.
+    """
+
+    def __init__(
+        self, calibration: Calibration, protocol: Protocol, n_columns: int, pool: int, spread: float = 1.0
+    ) -> None:
+        if not np.isfinite([c.sd for c in calibration.columns]).all():
+            raise InputError(
+                f"model {calibration.name}: how its effects are spread is not known, so nothing can be drawn; "
+                "fit it to a campaign of three power cycles or more with `gyrocal add`"
+            )
+        self.calibration, self.protocol, self._spread = calibration, protocol, spread
+        n = n_columns * pool
+        # half a sample more than asked for, so that rounding leaves none out
+        runs = protocol.runs((n + 0.5) / protocol.rate_hz, calibration.axis)
+        effects = [regressors(calibration, run)[:-2, :n].reshape(-1, n_columns, pool).mean(-1) for run in runs]
+        self._effects = [(sign * x).astype(np.float32) for sign, x in zip((1.0, -1.0), effects, strict=True)]
+        self._white_dps = calibration.noise.white_sd_dps / np.sqrt(pool)
+        self._apart_s = pool / protocol.rate_hz
+
+    def draw(self, n: int, rng: np.random.Generator) -> Float32:
+        """Measured - true rate [n, n_columns], float32: the first half up, the second half down and turned."""
+        return np.concatenate([self._face(m, x, rng) for m, x in zip((n - n // 2, n // 2), self._effects, strict=True)])
+
+    def _face(self, n: int, effects: Float32, rng: np.random.Generator) -> Float32:
+        columns, a = self.calibration.columns, self.calibration.alternatives
+        last = len(self.calibration.run_columns)
+        mean, sd = (np.array(x, np.float32) for x in ([c.mean for c in columns], [c.sd for c in columns]))
+        plain = np.r_[: last - a, last : len(columns)]
+        ids, kind = np.unique([c.effect.id for c in columns], return_inverse=True)
+        size = self._spread ** rng.uniform(-1, 1, (n, len(ids))).astype(np.float32)
+        normal = rng.standard_normal((n, len(plain)), dtype=np.float32)
+        y: Float32 = ((mean[plain] + sd[plain] * normal) * size[:, kind[plain]]) @ effects[plain]
+        if a:
+            chosen = last - a + rng.integers(0, a, n)
+            drawn = mean[chosen] + sd[chosen] * rng.standard_normal(n, dtype=np.float32)
+            y += (drawn * size[:, kind[last - 1]])[:, None] * effects[chosen]
+        y += np.float32(self._white_dps) * rng.standard_normal(y.shape, dtype=np.float32)
+        return y + drift(self.calibration.noise, self._apart_s, y.shape, rng).astype(np.float32)
+
+
+def drift(noise: Noise, apart_s: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:
+    """Ornstein-Uhlenbeck drift [n, m] at m times so far apart."""
+    from scipy.signal import lfilter
+
+    if noise.ou_sd_dps <= 0:
+        return np.zeros(shape)
+    phi = float(np.exp(-apart_s / noise.ou_tau_s))
+    shocks = rng.standard_normal(shape) * noise.ou_sd_dps * np.sqrt(1 - phi**2)
+    shocks[:, 0] /= np.sqrt(1 - phi**2)
+    return np.asarray(lfilter([1.0], [1.0, -phi], shocks, axis=1))

@@ -20,9 +20,10 @@ def run(
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
     from gyrocal.calibration.calibrate import calibrate
+    from gyrocal.calibration.trust import FLAGS
     from gyrocal.errors import InputError
     from gyrocal.plausibility import check
-    from gyrocal.present.output import emit, mdps, table
+    from gyrocal.present.output import emit, mdps, stdout, table
     from gyrocal.present.report import print_warnings
     from gyrocal.recording.session import Session
 
@@ -38,9 +39,16 @@ def run(
         return
     print_warnings(warnings)
     rows = [
-        [e.scenario, e.axis, e.method, f"{e.seconds:g}", f"{e.scale * 100:.4f}",
-         "-" if e.scale_se is None else f"{e.scale_se * 100:.4f}",
-         mdps(e.bias_dps), mdps(e.bias_se_dps)]
+        [e.scenario, e.axis, e.method, f"{e.seconds:g}", _number(e.scale, ".4f", 100), _number(e.scale_se, ".4f", 100),
+         mdps(e.bias_dps), mdps(e.bias_se_dps), _number(e.misfit, ".2f"), "yes" if e.trusted else "no: " + ", ".join(e.flags)]
         for e in found
     ]  # fmt: skip
-    table("", ["scenario:", "axis:", "method:", "seconds", "scale %", "± %", "bias mdps", "± mdps"], rows)
+    table("", ["scenario:", "axis:", "method:", "seconds", "scale %", "± %", "bias mdps", "± mdps", "misfit", "trusted:"], rows)
+    for flag, meaning in FLAGS.items():
+        count = sum(flag in e.flags for e in found)
+        if count:
+            stdout.print(f"{flag} ({count} of {len(found)}): {meaning}", markup=False)
+
+
+def _number(value: float | None, form: str, factor: float = 1.0) -> str:
+    return "-" if value is None else format(factor * value, form)

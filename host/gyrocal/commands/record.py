@@ -1,5 +1,6 @@
 """``gyrocal record``."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -59,8 +60,20 @@ def run(
     except DeviceError as failure:
         if not any(warning.code == "device_gone" for warning in report.warnings):
             report.warnings.append(Warning("device_gone", None, None, str(failure)))
-        _show(report, as_json)
+        _finish(report, as_json)
         raise
+    _finish(report, as_json)
+
+
+def _finish(report: "Report", as_json: bool) -> None:
+    """Add what the session contradicts itself in, as far as it can be read, and show the report."""
+    from gyrocal.errors import InputError
+    from gyrocal.plausibility import check
+    from gyrocal.recording.session import Session
+
+    if report.runs:
+        with suppress(InputError):
+            report.warnings += check(Session.open(report.session))
     _show(report, as_json)
 
 

@@ -27,33 +27,70 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 SHARED = ("-fPIC", "-shared")
 
 NET_SHIM = """
-#include "gc_blocknet.h"
+#include "gc_convnet.h"
+#include "gc_error.h"
 #include "weights.h"
 
+#include <math.h>
+
 const gc_cnn_net_t *gyrocal_net(void);
-const gc_blocknet_t *gyrocal_blocks(void);
-int gyrocal_blocks_run(const float *up, const float *down, uint32_t n, unsigned stage, float w_up_dps, float w_down_dps,
-                       float *out);
+const gc_convnet_t *gyrocal_convnet(void);
+int gyrocal_convnet_infer(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double sign, float *out);
+int gyrocal_convnet_face(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double w_dps, double *out);
+void gyrocal_convnet_merge(const double *prior_mean, const double *prior_root, const double *faces, uint32_t n, double *out);
 int gyrocal_net_run(const float *up, const float *down, uint32_t n, float w_up_dps, float w_down_dps, float *out);
 
 const gc_cnn_net_t *gyrocal_net(void) { return &gc_net; }
-const gc_blocknet_t *gyrocal_blocks(void) { return gc_net.blocks; }
+const gc_convnet_t *gyrocal_convnet(void) { return gc_net.convnet; }
 
-int gyrocal_blocks_run(const float *up, const float *down, uint32_t n, unsigned stage, float w_up_dps, float w_down_dps,
-                       float *out)
+/* out: [n][2], NaN where out of range */
+int gyrocal_convnet_infer(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double sign, float *out)
 {
-    for (uint32_t i = 0; i < n; i++, up += GC_BLOCKNET_BLOCKS, down += GC_BLOCKNET_BLOCKS) {
-        gc_blocknet_answer_t answer;
-        int error = gc_blocknet_run(gc_net.blocks, up, down, stage, w_up_dps, w_down_dps, &answer);
+    for (uint32_t i = 0; i < n; i++, counts += gc_convnet_samples(gc_net.convnet, stage), out += 2) {
+        float columns[GC_CONVNET_MAX_COLUMNS];
+        double mean;
+        int error = gc_convnet_columns(gc_net.convnet, counts, stage, lsb_dps, sign, columns, &mean);
+        if (!error) {
+            error = gc_convnet_infer(gc_net.convnet, columns, stage, out);
+        } else if (error == GC_E_NET_RANGE) {
+            out[0] = out[1] = (float)NAN;
+            error = GC_OK;
+        }
         if (error) {
             return error;
         }
-        *out++ = answer.scale;
-        *out++ = answer.bias_dps;
-        *out++ = answer.scale_sd;
-        *out++ = answer.bias_sd_dps;
     }
-    return 0;
+    return GC_OK;
+}
+
+/* out: [n][2], u and its precision, NaN where out of range */
+int gyrocal_convnet_face(const int16_t *counts, uint32_t n, unsigned stage, double lsb_dps, double w_dps, double *out)
+{
+    for (uint32_t i = 0; i < n; i++, counts += gc_convnet_samples(gc_net.convnet, stage), out += 2) {
+        gc_convnet_face_t face = {0.0, NAN, NAN};
+        int error = gc_convnet_face(gc_net.convnet, counts, stage, lsb_dps, w_dps, &face);
+        if (error && error != GC_E_NET_RANGE) {
+            return error;
+        }
+        out[0] = face.u_dps;
+        out[1] = face.precision;
+    }
+    return GC_OK;
+}
+
+/* prior of bias and scale, NULL: none; faces: [n][2][w, u, precision]; out: [n][4] */
+void gyrocal_convnet_merge(const double *prior_mean, const double *prior_root, const double *faces, uint32_t n, double *out)
+{
+    const gc_calibration_t calibration = {.prior_mean = prior_mean, .prior_sqrt_information = prior_root};
+    for (uint32_t i = 0; i < n; i++, faces += 6, out += 4) {
+        const gc_convnet_face_t up = {faces[0], faces[1], faces[2]}, down = {faces[3], faces[4], faces[5]};
+        gc_answer_t answer = {0};
+        gc_convnet_merge(&calibration, &up, &down, &answer);
+        out[0] = answer.scale;
+        out[1] = answer.bias_dps;
+        out[2] = answer.scale_se;
+        out[3] = answer.bias_se_dps;
+    }
 }
 
 int gyrocal_net_run(const float *up, const float *down, uint32_t n, float w_up_dps, float w_down_dps, float *out)
@@ -217,7 +254,7 @@ def _build_net(header: Path) -> ctypes.CDLL:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{header}: not a readable header; write one with `gyrocal export`") from error
     compiler()
-    sources = [CORE / "gc_cnn.c", CORE / "gc_blocknet.c", CORE / "gc_math.c"]
+    sources = [CORE / "gc_cnn.c", CORE / "gc_convnet.c", CORE / "gc_math.c"]
     try:
         built = build("net", sources, [CORE], SHARED, {"weights.h": text, "net_shim.c": NET_SHIM})
     except GyrocalError as error:
@@ -247,8 +284,8 @@ class CoreNetwork:
         self.window: int = net.window
         self.outputs: int = net.outputs
         self.scratch_floats: int = net.scratch_floats
-        library.gyrocal_blocks.restype = ctypes.c_void_p
-        self.blocks = bool(library.gyrocal_blocks())
+        library.gyrocal_convnet.restype = ctypes.c_void_p
+        self.convnet = bool(library.gyrocal_convnet())
         """Does network gyrocal answer in this one's place?"""
         self._run = library.gyrocal_net_run
         pointer = np.ctypeslib.ndpointer(np.float32, flags="C_CONTIGUOUS")
@@ -284,14 +321,17 @@ class CoreNetwork:
         return out
 
 
-class _Blocks(ctypes.Structure):
-    """The first fields of ``gc_blocknet_t``."""
+class _Convnet(ctypes.Structure):
+    """The first fields of ``gc_convnet_t``."""
 
-    _fields_ = (("name", ctypes.c_char_p), *((name, ctypes.c_float) for name in ("rate_hz", "table_dps", "clip_dps")))
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        *((name, ctypes.c_float) for name in ("rate_hz", "table_dps", "unit_dps", "column_range_dps", "sample_range_dps")),
+    )
 
 
-class CoreBlockNetwork:
-    """Network `gyrocal` of a C header run by the core: what the device computes.
+class CoreFaceNetwork:
+    """Network `gyrocal` of a C header run by the core on raw counts: what the device computes.
 
     Raises:
         InputError: no such file, or no such network in it.
@@ -299,31 +339,66 @@ class CoreBlockNetwork:
 
     def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
         self.source = str(header)
-        library = _build_net(header)
-        library.gyrocal_blocks.restype = ctypes.POINTER(_Blocks)
-        pointer = library.gyrocal_blocks()
+        library = self._library = _build_net(header)
+        library.gyrocal_convnet.restype = ctypes.POINTER(_Convnet)
+        pointer = library.gyrocal_convnet()
         if not pointer:
             raise InputError(f"{header}: holds no network gyrocal; write one with `gyrocal export`")
-        self.name: str = pointer.contents.name.decode()
-        self.rate_hz: float = pointer.contents.rate_hz
-        self.table_dps: float = pointer.contents.table_dps
-        self.clip_dps: float = pointer.contents.clip_dps
-        self._run = library.gyrocal_blocks_run
-        array = np.ctypeslib.ndpointer(np.float32, flags="C_CONTIGUOUS")
-        self._run.argtypes = [
-            array, array, ctypes.c_uint32, ctypes.c_uint, ctypes.c_float, ctypes.c_float, array,
-        ]  # fmt: skip
+        net = pointer.contents
+        self.name: str = net.name.decode()
+        self.rate_hz: float = net.rate_hz
+        self.table_dps: float = net.table_dps
+        self.unit_dps: float = net.unit_dps
+        self.column_range_dps: float = net.column_range_dps
+        self.sample_range_dps: float = net.sample_range_dps
+        library.gc_convnet_samples.argtypes = [ctypes.c_void_p, ctypes.c_uint]
+        library.gc_convnet_samples.restype = ctypes.c_uint32
+        self._samples = [library.gc_convnet_samples(pointer, stage) for stage in range(3)]
+        for function, number in ((library.gyrocal_convnet_infer, np.float32), (library.gyrocal_convnet_face, np.float64)):
+            function.argtypes = [
+                np.ctypeslib.ndpointer(np.int16, flags="C_CONTIGUOUS"), ctypes.c_uint32, ctypes.c_uint, ctypes.c_double,
+                ctypes.c_double, np.ctypeslib.ndpointer(number, flags="C_CONTIGUOUS"),
+            ]  # fmt: skip
 
-    def run(
-        self, up_dps: ArrayLike, down_dps: ArrayLike, stage: int, w_up_dps: float, w_down_dps: float
-    ) -> NDArray[np.float32]:
-        """Scale, bias (dps) and their standard deviations [n, 4] of block means [n, 24]; InputError where the core refuses."""
-        up, down = (np.ascontiguousarray(np.atleast_2d(x), np.float32) for x in (up_dps, down_dps))
-        out = np.empty((len(up), 4), np.float32)
-        error = self._run(up, down, len(up), stage, w_up_dps, w_down_dps, out)
+    def infer(self, counts: ArrayLike, stage: int, lsb_dps: float, w_dps: float) -> NDArray[np.float32]:
+        """What the graph gives, [n, 2]: u less the mean, in units, and the logarithm of its precision; NaN out of range.
+
+        ``counts`` [n, samples] are raw readings of one face at true rate ``w_dps``.
+        """
+        x = self._counts(counts, stage)
+        out = np.empty((len(x), 2), np.float32)
+        self._check(self._library.gyrocal_convnet_infer(x, len(x), stage, lsb_dps, np.sign(w_dps), out), w_dps)
+        return out
+
+    def face(self, counts: ArrayLike, stage: int, lsb_dps: float, w_dps: float) -> NDArray[np.float64]:
+        """w·scale + bias (dps) and its precision (1/dps^2), [n, 2]; NaN out of range. InputError where the core refuses."""
+        x = self._counts(counts, stage)
+        out = np.empty((len(x), 2))
+        self._check(self._library.gyrocal_convnet_face(x, len(x), stage, lsb_dps, w_dps, out), w_dps)
+        return out
+
+    def merge(self, up: ArrayLike, down: ArrayLike, prior_mean: ArrayLike, prior_root: ArrayLike) -> NDArray[np.float64]:
+        """Scale, bias (dps) and their standard deviations [n, 4] of faces [n, 3], each w, u and precision.
+
+        ``prior_mean`` [2] of bias and scale, ``prior_root`` [2, 2] the square root of their information, upper triangular.
+        """
+        faces = np.ascontiguousarray(np.stack([np.asarray(up, float), np.asarray(down, float)], axis=1))
+        out = np.empty((len(faces), 4))
+        pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+        function = self._library.gyrocal_convnet_merge
+        function.argtypes, function.restype = [pointer, pointer, pointer, ctypes.c_uint32, pointer], None
+        function(*(np.ascontiguousarray(x, float) for x in (prior_mean, prior_root)), faces, len(faces), out)
+        return out
+
+    def _counts(self, counts: ArrayLike, stage: int) -> NDArray[np.int16]:
+        x = np.ascontiguousarray(np.atleast_2d(counts), np.int16)
+        if x.shape[1:] != (self._samples[stage],):
+            raise InputError(f"network {self.name} takes [n, {self._samples[stage]}] readings, not {x.shape}")
+        return x
+
+    def _check(self, error: int, w_dps: float) -> None:
         if error:
             raise InputError(
-                f"network {self.name} was trained at {self.table_dps:g} and {-self.table_dps:g} dps and takes no NaN: "
-                f"error {error} at true rates {w_up_dps:g} and {w_down_dps:g} dps"
+                f"network {self.name} was trained at {self.table_dps:g} and {-self.table_dps:g} dps: error {error} at a true "
+                f"rate of {w_dps:g} dps"
             )
-        return out

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.calibration.network import STAGES_S, BlockNetwork, Network, open_network
-from gyrocal.core.library import CoreBlockNetwork, CoreNetwork
-from gyrocal.errors import InputError
-from gyrocal.simulation.simulate import paper_windows
+from gyrocal.calibration.network import STAGES_S, FaceNetwork, Network, open_network
+from gyrocal.core.library import CoreFaceNetwork, CoreNetwork
+from gyrocal.errors import GyrocalError, InputError
+from gyrocal.simulation.simulate import LSB_DPS, paper_windows
 from gyrocal_firmware import INCLUDE
 
 TOLERANCE = 2e-6
@@ -31,20 +31,40 @@ def windows(net: Network, seed: int, n: int = 1200) -> Pair:
     per_run = max(1, (6 * 145) // net.window)
     data = paper_windows(-(-(n - n // 6) // per_run), seed, seconds=per_run * net.window / 145)
     plain = [data[face].reshape(-1, net.window) for face in ("up", "down")]
-    return _with_extremes(plain, seed, n, spiked=0.01, zero=True)
+    return _with_extremes(plain, seed, n)
 
 
-def block_means(net: BlockNetwork, seed: int, n: int) -> Pair:
-    """``n`` pairs of block means, [n, 24] each, as :func:`windows`, but none of them all zero."""
-    data = paper_windows(n - n // 6, seed)
-    return _with_extremes([net.block_means(data[face]) for face in ("up", "down")], seed, n, spiked=0.1)
+def counts(net: FaceNetwork, seed: int, n: int) -> dict[str, NDArray[np.int16]]:
+    """``n`` runs of ``up`` and ``down``, raw counts [n, samples of 6 s], half of them of :func:`_odd` kinds."""
+    data = paper_windows(n - n // 2, seed)
+    rng = np.random.default_rng(seed)
+    out = {}
+    for face, w_dps in (("up", net.table_dps), ("down", -net.table_dps)):
+        plain = np.rint((data[face] + w_dps) / LSB_DPS)
+        odd = np.rint((w_dps + rng.normal(0.0, 3.0, (n // 2, 1)) + _odd(net, rng, n // 2, plain.shape[1])) / LSB_DPS)
+        out[face] = np.concatenate([plain, odd]).clip(-32768, 32767).astype(np.int16)
+    return out
 
 
-def _with_extremes(plain: list[NDArray[np.float32]], seed: int, n: int, *, spiked: float, zero: bool = False) -> Pair:
-    """``n`` rows of each face: the first of ``plain``, below them extreme ones, their kind chosen by lot.
+def _odd(net: FaceNetwork, rng: np.random.Generator, n: int, samples: int) -> NDArray[np.float64]:
+    """Deviations [n, samples] of the same spread as the training data's, or up to their range, or beyond it; kinds by lot."""
+    t = np.linspace(-1.0, 1.0, samples)
+    size = rng.uniform(0, 1, (n, 1)) * net.column_range_dps
+    cycles = rng.uniform(0.3, 40.0, (n, 1))
+    kinds = [
+        np.zeros((n, samples)),
+        size * np.sin(np.pi * cycles * (t + rng.uniform(0, 1, (n, 1)))),
+        size * np.sign(t - rng.uniform(-0.9, 0.9, (n, 1))),
+        size * t,
+        rng.normal(0.0, 0.04, (n, samples)) + (rng.random((n, samples)) < 0.01) * net.sample_range_dps / 2,
+        (rng.random((n, samples)) < 1 / samples) * 249.0,
+        np.sign(rng.normal(size=(n, samples))) * 250.0,
+    ]
+    return np.stack(kinds)[rng.integers(0, len(kinds), n), np.arange(n)]
 
-    ``spiked``: the share of spikes in a row that has them; ``zero``: rows of zeros too.
-    """
+
+def _with_extremes(plain: list[NDArray[np.float32]], seed: int, n: int) -> Pair:
+    """``n`` rows of each face: the first of ``plain``, below them extreme ones, their kind chosen by lot."""
     rng = np.random.default_rng(seed)
     extreme = n // 6
     shape = extreme, plain[0].shape[1]
@@ -54,8 +74,8 @@ def _with_extremes(plain: list[NDArray[np.float32]], seed: int, n: int, *, spike
         lambda: rng.normal(size=shape) * 10.0 ** rng.uniform(0, 37, (extreme, 1)),
         lambda: np.where(rng.random(shape) < 0.5, np.inf, -np.inf),
         lambda: rng.integers(-5, 6, shape) * 1.4e-45,
-        *([lambda: np.zeros(shape)] if zero else []),
-        lambda: np.where(rng.random(shape) < spiked, rng.normal(0, 100.0, shape), rng.normal(0, 0.1, shape)),
+        lambda: np.zeros(shape),
+        lambda: np.where(rng.random(shape) < 0.01, rng.normal(0, 100.0, shape), rng.normal(0, 0.1, shape)),
     ]
     pair = []
     for face, choice in zip(plain, rng.integers(0, len(kinds), (2, extreme)), strict=True):
@@ -72,7 +92,8 @@ def verify(onnx: Path | None = None, header: Path | None = None, seed: int = 0, 
         header: the ``weights.h`` made from it; the shipped one by default.
 
     Returns:
-        ``windows``, ``max_abs_diff`` over all outputs (scale, bias in dps, their deviations), ``max_diff_of_range`` (each
+        ``windows``, ``max_abs_diff`` over all outputs (`paper`: scale, bias in dps; `gyrocal`, of
+        each face: u less its mean and the logarithm of its precision, in units), ``max_diff_of_range`` (each
         difference over the range of its output), ``tolerance`` on that, and ``ok``.
 
     Raises:
@@ -83,7 +104,7 @@ def verify(onnx: Path | None = None, header: Path | None = None, seed: int = 0, 
         net = open_network(onnx)
         found = [_paper(net, path, seed, n) if isinstance(net, Network) else _gyrocal(net, path, seed, n)]
     else:
-        found = [_gyrocal(BlockNetwork.shipped(), path, seed, n)] if CoreNetwork(path).blocks else []
+        found = [_gyrocal(FaceNetwork.shipped(), path, seed, n)] if CoreNetwork(path).convnet else []
         if CoreNetwork(path).window or not found:
             found.append(_paper(Network.shipped(), path, seed, n))
     reference = [x for of_net, _ in found for x in of_net]
@@ -116,19 +137,26 @@ def _paper(net: Network, header: Path, seed: int, n: int) -> tuple[Arrays, Array
     return [reference], [np.abs(core.run(up, down, net.table_dps, -net.table_dps) - reference)]
 
 
-def _gyrocal(net: BlockNetwork, header: Path, seed: int, n: int) -> tuple[Arrays, Arrays]:
-    core = CoreBlockNetwork(header)
-    _same(net, core, ("rate_hz", "table_dps"))
+def _gyrocal(net: FaceNetwork, header: Path, seed: int, n: int) -> tuple[Arrays, Arrays]:
+    core = CoreFaceNetwork(header)
+    _same(net, core, ("rate_hz", "table_dps", "unit_dps", "column_range_dps", "sample_range_dps"))
     reference, off = [], []
+    drawn = counts(net, seed, n)
     for stage in range(len(STAGES_S)):
-        up, down = block_means(net, seed + stage, n)
-        reference.append(net.estimate(up, down, stage, net.table_dps, -net.table_dps).astype(np.float64))
-        off.append(np.abs(core.run(up, down, stage, net.table_dps, -net.table_dps) - reference[-1]))
+        for face, w_dps in (("up", net.table_dps), ("down", -net.table_dps)):
+            x = drawn[face][:, : net.samples(stage)]
+            want = net.infer(x * LSB_DPS - w_dps, stage, w_dps)
+            got = core.infer(x, stage, LSB_DPS, w_dps).astype(np.float64)
+            known = np.isfinite(want[:, 0])
+            if not np.array_equal(known, np.isfinite(got[:, 0])):
+                raise GyrocalError(f"{core.source}: not the range of {net.source}: export both together")
+            reference.append(want[known])
+            off.append(np.abs(got - want)[known])
     return reference, off
 
 
-def _same(net: Network | BlockNetwork, core: CoreNetwork | CoreBlockNetwork, names: tuple[str, ...]) -> None:
-    ours, theirs = ([getattr(of, name) for name in names] for of in (core, net))
+def _same(net: Network | FaceNetwork, core: CoreNetwork | CoreFaceNetwork, names: tuple[str, ...]) -> None:
+    ours, theirs = ([np.float32(getattr(of, name)) for name in names] for of in (core, net))
     if ours != theirs:
         said = [", ".join(f"{value:g}" for value in values) for values in (ours, theirs)]
         raise InputError(

@@ -28,12 +28,14 @@ Event = dict[str, Any]
 
 
 def misfit_limit(seconds: float) -> float:
-    """As in the core (gc_device.h): a misfit above it after so many seconds of each face is more than noise shows."""
+    """As in the core (gc_pair.h): a misfit above it after so many seconds of each face is more than noise shows."""
     return 1 + 2.5 / math.sqrt(2 * BLOCKS_A_SECOND * seconds)
 
 
-def misfits(result: Event) -> bool:
-    """Is a result's misfit above the limit of its seconds?"""
+def doubtful(result: Event) -> bool:
+    """Does the device not trust this result, or, of a device that says nothing of trust, is its misfit above the limit?"""
+    if isinstance(result.get("trusted"), int):
+        return result["trusted"] == 0
     misfit, seconds = result.get("misfit"), result.get("seconds")
     return isinstance(misfit, int | float) and misfit > misfit_limit(seconds if isinstance(seconds, int | float) else 6.0)
 
@@ -232,8 +234,8 @@ def _result_table(sensor: Sensor) -> RenderableType:
     from rich.text import Text
 
     table = Table(box=None, padding=(0, 2), header_style="dim")
-    for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
-        table.add_column(name, justify="left" if name in ("axis", "method") else "right")
+    for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit", "flags"):
+        table.add_column(name, justify="left" if name in ("axis", "method", "flags") else "right")
     for values in sensor.results.values():
         table.add_row(
             str(values.get("axis", "")),
@@ -242,7 +244,8 @@ def _result_table(sensor: Sensor) -> RenderableType:
             _with_error(values.get("scale"), values.get("scale_se"), 100.0),
             _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
             _number(values.get("temp_c"), ".1f"),
-            Text(_number(values.get("misfit"), ".2f"), style="bold red" if misfits(values) else ""),
+            Text(_number(values.get("misfit"), ".2f"), style="bold red" if doubtful(values) else ""),
+            Text(str(values.get("flags") or "").replace("+", " "), style="bold red"),
         )
     return table
 

@@ -35,7 +35,7 @@ UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
 LARGEST_DPS = 1e6
 
 GAP_PERIODS = 1.5
-"""Two samples that are further apart have lost one between them (as in the core's gc_device.h)."""
+"""Two samples that are further apart have lost one between them (as in the core's gc_run.h)."""
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Axis = Literal["x", "y", "z"]
@@ -52,6 +52,7 @@ class RunEntry(BaseModel):
     face: Face
     axis: Axis | None = None
     table_rate_dps: float | None = None
+    table_rate_se_dps: float | None = Field(default=None, ge=0)
     turn_deg: float | None = None
     day: int | None = None
     power_on_s: float | None = Field(default=None, ge=0)
@@ -109,6 +110,8 @@ class Run:
     latitude_deg: float | None = None
     unread: tuple[str, ...] = ()
     """Keys of the run's entry in session.toml that nobody reads."""
+    table_rate_se_dps: float | None = None
+    """Standard error of ``table_rate_dps``."""
 
     @property
     def axis_index(self) -> int:
@@ -196,6 +199,11 @@ class Run:
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
 
     @property
+    def relative_rate_se(self) -> float:
+        """Standard error of the stated table's rate, a fraction of it; 0 where none is given."""
+        return abs(self.table_rate_se_dps / self.table_rate_dps) if self.table_rate_se_dps and self.table_rate_dps else 0.0
+
+    @property
     def rate_is_mean(self) -> bool:
         """True where only the run's net angle is known, not its rate at each moment."""
         return self.table_rate_dps is None and self.turn_deg is not None and self.column("rate_ref_dps") is None
@@ -221,6 +229,7 @@ class Run:
             self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
             self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
+            table_rate_se_dps=self.table_rate_se_dps,
         )  # fmt: skip
 
 
@@ -315,8 +324,8 @@ def run_entry(run: Run, file: str, session_axis: str) -> dict[str, Any]:
     """One ``[[run]]`` for :func:`write_header`."""
     return {
         "file": file, "scenario": run.scenario, "face": run.face, "table_rate_dps": run.table_rate_dps,
-        "axis": None if run.axis == session_axis else run.axis, "turn_deg": run.turn_deg, "day": run.day,
-        "power_on_s": run.power_on_s,
+        "table_rate_se_dps": run.table_rate_se_dps, "axis": None if run.axis == session_axis else run.axis,
+        "turn_deg": run.turn_deg, "day": run.day, "power_on_s": run.power_on_s,
     }  # fmt: skip
 
 
@@ -518,6 +527,7 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
         entry.day, entry.power_on_s, header.sample_rate_hz, path=folder / entry.file,
         lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg, unread=tuple(entry.model_extra or ()),
+        table_rate_se_dps=entry.table_rate_se_dps,
     )  # fmt: skip
 
 

@@ -285,9 +285,13 @@ def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]
     }
 
 
-def paper_windows(n_scenarios: int, seed: int, seconds: float = 6.0) -> dict[str, Any]:
-    """The first seconds of many scenarios of the campaign ``table2``, z axis, for training: fast, and by the same equations.
+def paper_windows(
+    n_scenarios: int, seed: int, seconds: float = 6.0, *, effects: float = 1.0, phase_deg: tuple[float, float] | None = None
+) -> dict[str, Any]:
+    """The first seconds of many scenarios of the campaign ``table2``, z axis: fast, and by the same equations.
 
+    Ripple and transient are ``effects`` times the campaign's; the ripple's phase is drawn from ``phase_deg``, by default from a
+    whole turn.
     Returns ``up`` and ``down``, float32 [n, round(seconds·145)], measured minus true rate (deg/s), the true rates, and the
     truth ``scale`` [n] and ``bias_dps`` [n].
     """
@@ -299,8 +303,11 @@ def paper_windows(n_scenarios: int, seed: int, seconds: float = 6.0) -> dict[str
     angle = np.deg2rad(TABLE_RATE_DPS * t_s)
     faces = {}
     for name, w_dps in (("up", TABLE_RATE_DPS), ("down", -TABLE_RATE_DPS)):
-        ab = rng.normal(0.0, RIPPLE_SD_DPS / TABLE_RATE_DPS, (2, n_scenarios, 1))
-        size = rng.normal(0.0, TRANSIENT_SD_DPS / TABLE_RATE_DPS, (n_scenarios, 1))
+        ab = effects * rng.normal(0.0, RIPPLE_SD_DPS / TABLE_RATE_DPS, (2, n_scenarios, 1))
+        if phase_deg is not None:
+            phase = np.deg2rad(rng.uniform(*phase_deg, (n_scenarios, 1)))
+            ab = np.hypot(*ab) * np.stack([np.cos(phase), -np.sin(phase)])
+        size = effects * rng.normal(0.0, TRANSIENT_SD_DPS / TABLE_RATE_DPS, (n_scenarios, 1))
         tau_s = np.exp(rng.uniform(*LOG_TAU, (n_scenarios, 1)))
         y = (1 + scale[:, None]) * w_dps + bias[:, None]
         y = y + w_dps * (ab[0] * np.cos(angle) + ab[1] * np.sin(angle)) - w_dps * size * np.exp(-t_s / tau_s)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -337,7 +336,7 @@ def _signature(c: Candidate, found: Comparison, residuals: dict[tuple[int, str],
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:
-    return [asdict(e) for e in found]
+    return [e.to_json() for e in found]
 
 
 def _errors(found: Sequence[Estimate], whole: dict[tuple[str, str], Estimate]) -> dict[float, tuple[float, float]]:
@@ -346,5 +345,7 @@ def _errors(found: Sequence[Estimate], whole: dict[tuple[str, str], Estimate]) -
     for e in found:
         if (e.scenario, e.axis) in whole:
             label = whole[e.scenario, e.axis]
+            if e.scale is None or e.bias_dps is None or label.scale is None or label.bias_dps is None:
+                continue
             apart.setdefault(e.seconds, []).append((abs(e.scale - label.scale), abs(e.bias_dps - label.bias_dps)))
     return {s: (float(np.mean([a for a, _ in v])), float(np.mean([b for _, b in v]))) for s, v in apart.items()}

@@ -56,6 +56,9 @@ def run(
         return
     print(f"{folder}: best epoch {metrics['best_epoch']}, validation loss {metrics['validation_loss']:.3f}")
     for row in metrics["errors"]:
-        errors = f"scale {row['scale_mae']:.6f}  bias {row['bias_mae_dps']:.4f} dps"
+        if net == "gyrocal":
+            errors = f"scale x rate + bias {1e3 * row['u_mae_dps']:.2f} mdps"
+        else:
+            errors = f"scale {row['scale_mae']:.6f}  bias {row['bias_mae_dps']:.4f} dps"
         print(f"  {row['method']:8} {row['seconds']:g} s  {errors}")
     print(f"next: gyrocal export --run {folder}")

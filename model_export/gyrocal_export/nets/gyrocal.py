@@ -1,10 +1,11 @@
-"""Network `gyrocal`: each face's block means -> how far its mean rate is off, and how sure that is; merged as Gaussians.
+"""Network `gyrocal`: the readings of one face about their mean -> how far that mean is off, and how sure that is.
 
-A face at true rate w says something of one number alone, u = w·scale + bias. So one small network, the same for both faces,
-takes a face's means over blocks of 0.25 s and answers with a mean m and a precision p of u: the part of the problem that is not
-linear, a transient whose time constant nobody knows. What remains is linear and Gaussian and is done in closed form: two
-measurements of u and the priors of scale and bias give both, with standard deviations.
+A face at true rate w says something of one number alone, u = w·scale + bias. Its mean over 2, 4 or 6 s is a first answer, off
+by what ripple and transient leave in it. The network is Fig. 2's head, the same for both faces: it sees the readings less their
+mean and answers with a correction and a precision. So a constant added to the readings is added to the answer, and nothing of
+how scale and bias are spread is in the weights: both faces' answers and the priors meet in closed form afterwards.
 """
+
 
 from __future__ import annotations
 
@@ -12,110 +13,92 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import avg_pool1d, leaky_relu
 
-BLOCKS_A_STAGE = 8
 STAGES = 3
-"""Answers after 2, 4 and 6 s: 8, 16 and 24 blocks."""
-BLOCKS = BLOCKS_A_STAGE * STAGES
+"""Answers after 2, 4 and 6 s."""
 LARGEST_LOG_PRECISION = 9.0
 """Of u in units: a hundredth of a unit, better than any 6 s."""
 
 
 @dataclass(frozen=True)
 class GyrocalShape:
-    """``hidden`` neurons in each of two layers, LeakyReLU of slope ``leak``: chosen by measurement (docs/network.md)."""
+    """What Fig. 2 leaves open; chosen by measurement (docs/network.md).
 
+    The first convolution's taps are ``pool`` samples apart, so that with its average pool it is a convolution over means of
+    ``pool`` samples, the columns. A stage has ``stage_columns`` of them.
+    """
+
+    pool: int = 29
+    stage_columns: int = 10
+    first_channels: int = 8
+    first_kernel: int = 5
+    second_channels: int = 8
+    second_kernel: int = 3
+    second_pool: int = 2
     hidden: int = 32
+    """Neurons in each of the two layers behind the convolutions."""
     leak: float = 0.1
+
+    @property
+    def samples(self) -> int:
+        """Of the longest stage."""
+        return self.pool * self.stage_columns * STAGES
+
+    def features(self, stage: int) -> int:
+        """Times of the second layer's output that a stage has."""
+        convolved = self.stage_columns * (stage + 1) - self.first_kernel - self.second_kernel + 2
+        return convolved // self.second_pool
 
 
 @dataclass(frozen=True)
-class Knowledge:
-    """What is known before anything is measured: mean and standard deviation of scale and bias, the table's speed; and two
-    sizes of the training data: ``unit_dps``, of what a face reads, and ``clip_dps``, the largest |measured - true rate|."""
+class Range:
+    """Sizes of the training data: ``unit_dps``, of a column less the mean; the largest column less the mean; and the largest
+    sample less its column that is accepted."""
 
-    scale: tuple[float, float]
-    bias_dps: tuple[float, float]
-    table_dps: float
     unit_dps: float
-    clip_dps: float
-
-    @property
-    def scale_units(self) -> float:
-        """What one standard deviation of scale moves a face's mean rate by, in units."""
-        return self.table_dps * self.scale[1] / self.unit_dps
-
-    @property
-    def bias_units(self) -> float:
-        return self.bias_dps[1] / self.unit_dps
-
-    @property
-    def center_dps(self) -> tuple[float, float]:
-        """Where both faces' readings are expected, turned so that the true rate is positive."""
-        middle = self.table_dps * self.scale[0]
-        return middle + self.bias_dps[0], middle - self.bias_dps[0]
+    column_dps: float
+    sample_dps: float
 
 
 class GyrocalNet(nn.Module):
-    """Block means of both faces [N, 24] (measured - true rate, deg/s; what lies beyond the stage counts as nothing) and the
-    stage [N, 3] (one-hot: 2, 4 or 6 s) -> [N, 4]: scale, bias_dps and their standard deviations."""
+    """Readings of one face less their mean [N, 1, samples] (dps; turned, so that the true rate is positive; zero beyond the
+    stage) and the stage [N, 3] (one-hot: 2, 4 or 6 s) -> [N, 2]: u less the mean and the log of its precision, in units."""
 
-    blocks_of: Tensor
-
-    def __init__(self, shape: GyrocalShape, knowledge: Knowledge) -> None:
+    def __init__(self, shape: GyrocalShape, sizes: Range) -> None:
         super().__init__()
-        self.shape, self.knowledge = shape, knowledge
-        self.first = nn.Linear(BLOCKS, shape.hidden, bias=False)
+        self.shape, self.sizes = shape, sizes
+        self.first = nn.Conv1d(1, shape.first_channels, shape.first_kernel)
+        self.second = nn.Conv1d(shape.first_channels, shape.second_channels, shape.second_kernel)
+        self.third = nn.Linear(shape.second_channels * shape.features(STAGES - 1), shape.hidden, bias=False)
         self.start = nn.Parameter(0.1 * torch.randn(STAGES, shape.hidden))
-        """The first layer's biases, one set a stage."""
-        self.second = nn.Linear(shape.hidden, shape.hidden)
+        """The third layer's biases, one set a stage."""
+        self.fourth = nn.Linear(shape.hidden, shape.hidden)
         self.last = nn.Linear(shape.hidden, 2)
-        self.straight = nn.Parameter(torch.zeros(STAGES, BLOCKS))
-        """The linear part of m, past the layers: the least squares that the layers correct."""
-        self.register_buffer("blocks_of", stage_blocks())
+        self.straight = nn.Parameter(torch.zeros(STAGES, STAGES * shape.stage_columns))
+        """The linear part of the correction, past the layers: the least squares that the layers correct."""
 
-    def face(self, x: Tensor, stage: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean m and precision p of u, in units, of one face's centered block means [N, 24]; shapes [N, 1]."""
-        leaky = nn.functional.leaky_relu
-        h = leaky(self.first(x) + stage @ self.start, self.shape.leak)
-        out = self.last(leaky(self.second(h), self.shape.leak))
-        m = ((stage @ self.straight) * x).sum(1, keepdim=True) + out[:, :1]
-        return m, torch.exp(out[:, 1:].clamp(-LARGEST_LOG_PRECISION, LARGEST_LOG_PRECISION))
+    def of_columns(self, x: Tensor, stage: int) -> tuple[Tensor, Tensor]:
+        """Correction and log precision of u, in units [N], from a stage's columns in units [N, stage_columns (stage + 1)]."""
+        shape = self.shape
+        h = leaky_relu(self.first(x[:, None]), shape.leak)
+        h = leaky_relu(avg_pool1d(self.second(h), shape.second_pool), shape.leak)
+        seen = shape.features(stage)
+        weight = self.third.weight.unflatten(1, (shape.second_channels, -1))[:, :, :seen].flatten(1)
+        h = leaky_relu(h[:, :, :seen].flatten(1) @ weight.T + self.start[stage], shape.leak)
+        out = self.last(leaky_relu(self.fourth(h), shape.leak))
+        correction = x @ self.straight[stage, : x.shape[1]] + out[:, 0]
+        return correction, out[:, 1].clamp(-LARGEST_LOG_PRECISION, LARGEST_LOG_PRECISION)
 
-    def standard(self, up: Tensor, down: Tensor, stage: Tensor) -> tuple[Tensor, Tensor]:
-        """Posterior mean and variance of scale and bias [N, 2], in deviations and variances of their priors."""
-        know = self.knowledge
-        faces = []
-        for y, sign, center in ((up, 1.0, know.center_dps[0]), (down, -1.0, know.center_dps[1])):
-            x = (sign / know.unit_dps) * y.clamp(-know.clip_dps, know.clip_dps) - center / know.unit_dps
-            faces.append(self.face(x * (stage @ self.blocks_of), stage))
-        return merge(know.scale_units, know.bias_units, *faces[0], *faces[1])
-
-    def forward(self, up: Tensor, down: Tensor, stage: Tensor) -> Tensor:
-        mean, variance = self.standard(up, down, stage)
-        know = self.knowledge
-        center = torch.tensor([know.scale[0], know.bias_dps[0]])
-        sd = torch.tensor([know.scale[1], know.bias_dps[1]])
-        return torch.cat([center + sd * mean, sd * torch.sqrt(variance)], dim=1)
+    def forward(self, readings: Tensor, stage: Tensor) -> Tensor:
+        columns = avg_pool1d(readings / self.sizes.unit_dps, self.shape.pool)[:, 0]
+        answers = []
+        for k in range(STAGES):
+            correction, log_precision = self.of_columns(columns[:, : self.shape.stage_columns * (k + 1)], k)
+            answers.append(torch.stack([correction, log_precision], 1))
+        return torch.einsum("nk,kny->ny", stage, torch.stack(answers))
 
 
-def stage_blocks() -> Tensor:
-    """[3, 24]: 1 for the blocks that a stage has seen."""
-    return (torch.arange(BLOCKS) < BLOCKS_A_STAGE * torch.arange(1, STAGES + 1)[:, None]).float()
-
-
-def merge(a: float, b: float, m_up: Tensor, p_up: Tensor, m_down: Tensor, p_down: Tensor) -> tuple[Tensor, Tensor]:
-    """Two measurements of a·s + b·t (up) and a·s - b·t (down), s and t standard normal: their posterior [N, 2].
-
-    Written out so that nothing cancels.
-    """
-    both, cross = p_up + p_down, 2 * p_up * p_down
-    det = 1 + (a * a + b * b) * both + 2 * a * a * b * b * cross
-    s = a * (p_up * m_up + p_down * m_down + b * b * cross * (m_up + m_down)) / det
-    t = b * (p_up * m_up - p_down * m_down + a * a * cross * (m_up - m_down)) / det
-    return torch.cat([s, t], 1), torch.cat([1 + b * b * both, 1 + a * a * both], 1) / det
-
-
-def negative_log_likelihood(mean: Tensor, variance: Tensor, truth: Tensor) -> Tensor:
-    """Of the truth [N, 2] (in deviations of the priors) under the posterior: it pays to be right, and to know how right."""
-    return 0.5 * (torch.log(variance) + (mean - truth) ** 2 / variance).mean()
+def negative_log_likelihood(correction: Tensor, log_precision: Tensor, truth: Tensor) -> Tensor:
+    """Of the true correction under the answer: it pays to be right, and to know how right."""
+    return 0.5 * (torch.exp(log_precision) * (correction - truth) ** 2 - log_precision).mean()

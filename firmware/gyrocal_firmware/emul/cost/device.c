@@ -5,6 +5,7 @@
 #include "weights.h"
 
 #include "gc_device.h"
+#include "gc_lsm6dso.h"
 
 #include <string.h>
 
@@ -54,7 +55,7 @@ void cost_prepare(void) {
     static const gc_port_t port = {
         .bus_write = bus_write, .bus_read = bus_read, .now_us = now_us, .wait_until_us = wait_until_us, .send = send};
     static const gc_device_config_t config = {
-        .port = &port, .address = GC_LSM6DSO_ADDRESS, .calibration = &eight_column_calibration, .net = &gc_net};
+        .port = &port, .part = &gc_lsm6dso, .address = GC_LSM6DSO_ADDRESS, .calibration = &eight_column_calibration, .net = &gc_net};
     reg[GC_LSM6DSO_WHO_AM_I] = GC_LSM6DSO_ID;
     reg[GC_LSM6DSO_STATUS] = 7;
     gc_device_init(&device, &config);

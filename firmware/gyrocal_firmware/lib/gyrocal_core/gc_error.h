@@ -10,7 +10,7 @@ extern "C" {
 #define GC_ERRORS(X)                                                                                                     \
     X(GC_E_BUS_NACK, -1, "bus_nack", "the sensor does not answer: check wiring and power and address")                   \
     X(GC_E_BUS_SHORT, -2, "bus_short", "the sensor sent too few bytes: shorten the cable or slow the bus")               \
-    X(GC_E_WRONG_ID, -3, "wrong_id", "another part answers at this address: connect an LSM6DSO")                         \
+    X(GC_E_WRONG_ID, -3, "wrong_id", "another part answers at this address: connect the one that hello names")           \
     X(GC_E_RESET_TIMEOUT, -4, "reset_timeout", "the sensor does not come out of reset: power it off and on")             \
     X(GC_E_CONFIG_REFUSED, -5, "config_refused", "the sensor did not keep its settings: power it off and on")            \
     X(GC_E_CONFIG_LOST, -6, "config_lost", "the sensor lost its settings: check its supply for brown-outs")              \
@@ -32,12 +32,17 @@ extern "C" {
     X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                              \
     X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                 \
     X(GC_E_NOT_CALIBRATED, -33, "not_calibrated", "no axis has a scale and bias yet: record a run up and a run down")      \
+    X(GC_E_NO_UNDO, -34, "no_undo", "no earlier correction is kept: nothing changed")                                      \
+    X(GC_E_FACE, -35, "wrong_face", "gravity says the other face: check the face given and how the sensor is mounted")     \
+    X(GC_E_NO_PAIR, -36, "no_pair", "axis or full scale or rate_hz or table_dps is not that of the run before: repeat it") \
+    X(GC_E_TABLE_RATE, -37, "table_rate", "the reading is over 3 percent off table_dps: check the table or set table_dps") \
     X(GC_E_UNIDENTIFIED, -40, "unidentified", "the runs do not tell the terms apart: give priors or fewer effects")      \
     X(GC_E_PRIOR_COUPLED, -41, "prior_coupled", "the prior ties a run's own effects to shared terms: export again")      \
     X(GC_E_TOO_MANY_COLUMNS, -42, "too_many_columns", "the calibration has over 8 effect columns: export fewer")         \
     X(GC_E_WHITE_NOISE, -43, "no_white_noise", "the calibration has no white noise: export again")                       \
     X(GC_E_CALIBRATION_AXIS, -44, "calibration_axis", "the calibration is for another axis: set axis or export again")   \
     X(GC_E_MISFIT, -45, "misfit", "the readings do not fit the calibration's model: record a session and diagnose it")   \
+    X(GC_E_CALIBRATION_NUMBER, -46, "calibration_number", "the calibration holds a number that is not finite: export again") \
     X(GC_E_NET_SAMPLE_RATE, -50, "net_sample_rate", "the network was trained for another rate_hz: set it or export again")\
     X(GC_E_NET_RATE, -51, "net_table_rate", "the network was trained for another table rate: set it or export again")    \
     X(GC_E_NET_WINDOW, -52, "net_window", "the network's window does not fit this firmware: export again")               \

@@ -71,6 +71,25 @@ static int check_alternatives(const gc_calibration_t *c) {
     return GC_OK;
 }
 
+static bool is_finite(double x) {
+    return x - x == 0.0;
+}
+
+static bool numbers_are_finite(const gc_calibration_t *c) {
+    const unsigned n = n_parameters(c);
+    bool finite = is_finite((double)c->white_sd_dps) && is_finite((double)c->ou_sd_dps) && is_finite((double)c->ou_tau_s) &&
+                  is_finite((double)c->rate_hz) && is_finite((double)c->table_dps);
+    for (unsigned i = 0; c->columns != NULL && i < c->n_run_columns + c->n_shared_columns; i++) {
+        for (unsigned k = 0; k < GC_EFFECT_ARGS; k++) {
+            finite = finite && is_finite((double)c->columns[i].arg[k]);
+        }
+    }
+    for (unsigned i = 0; c->prior_sqrt_information != NULL && i < n * n; i++) {
+        finite = finite && is_finite(c->prior_sqrt_information[i]) && (i >= n || is_finite(c->prior_mean[i]));
+    }
+    return finite;
+}
+
 int gc_estimator_check(const gc_calibration_t *c) {
     if (c->n_run_columns > GC_MAX_EFFECT_COLUMNS || c->n_shared_columns > GC_MAX_EFFECT_COLUMNS - c->n_run_columns) {
         return GC_E_TOO_MANY_COLUMNS;
@@ -80,6 +99,9 @@ int gc_estimator_check(const gc_calibration_t *c) {
     }
     if (!(c->white_sd_dps > 0.0f)) {
         return GC_E_WHITE_NOISE;
+    }
+    if (!numbers_are_finite(c)) {
+        return GC_E_CALIBRATION_NUMBER;
     }
     for (unsigned i = 0; i < c->n_run_columns; i++) {
         double row[MAX_COLUMNS];

@@ -3,8 +3,9 @@
 #define GC_KEPT_H
 
 #include "gc_baseline.h"
+#include "gc_net.h"
 #include "gc_store.h"
-#include "gc_wire.h"
+#include "gc_tell.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -15,15 +16,7 @@ extern "C" {
 
 #define GC_KEPT_ANSWERS 30u /* three axes: nine of a pair, and one at rest or of a turn */
 
-#ifndef GC_MAX_CNN_WINDOW
-#define GC_MAX_CNN_WINDOW 290 /* samples of one window */
-#endif
-#ifndef GC_MAX_CNN_SAMPLES
-#define GC_MAX_CNN_SAMPLES (3 * GC_MAX_CNN_WINDOW) /* kept of each run */
-#endif
-
 typedef enum { GC_METHOD_BASELINE, GC_METHOD_CNN, GC_METHOD_MODEL, GC_METHOD_REST, GC_METHOD_TURN } gc_method_t;
-const char *gc_method_name(gc_method_t method);
 
 /* One $CAL. */
 typedef struct {
@@ -34,9 +27,11 @@ typedef struct {
     gc_answer_t answer;
     int32_t method; /* gc_method_t */
     int32_t axis;
+    uint32_t flags; /* gc_flags.h; none = it is trusted */
+    uint32_t reserved;
 } gc_kept_answer_t;
 
-/* reading = (1 + scale) rate + bias; of the richest method that answered for the axis, model before cnn before baseline. */
+/* reading = (1 + scale) rate + bias. */
 typedef struct {
     double scale;
     double bias_dps;
@@ -47,9 +42,12 @@ typedef struct {
 typedef struct {
     gc_record_t record;
     uint32_t n; /* answers so far; number i stands at i % GC_KEPT_ANSWERS */
-    uint32_t reserved;
+    uint32_t net; /* identity of the network whose answers they are */
     gc_kept_answer_t answer[GC_KEPT_ANSWERS];
     gc_correction_t correction[3];
+    gc_correction_t previous; /* what `undo` brings back */
+    int32_t undo_axis;        /* for this axis; -1 = nothing to bring back */
+    int32_t reserved;
 } gc_results_t;
 
 /* The first seconds of a run, in raw counts of its axis. */
@@ -69,20 +67,40 @@ typedef struct {
     gc_window_t run[2]; /* true rate positive, negative */
 } gc_windows_t;
 
-/* Keeps an answer and lets it correct its axis; new_pair: whatever corrected it before gives way. An answer at rest renews
-   the bias of an axis that has a correction. */
-void gc_results_add(gc_results_t *results, const gc_kept_answer_t *answer, bool new_pair);
+typedef struct {
+    gc_results_t results;
+    gc_windows_t windows;
+    bool results_changed, windows_changed; /* since they were saved */
+    uint32_t dump_line, dump_lines;        /* the next one to tell, and all */
+} gc_kept_t;
 
+/* Only what is whole and within its ranges. Answers of a network whose identity is not `net` are dropped, and corrections by
+   that network too. */
+void gc_kept_load(gc_kept_t *kept, const gc_port_t *port, uint32_t net);
+/* What changed. Between runs only: a write to flash takes longer than a sample may wait. GC_E_STORE where it failed. */
+int gc_kept_save(gc_kept_t *kept, const gc_port_t *port);
+/* To be saved. */
+void gc_kept_forget(gc_kept_t *kept);
+
+/* Tells an answer as $CAL and keeps it. */
+void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer);
+/* Lets a trusted answer correct its axis, an answer at rest the bias alone of an axis that has a correction. An answer that has
+   a flag changes nothing. */
+void gc_kept_correct_by(gc_kept_t *kept, const gc_kept_answer_t *answer);
+/* Brings back what corrected before. Returns the axis, or GC_E_NO_UNDO. */
+int gc_kept_undo(gc_kept_t *kept);
+/* An empty window for a run that begins; a dump in progress ends. */
+gc_window_t *gc_kept_begin_window(gc_kept_t *kept, unsigned sense);
+
+bool gc_kept_has_correction(const gc_kept_t *kept);
 /* NaN for an axis without a correction. */
-double gc_results_correct(const gc_results_t *results, unsigned axis, double measured_dps);
+double gc_kept_corrected(const gc_kept_t *kept, unsigned axis, double measured_dps);
 
-/* The fields of a $CAL. */
-void gc_kept_answer_fields(gc_sentence_t *s, const gc_kept_answer_t *kept);
-
-/* Sentences that tell everything kept, and the fields of one of them after its tag, $OLD or $WIN. */
-uint32_t gc_kept_lines(const gc_results_t *results, const gc_windows_t *windows);
-const char *gc_kept_line_tag(const gc_results_t *results, uint32_t line);
-void gc_kept_line_fields(gc_sentence_t *s, const gc_results_t *results, const gc_windows_t *windows, uint32_t line);
+/* Everything kept as sentences, $OLD and $WIN: begin, then go on until all are told, a few at a time, each when there is
+   room for it. */
+void gc_kept_begin_dump(gc_kept_t *kept);
+void gc_kept_end_dump(gc_kept_t *kept);
+void gc_kept_go_on_with_dump(gc_kept_t *kept, gc_teller_t *teller);
 
 #ifdef __cplusplus
 }

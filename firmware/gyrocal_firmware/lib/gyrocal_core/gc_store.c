@@ -7,10 +7,11 @@
 
 #define KEY_BYTES (GC_STORE_KEY_MAX + 2u)
 
-static uint32_t crc32(const uint8_t *data, size_t n) {
-    uint32_t crc = 0xFFFFFFFFu;
+uint32_t gc_crc32(uint32_t before, const void *data, size_t n) {
+    const uint8_t *byte = data;
+    uint32_t crc = before ^ 0xFFFFFFFFu;
     for (size_t i = 0; i < n; i++) {
-        crc ^= data[i];
+        crc ^= byte[i];
         for (int bit = 0; bit < 8; bit++) {
             crc = crc & 1u ? crc >> 1 ^ 0xEDB88320u : crc >> 1;
         }
@@ -19,7 +20,7 @@ static uint32_t crc32(const uint8_t *data, size_t n) {
 }
 
 static uint32_t crc_of(const gc_record_t *record, size_t n) {
-    return crc32((const uint8_t *)record + sizeof record->crc, n - sizeof record->crc);
+    return gc_crc32(0, (const uint8_t *)record + sizeof record->crc, n - sizeof record->crc);
 }
 
 /* A write's number says which slot it goes to. */

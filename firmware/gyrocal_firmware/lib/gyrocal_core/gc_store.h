@@ -26,6 +26,9 @@ typedef struct {
     uint32_t n;        /* bytes, this record included */
 } gc_record_t;
 
+/* CRC-32 (IEEE 802.3) of `before`, 0 at first, and n bytes more. */
+uint32_t gc_crc32(uint32_t before, const void *data, size_t n);
+
 /* n bytes from record on, in the byte order of this CPU. GC_E_STORE where the board cannot keep them, or keeps nothing;
    what was kept before is then still there. */
 int gc_store_save(const gc_port_t *port, const char *key, uint32_t version, gc_record_t *record, size_t n);

@@ -34,12 +34,24 @@ static void put_name(gc_sentence_t *s, const char *name) {
     }
 }
 
+static void put_text(gc_sentence_t *s, const char *text, size_t n) {
+    for (size_t i = 0; i < n; i++) {
+        const bool reserved = text[i] <= ' ' || text[i] > '~' || strchr(",*$=", text[i]) != NULL;
+        put(s, reserved ? "_" : text + i, 1);
+    }
+}
+
 void gc_sentence_text(gc_sentence_t *s, const char *name, const char *text) {
     put_name(s, name);
-    for (; text != NULL && *text != '\0'; text++) {
-        const bool reserved = *text <= ' ' || *text > '~' || strchr(",*$=", *text) != NULL;
-        put(s, reserved ? "_" : text, 1);
-    }
+    put_text(s, text, text != NULL ? strlen(text) : 0u);
+}
+
+void gc_sentence_text_cut(gc_sentence_t *s, const char *name, const char *text, size_t reserve) {
+    put_name(s, name);
+    const size_t taken = s->n + reserve;
+    const size_t room = taken < GC_WIRE_MAX - TAIL ? GC_WIRE_MAX - TAIL - taken : 0u;
+    const size_t n = text != NULL ? strlen(text) : 0u;
+    put_text(s, text, n < room ? n : room);
 }
 
 void gc_sentence_int(gc_sentence_t *s, const char *name, int64_t value) {
@@ -194,6 +206,7 @@ void gc_line_reader_init(gc_line_reader_t *reader, char *buffer, size_t capacity
     reader->n = 0;
     reader->skipping = false;
     reader->complete = false;
+    reader->after_cr = false;
 }
 
 int gc_line_push(gc_line_reader_t *reader, char byte) {
@@ -201,15 +214,17 @@ int gc_line_push(gc_line_reader_t *reader, char byte) {
         reader->complete = false;
         reader->n = 0;
     }
-    if (byte == '\n') {
+    const bool second = byte == '\n' && reader->after_cr;
+    reader->after_cr = byte == '\r';
+    if (second) {
+        return 0;
+    }
+    if (byte == '\n' || byte == '\r') {
         const bool skipped = reader->skipping;
         reader->skipping = false;
         if (skipped) {
             reader->n = 0;
             return GC_E_LINE_TOO_LONG;
-        }
-        if (reader->n > 0u && reader->line[reader->n - 1u] == '\r') {
-            reader->n--;
         }
         reader->complete = true;
         return 1;

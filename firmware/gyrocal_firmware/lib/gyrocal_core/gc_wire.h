@@ -24,6 +24,8 @@ typedef struct {
 } gc_sentence_t;
 
 void gc_sentence_begin(gc_sentence_t *s, const char tag[3], uint32_t seq, uint64_t t_us, unsigned imu);
+/* As gc_sentence_text, but the text is cut so that `reserve` bytes stay free for what follows. */
+void gc_sentence_text_cut(gc_sentence_t *s, const char *name, const char *text, size_t reserve);
 /* name NULL: a positional field. Characters that the wire reserves become '_'; text NULL becomes empty. */
 void gc_sentence_text(gc_sentence_t *s, const char *name, const char *text);
 void gc_sentence_int(gc_sentence_t *s, const char *name, int64_t value);
@@ -57,13 +59,14 @@ int gc_wire_parse(const char *line, size_t n, gc_message_t *message);
 const gc_text_t *gc_message_field(const gc_message_t *message, const char *name);
 bool gc_text_equals(gc_text_t text, const char *other);
 
-/* Collects bytes into lines of at most `capacity`; a longer one is skipped to its end. */
+/* Collects bytes into lines of at most `capacity`, each ended by CR, LF or both; a longer one is skipped to its end. */
 typedef struct {
     char *line;
     size_t capacity;
     size_t n;
     bool skipping;
     bool complete;
+    bool after_cr; /* a line feed that follows belongs to it */
 } gc_line_reader_t;
 
 void gc_line_reader_init(gc_line_reader_t *reader, char *buffer, size_t capacity);

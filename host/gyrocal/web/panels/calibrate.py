@@ -206,7 +206,7 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("scenario:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ")
+COLUMNS = ("scenario:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
 
 
 def _table(estimates: list[dict[str, Any]]) -> str:
@@ -214,6 +214,7 @@ def _table(estimates: list[dict[str, Any]]) -> str:
         [
             e["scenario"], e["axis"], e["method"], number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
             number(e["scale_se"], ".4f", 100), number(e["bias_dps"], ".1f", 1e3), number(e["bias_se_dps"], ".1f", 1e3),
+            number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]
         for e in estimates
     ]  # fmt: skip

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import background_tasks, ui
 
-from gyrocal.device.monitor import misfits as doubtful
+from gyrocal.device.monitor import doubtful
 from gyrocal.errors import InputError
 from gyrocal.simulation.campaigns import RIPPLE
 from gyrocal.web import charts
@@ -395,11 +395,12 @@ class LivePanel:
 
 
 def _judged(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results of the latest method that have a misfit."""
-    return [r for r in found if isinstance(r.get("misfit"), int | float) and r["method"] == found[-1]["method"]]
+    """The results of the latest method that have a misfit or that the device judged."""
+    judged = [r for r in found if isinstance(r.get("misfit"), int | float) or "trusted" in r]
+    return [r for r in judged if r["method"] == found[-1]["method"]]
 
 
-COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit")
+COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "speaks against it:")
 
 
 def _table(found: list[dict[str, Any]]) -> str:
@@ -409,6 +410,7 @@ def _table(found: list[dict[str, Any]]) -> str:
             str(r.get("axis", "")), str(r.get("method", "")), number(r.get("seconds"), "g"),
             number(r.get("scale"), ".4f", 100), number(r.get("scale_se"), ".4f", 100),
             number(r.get("bias_dps"), ".1f", 1e3), number(r.get("bias_se_dps"), ".1f", 1e3), number(r.get("misfit"), ".2f"),
+            str(r.get("flags") or "").replace("+", ", "),
         ]
         for r in found
     ]  # fmt: skip

@@ -1,0 +1,224 @@
+"""How honest are the standard errors of `calibrate`, and whom does it trust? Sensors anywhere, tables with and without effects.
+
+Each sensor has a scale within 3 % and a bias within 10 deg/s, evenly drawn, white noise, and drift of 1.5 to 3 mdps over 20 to
+40 s. Half of the tables and sensors have each of the effects of the library that act within such a session, of a size drawn
+evenly in the logarithm from its typical range: ripple of orders 1 and 2, spin-up, a tone, warm-up, slow drift, a jump of the
+bias. Truth is the scale and bias that the mean of each face would show without ripple, spin-up, tone, noise and drift: what
+changes more slowly than a run belongs to the bias at its time, and so does a jump, by the part of the run that it lasts.
+
+    gyrocal benchmark population
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gyrocal.calibration.estimator import Answer, Calibration
+from gyrocal.calibration.limit import PROTOCOL
+from gyrocal.calibration.network import FaceNetwork
+from gyrocal.calibration.scenarios import answers
+from gyrocal.calibration.trust import DISAGREES, LARGEST_BIAS_DPS, LARGEST_SCALE, disagreement
+from gyrocal.calibration.uncertainty import (
+    DRIFT_SD_DPS,
+    DRIFT_TAU_S,
+    Combined,
+    FaceSums,
+    face_posterior,
+    misfit,
+    misfit_limit,
+    misfit_of,
+    white_variance,
+)
+from gyrocal.effects import base
+from gyrocal.noise.drift import ou_noise
+from gyrocal.noise.whitening import Noise
+from gyrocal.present.output import stdout, table
+from gyrocal.recording.session import Array
+from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, TABLE_RATE_DPS, WHITE_SD_DPS
+
+SENSORS, SAMPLE_SENSORS = 2000, 300
+SEED = 900_000
+SECONDS = (2.0, 4.0, 6.0)
+SCALE, BIAS_DPS = 0.03, 10.0
+DRIFT_DPS, DRIFT_S = (0.0015, 0.003), (20.0, 40.0)
+W_DPS = (TABLE_RATE_DPS, -TABLE_RATE_DPS)
+ORDERS = (1, 2)
+FAR = 5.0
+METHODS = ("baseline", "cnn", "model")
+FIGURES = (("sd", ".2f"), ("68", ".1%"), ("95", ".1%"))
+
+
+@dataclass(frozen=True)
+class Population:
+    """Readings less the true rate of both faces [N, samples] of 6 s, and each face's true mean [N] by seconds."""
+
+    faces: tuple[Array, Array]
+    t_us: np.ndarray[Any, np.dtype[np.int64]]
+    u_dps: dict[float, tuple[Array, Array]]
+
+    @staticmethod
+    def draw(n: int, with_effects: bool, seed: int) -> Population:
+        rng = np.random.default_rng(seed)
+        samples = round(SECONDS[-1] * RATE_HZ)
+        t_s = np.round(np.arange(samples) / RATE_HZ, 6)
+        scale, bias_dps = rng.uniform(-SCALE, SCALE, (n, 1)), rng.uniform(-BIAS_DPS, BIAS_DPS, (n, 1))
+        common = _Common.draw(n, rng) if with_effects else None
+        faces, truths = [], []
+        for w_dps, power_on_s in zip(W_DPS, PROTOCOL.power_on_s, strict=True):
+            lasting = np.broadcast_to(scale * w_dps + bias_dps, (n, samples))
+            passing = np.zeros((n, samples))
+            if common is not None:
+                lasting = lasting + common.lasting(t_s, power_on_s, rng)
+                passing = common.passing(t_s, w_dps, rng)
+            sd_dps, tau_s = rng.uniform(*DRIFT_DPS, n), float(rng.uniform(*DRIFT_S))
+            drift = ou_noise(samples, 1 / RATE_HZ, 1.0, tau_s, n, rng).T * sd_dps[:, None]
+            y = w_dps + lasting + passing + drift + rng.normal(0.0, WHITE_SD_DPS, (n, samples))
+            faces.append(np.round(y / LSB_DPS) * LSB_DPS - w_dps)
+            truths.append([lasting[:, : round(s * RATE_HZ)].mean(1) for s in SECONDS])
+        t_us = np.rint(t_s * 1e6).astype(np.int64)
+        return Population((faces[0], faces[1]), t_us, {s: (u, v) for s, u, v in zip(SECONDS, *truths, strict=True)})
+
+
+@dataclass(frozen=True)
+class _Common:
+    """Which effects a table and a sensor have, and what both faces share of them, [N, 1] each."""
+
+    n: int
+    sizes: dict[str, Array]
+    tone_hz: Array
+    warmup_tau_s: Array
+
+    @staticmethod
+    def draw(n: int, rng: np.random.Generator) -> _Common:
+        def size(effect: str, parameter: str) -> Array:
+            acts = rng.random((n, 1)) < 0.5
+            return acts * _typical(n, effect, parameter, rng)
+
+        sizes = {f"ripple_{k}": size("table_ripple", f"amplitude_{k}") for k in ORDERS}
+        sizes |= {"spin_up": size("spin_up", "A") * _sign(n, rng), "tone": size("vibration_tone", "A_dps")}
+        sizes |= {"warmup": size("warmup", "A_dps") * _sign(n, rng), "drift": size("drift", "k_dps_per_s") * _sign(n, rng)}
+        sizes |= {"jump": size("bias_jumps", "size_dps")}
+        tone_hz = np.exp(rng.uniform(np.log(1.0), np.log(RATE_HZ / 2), (n, 1)))
+        return _Common(n, sizes, tone_hz, _typical(n, "warmup", "tau_s", rng))
+
+    def passing(self, t_s: Array, w_dps: float, rng: np.random.Generator) -> Array:
+        """Ripple, spin-up and tone of one face [N, samples]."""
+        angle = np.deg2rad(abs(w_dps)) * t_s
+
+        def phase() -> Array:
+            return rng.uniform(0, 2 * np.pi, (self.n, 1))
+
+        y = -w_dps * self.sizes["spin_up"] * np.exp(-t_s / _typical(self.n, "spin_up", "tau_s", rng))
+        for k in ORDERS:
+            y += w_dps * self.sizes[f"ripple_{k}"] * np.cos(k * angle + phase())
+        tone: Array = self.sizes["tone"] * np.sin(2 * np.pi * self.tone_hz * t_s + phase())
+        return y + tone
+
+    def lasting(self, t_s: Array, power_on_s: float, rng: np.random.Generator) -> Array:
+        """Warm-up, drift and a jump in one of ten runs [N, samples]."""
+        since_s = power_on_s + t_s
+        jumps = (rng.random((self.n, 1)) < 0.1) * self.sizes["jump"] * _sign(self.n, rng)
+        moved = t_s > rng.uniform(0.2, 0.8, (self.n, 1)) * t_s[-1]
+        y: Array = self.sizes["warmup"] * np.exp(-since_s / self.warmup_tau_s) + self.sizes["drift"] * since_s + jumps * moved
+        return y
+
+
+def _typical(n: int, effect: str, parameter: str, rng: np.random.Generator) -> Array:
+    low, high = base.effect(effect).parameter(parameter).typical
+    drawn: Array = np.exp(rng.uniform(np.log(low), np.log(high), (n, 1)))
+    return drawn
+
+
+def _sign(n: int, rng: np.random.Generator) -> Array:
+    return rng.choice([-1.0, 1.0], (n, 1))
+
+
+def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Array]]:
+    """By method the answers, their fields arrays [N] (NaN where there is none), and whether they are trusted [N]."""
+    samples = round(seconds * RATE_HZ)
+    readings = [face[:, :samples] for face in population.faces]
+    sums = [FaceSums.of(y, population.t_us[:samples], RATE_HZ) for y in readings]
+    variance = white_variance(sums)
+    faces = [face_posterior(s, variance, w, LSB_DPS) for s, w in zip(sums, W_DPS, strict=True)]
+    every, limit = Combined.of(faces, W_DPS), misfit_limit(sum(f.blocks for f in faces))
+
+    def plausible(scale: Array, bias_dps: Array) -> Array:
+        found: Array = (np.abs(scale) <= LARGEST_SCALE) & (np.abs(bias_dps) <= LARGEST_BIAS_DPS)
+        return found
+
+    means = [y.mean(1) for y in readings]
+    drifting = Calibration("default", "z", (), (), (0.0, np.inf), (0.0, np.inf), Noise(WHITE_SD_DPS, DRIFT_SD_DPS, DRIFT_TAU_S))
+    fitted = answers(drifting, *population.faces, seconds, PROTOCOL)
+    found = {}
+    for method, scale, bias_dps in (
+        ("baseline", (means[0] - means[1]) / (2 * TABLE_RATE_DPS), (means[0] + means[1]) / 2),
+        ("model", fitted.scale, fitted.bias_dps),
+    ):
+        answer = Answer(scale, every.errors_of(scale, bias_dps)[0], bias_dps, every.errors_of(scale, bias_dps)[1], None)
+        found[method] = answer, (misfit(faces) <= limit) & plausible(scale, bias_dps)
+    net, stage = FaceNetwork.shipped(), SECONDS.index(seconds)
+    y = net.estimate(*(face[:, : net.samples(stage)] for face in population.faces), stage, *W_DPS)
+    answer = Answer(y[:, 0], y[:, 2], y[:, 1], y[:, 3], None)  # type: ignore[arg-type]
+    fits = misfit_of(faces, [answer.bias_dps + answer.scale * w for w in W_DPS]) <= limit  # type: ignore[misc]
+    agrees = disagreement(every, answer) <= DISAGREES
+    found["cnn"] = answer, fits & agrees & plausible(y[:, 0], y[:, 1])
+    return found
+
+
+def figures(answer: Answer, trusted: Array, truth: tuple[Array, Array]) -> dict[str, Any]:
+    """One row: of those that have an answer, error over standard error of scale and bias, coverage, trust."""
+    errors = {"scale": (answer.scale - truth[0]) / answer.scale_se, "bias": (answer.bias_dps - truth[1]) / answer.bias_se_dps}
+    there = np.isfinite(errors["scale"])
+    row: dict[str, Any] = {"answered": float(there.mean()), "trusted": float(trusted.mean())}
+    for name, z in errors.items():
+        off = np.abs(z[there])
+        row |= {
+            f"{name}_sd": float(np.sqrt(np.mean(off**2))) if off.size else None,
+            f"{name}_68": float(np.mean(off <= 1.0)) if off.size else None,
+            f"{name}_95": float(np.mean(off <= 1.96)) if off.size else None,
+        }
+    wrong = trusted & (np.maximum(np.abs(errors["scale"]), np.abs(errors["bias"])) > FAR)
+    n = int(trusted.sum())
+    return row | {"trusted_and_far": int(wrong.sum()), "n": n, "bound_95": min(1.0, 3 / max(1, n))}
+
+
+def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """What ``gyrocal benchmark population --json`` prints: a row for each kind of sensor, time and method."""
+    n = SAMPLE_SENSORS if sample else SENSORS
+    rows = []
+    for i, effects in enumerate((False, True)):
+        population = Population.draw(n, effects, SEED + i)
+        for seconds in SECONDS:
+            u, v = population.u_dps[seconds]
+            truth = (u - v) / (2 * TABLE_RATE_DPS), (u + v) / 2
+            found = judged(population, seconds)
+            for method in METHODS:
+                rows.append({"effects": effects, "seconds": seconds, "method": method, **figures(*found[method], truth)})
+        progress(i + 1, 2)
+    return {"sensors": n, "rows": rows}
+
+
+def show(found: dict[str, Any]) -> None:
+    """The table."""
+
+    def number(value: float | None, form: str) -> str:
+        return "-" if value is None else format(value, form)
+
+    rows = [
+        [
+            "typical" if r["effects"] else "none", f"{r['seconds']:g}", r["method"], f"{r['answered']:.1%}",
+            *(number(r[f"{name}_{key}"], form) for name in ("scale", "bias") for key, form in FIGURES),
+            f"{r['trusted']:.1%}", f"{r['trusted_and_far']} of {r['n']}", f"{r['bound_95']:.2%}",
+        ]
+        for r in found["rows"]
+    ]  # fmt: skip
+    columns = [
+        "effects:", "first s", "method:", "answered", "scale: error/se", "68 %", "95 %", "bias: error/se", "68 %", "95 %",
+        "trusted", "trusted, yet > 5 se off", "3/N",
+    ]  # fmt: skip
+    table(f"{found['sensors']} sensors: scale within 3 %, bias within 10 deg/s", columns, rows)
+    stdout.print("error/se: root mean square of the error over its standard error, 1 where it is honest")

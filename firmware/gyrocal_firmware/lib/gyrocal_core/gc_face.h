@@ -1,0 +1,55 @@
+/* A face's first 6 s in blocks of 0.25 s: what its answer's uncertainty is judged by.
+ *
+ * Exact integer sums in raw counts, from a stream of samples. The twin of FaceSums in host/gyrocal/calibration/uncertainty.py.
+ */
+#ifndef GC_FACE_H
+#define GC_FACE_H
+
+#include "gc_baseline.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_FACE_BLOCKS ((unsigned)(GC_CHECKPOINT_US(GC_CHECKPOINTS - 1u) / GC_BLOCK_US))
+
+typedef struct {
+    uint16_t n;
+    uint16_t first_n;
+    uint16_t second_n;
+    int32_t sum;       /* of count - origin */
+    int64_t first_sq;  /* of differences of successive samples */
+    int64_t second_sq; /* of second differences of sums over 1/16 s */
+} gc_face_block_t;
+
+typedef struct {
+    double rate_hz;
+    uint64_t first_us;
+    bool begun;
+    int16_t origin;
+    int16_t last;
+    uint32_t short_samples; /* of 1/16 s */
+    uint32_t short_n;
+    int64_t short_sum[3]; /* the one in progress and the two before */
+    uint32_t shorts;
+    gc_face_block_t block[(GC_CHECKPOINTS * 2000000u) / GC_BLOCK_US];
+} gc_face_t;
+
+void gc_face_begin(gc_face_t *face, double rate_hz);
+/* A sample; what comes after 6 s is left out. */
+void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count);
+
+/* Of the first `blocks` blocks: does it hold at least half the samples that it should? */
+bool gc_face_has(const gc_face_t *face, unsigned block);
+/* Variance in counts^2 that one sample's noise has at long times, of the first `blocks` blocks of two faces of one rate: a mean of
+   n samples has the n-th part. NaN where there is no block. */
+double gc_face_white_variance(const gc_face_t *a, const gc_face_t *b, unsigned blocks);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

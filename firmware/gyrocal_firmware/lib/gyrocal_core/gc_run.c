@@ -1,0 +1,169 @@
+#include "gc_run.h"
+
+#include <math.h>
+#include <string.h>
+
+#define STUCK_BITS 4u
+#define STUCK_CHANGES 64u
+#define GRAVITY_MIN_G 0.5 /* along the axis: a face is up */
+
+double gc_run_true_rate_dps(const gc_settings_t *settings, int face) {
+    return settings->turn_deg != 0.0 ? NAN : settings->table_dps * face;
+}
+
+void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
+                  uint64_t first) {
+    memset(run, 0, sizeof *run);
+    run->face = face;
+    run->automatic = automatic;
+    run->settings = *settings;
+    run->part = sensor->part;
+    run->full_scale_dps = sensor->full_scale_dps;
+    run->lsb_dps = sensor->lsb_dps;
+    run->w_dps = gc_run_true_rate_dps(settings, face);
+    run->first = first;
+    run->bits_and = 0xFFFFu;
+    run->min = INT16_MAX;
+    run->max = INT16_MIN;
+    gc_baseline_begin(&run->baseline, settings->rate_hz);
+    gc_face_begin(&run->seconds, settings->rate_hz);
+}
+
+static void note_checkpoints(gc_run_t *run, unsigned before) {
+    for (unsigned k = before; k < run->baseline.checkpoints; k++) {
+        run->n_at[k] = run->n;
+        run->temp_at[k] = run->temp_sum;
+    }
+}
+
+void gc_run_advance(gc_run_t *run, uint64_t t_us) {
+    const unsigned before = run->baseline.checkpoints;
+    gc_baseline_advance(&run->baseline, t_us);
+    note_checkpoints(run, before);
+}
+
+void gc_run_end(gc_run_t *run) {
+    const unsigned before = run->baseline.checkpoints;
+    gc_baseline_end(&run->baseline);
+    note_checkpoints(run, before);
+}
+
+static bool is_clipped(const gc_run_t *run, int16_t count) {
+    return fabs((double)count) >= fmin(floor(run->full_scale_dps / run->lsb_dps), INT16_MAX);
+}
+
+/* From the reading before to this one. */
+static void note_change(gc_run_t *run, uint64_t t_us, int16_t count) {
+    const int32_t diff = (int32_t)count - run->last[run->settings.axis];
+    const uint16_t size = (uint16_t)(diff < 0 ? -diff : diff);
+    const uint64_t diff_sq = (uint64_t)size * size;
+    const uint64_t diff4 = diff_sq * diff_sq; /* below 2^64: a difference has 16 bits */
+    run->largest_diff = size > run->largest_diff ? size : run->largest_diff;
+    run->sum_diff4[0] += diff4;
+    run->sum_diff4[1] += run->sum_diff4[0] < diff4 ? 1u : 0u;
+    if (diff != 0) {
+        run->changes++;
+        run->still = 0;
+        run->still_since_us = t_us;
+    }
+    run->still++;
+    run->still_longest = run->still > run->still_longest ? run->still : run->still_longest;
+    const uint64_t still_us = t_us - run->still_since_us;
+    run->still_longest_us = still_us > run->still_longest_us ? still_us : run->still_longest_us;
+}
+
+bool gc_run_add(gc_run_t *run, const gc_taken_t *sample) {
+    const int axis = run->settings.axis;
+    const int16_t *gyro = sample->raw.gyro;
+    const int16_t count = gyro[axis];
+    if (run->n == 0u) {
+        run->first = sample->number;
+        run->first_us = sample->t_us;
+        run->still = 1;
+        run->still_since_us = sample->t_us;
+    } else {
+        for (size_t i = 0; i < 3u; i++) {
+            const int64_t diff = (int64_t)gyro[i] - run->last[i];
+            run->sum_sq_diff[i] += diff * diff;
+        }
+        run->turn += ((int64_t)run->last[axis] + count) * (int64_t)(sample->t_us - run->last_us);
+        note_change(run, sample->t_us, count);
+        run->missed += sample->missed;
+    }
+    for (size_t i = 0; i < 3u; i++) {
+        run->sum[i] += gyro[i];
+        run->acc_sum[i] += sample->raw.acc[i];
+        run->last[i] = gyro[i];
+    }
+    run->temp_sum += sample->raw.temp;
+    run->bits_or |= (uint16_t)count;
+    run->bits_and &= (uint16_t)count;
+    run->min = count < run->min ? count : run->min;
+    run->max = count > run->max ? count : run->max;
+    run->last_us = sample->t_us;
+    gc_baseline_add(&run->baseline, sample->t_us, count);
+    gc_face_add(&run->seconds, sample->t_us, count);
+    run->n++;
+    if (!is_clipped(run, count)) {
+        return false;
+    }
+    return run->clipped++ == 0u;
+}
+
+double gc_run_seconds(const gc_run_t *run) {
+    return 1e-6 * (double)(run->last_us - run->first_us);
+}
+
+double gc_run_temp_c(const gc_run_t *run) {
+    return gc_sensor_temp_c(run->part, run->temp_sum, run->n);
+}
+
+bool gc_run_has_stuck_bit(const gc_run_t *run) {
+    if (run->changes < STUCK_CHANGES) {
+        return false;
+    }
+    for (unsigned bit = 0; bit < STUCK_BITS; bit++) {
+        const unsigned mask = 1u << bit;
+        const bool constant = (run->bits_or & mask) == 0u || (run->bits_and & mask) != 0u;
+        if (constant && run->max - run->min >= (int)(4u * mask)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool gc_run_face_is_wrong(const gc_run_t *run) {
+    const double acc_g = run->n == 0u ? 0.0 : run->part->lsb_g * (double)run->acc_sum[run->settings.axis] / (double)run->n;
+    return fabs(acc_g) > GRAVITY_MIN_G && acc_g * run->face < 0.0;
+}
+
+bool gc_run_is_opposed(const gc_run_t *run) {
+    return (double)run->sum[run->settings.axis] * run->w_dps < 0.0;
+}
+
+void gc_run_tell(const gc_run_t *run, gc_teller_t *teller, bool ended, uint64_t next) {
+    gc_sentence_t *s = gc_tell_begin(teller, "RUN");
+    gc_sentence_text(s, "state", ended ? "end" : "start");
+    gc_sentence_text(s, "face", gc_face_name(run->face));
+    gc_settings_field(s, &run->settings, GC_SETTING_AXIS);
+    gc_settings_field(s, &run->settings, GC_SETTING_TABLE_DPS);
+    gc_settings_field(s, &run->settings, GC_SETTING_TURN_DEG);
+    gc_sentence_uint(s, "n", run->n);
+    gc_sentence_uint(s, "first", run->first);
+    if (run->n > 0u) {
+        gc_sentence_uint(s, "last", next - 1u);
+    } else {
+        gc_sentence_text(s, "last", NULL);
+    }
+    if (ended) {
+        static const char *const names[] = {"mean_x_dps", "mean_y_dps", "mean_z_dps"};
+        for (size_t i = 0; i < 3u; i++) {
+            gc_sentence_real(s, names[i], run->n == 0u ? NAN : run->lsb_dps * (double)run->sum[i] / (double)run->n);
+        }
+        gc_sentence_real(s, "duration_s", run->n == 0u ? NAN : gc_run_seconds(run));
+        gc_sentence_real(s, "temp_c", gc_run_temp_c(run));
+        gc_sentence_uint(s, "clipped", run->clipped);
+        gc_sentence_uint(s, "missed", run->missed);
+    }
+    gc_tell_end(teller);
+}

@@ -1,0 +1,86 @@
+/* A run: what is known of the table while it goes on, and the sums over its samples. */
+#ifndef GC_RUN_H
+#define GC_RUN_H
+
+#include "gc_baseline.h"
+#include "gc_face.h"
+#include "gc_settings.h"
+#include "gc_tell.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_GAP_PERIODS 1.5 /* two samples that are further apart have lost one between them */
+
+typedef struct {
+    uint64_t t_us;
+    uint64_t number; /* since boot */
+    uint32_t missed; /* samples that never came between the one before and this */
+    gc_sample_t raw;
+} gc_taken_t;
+
+typedef struct {
+    bool automatic;
+    bool complete; /* ended, long enough and in the right direction: half of a pair */
+    bool opposed;  /* it turned against its true rate */
+    int face;      /* +1 up, -1 down */
+    gc_settings_t settings;
+    const gc_part_t *part;
+    double full_scale_dps;
+    double lsb_dps;
+    double w_dps;   /* true rate about the sensed axis; NaN = unknown */
+    uint32_t n;
+    uint64_t first; /* sample number since boot */
+    uint64_t first_us;
+    uint64_t last_us;
+    int16_t last[3];
+    int64_t sum[3];
+    int64_t sum_sq_diff[3];
+    int64_t acc_sum[3];
+    int64_t temp_sum;
+    int64_t turn; /* trapezoid of the axis, 2 counts x microseconds */
+    uint32_t clipped;
+    uint32_t missed; /* samples that never came */
+    uint16_t bits_or, bits_and; /* of the axis: a bit that never changes */
+    int16_t min, max;
+    uint32_t changes;
+    uint16_t largest_diff; /* of successive readings */
+    uint64_t sum_diff4[2]; /* of their fourth powers, exactly: low and high half */
+    uint32_t still, still_longest; /* readings in a row that did not change, and for how long: */
+    uint64_t still_since_us, still_longest_us;
+    gc_baseline_t baseline;
+    gc_face_t seconds; /* its first ones, by blocks */
+    uint32_t n_at[GC_CHECKPOINTS];
+    int64_t temp_at[GC_CHECKPOINTS];
+} gc_run_t;
+
+/* The true rate of a run with these settings; NaN where only its angle is known, or nothing. */
+double gc_run_true_rate_dps(const gc_settings_t *settings, int face);
+/* `first`: number of the next sample. */
+void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
+                  uint64_t first);
+/* Completes the checkpoints that lie before a sample at t_us; to be called before its gc_run_add. */
+void gc_run_advance(gc_run_t *run, uint64_t t_us);
+/* True at the run's first sample at full scale. */
+bool gc_run_add(gc_run_t *run, const gc_taken_t *sample);
+/* The run has ended: checkpoints that its last sample reaches are complete. */
+void gc_run_end(gc_run_t *run);
+
+double gc_run_seconds(const gc_run_t *run);
+double gc_run_temp_c(const gc_run_t *run);
+/* A low bit never changed although the reading moved over several of its steps. */
+bool gc_run_has_stuck_bit(const gc_run_t *run);
+/* Gravity along the axis says another face than the run's; false where it is not along the axis. */
+bool gc_run_face_is_wrong(const gc_run_t *run);
+/* The mean reading is of the other sign than the true rate. */
+bool gc_run_is_opposed(const gc_run_t *run);
+
+/* A $RUN, of its start or its end; `next`: number of the next sample. */
+void gc_run_tell(const gc_run_t *run, gc_teller_t *teller, bool ended, uint64_t next);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,213 @@
+#include "gc_sampler.h"
+
+#include "gc_error.h"
+
+#include <math.h>
+#include <string.h>
+
+#define RETRY_US 1000000u    /* between attempts to set the sensor up */
+#define GIVE_UP_US 500000u   /* without a good sample: set it up again */
+#define IDLE_SLICE_US 20000u /* commands are looked for so often while there is no sensor */
+#define READY_POLL_US 100u
+#define MOST_MISSED 4294967295.0
+#define READS_A_STEP 8u /* of the FIFO: what comes faster than it is read waits for the next step */
+
+static uint64_t now_us(const gc_sampler_t *sampler) {
+    return sampler->port->now_us(sampler->port->context);
+}
+
+void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part,
+                     uint8_t address) {
+    memset(sampler, 0, sizeof *sampler);
+    sampler->teller = teller;
+    sampler->port = teller->port;
+    sampler->settings = settings;
+    sampler->part = part;
+    sampler->address = address;
+}
+
+void gc_sampler_set_up(gc_sampler_t *sampler) {
+    const gc_settings_t *settings = sampler->settings;
+    const double odr_hz = gc_part_odr_for(sampler->part, settings->rate_hz);
+    int error =
+        gc_sensor_init(&sampler->sensor, sampler->part, sampler->port, sampler->address, odr_hz, settings->full_scale_dps);
+    if (error == GC_OK && settings->fifo > 0.0) {
+        error = gc_sensor_fifo_begin(&sampler->sensor, (unsigned)settings->fifo);
+    }
+    const uint64_t now = now_us(sampler);
+    sampler->ready = error == GC_OK;
+    sampler->error = GC_OK;
+    sampler->good_us = now;
+    sampler->epoch_us = now;
+    sampler->tick = 0;
+    sampler->fifo_known = false;
+    sampler->retry_us = now + RETRY_US;
+    if (error != GC_OK) {
+        gc_tell_error(sampler->teller, error);
+    }
+}
+
+void gc_sampler_begin_anew(gc_sampler_t *sampler) {
+    gc_sampler_set_up(sampler);
+    sampler->sample_us = 0;
+}
+
+/* ---- waiting ---- */
+
+static void wait_sample(const gc_sampler_t *sampler, uint64_t due_us) {
+    const gc_port_t *port = sampler->port;
+    (port->wait_sample_us != NULL ? port->wait_sample_us : port->wait_until_us)(port->context, due_us);
+}
+
+/* A tick that is over is made up for at once, of several the last. */
+static void wait_for_tick(gc_sampler_t *sampler) {
+    const double period_us = 1e6 / sampler->settings->rate_hz;
+    const uint64_t now = now_us(sampler);
+    const uint64_t over = now > sampler->epoch_us ? (uint64_t)((double)(now - sampler->epoch_us) / period_us) : 0u;
+    sampler->tick = over > sampler->tick ? over : sampler->tick + 1u;
+    wait_sample(sampler, sampler->epoch_us + (uint64_t)((double)sampler->tick * period_us + 0.5));
+    sampler->read_us = now_us(sampler);
+}
+
+static void wait_for_data_ready(gc_sampler_t *sampler) {
+    const gc_port_t *port = sampler->port;
+    const double period_us = 1e6 / sampler->settings->rate_hz;
+    const uint64_t start = now_us(sampler);
+    if (port->wait_ready_us != NULL) {
+        port->wait_ready_us(port->context, start + (uint64_t)(1.5 * period_us));
+    } else {
+        wait_sample(sampler, start + (uint64_t)(0.5 * period_us));
+    }
+    for (;;) {
+        const uint64_t now = now_us(sampler);
+        const int ready = gc_sensor_ready(&sampler->sensor);
+        sampler->read_us = now;
+        if (ready != 0 || (double)(now - start) > 4.0 * period_us) {
+            return; /* what is wrong, if something is, the reading will tell */
+        }
+        port->wait_until_us(port->context, now + READY_POLL_US);
+    }
+}
+
+static void wait_for_batch(gc_sampler_t *sampler) {
+    const gc_port_t *port = sampler->port;
+    const double batch_us = sampler->settings->fifo * sampler->sensor.period_us;
+    if (port->wait_ready_us != NULL) {
+        port->wait_ready_us(port->context, now_us(sampler) + (uint64_t)(1.5 * batch_us));
+    } else {
+        wait_sample(sampler, sampler->batch.t_us + (uint64_t)batch_us);
+    }
+}
+
+bool gc_sampler_wait(gc_sampler_t *sampler) {
+    if (!sampler->ready) {
+        sampler->port->wait_until_us(sampler->port->context, now_us(sampler) + IDLE_SLICE_US);
+        if (now_us(sampler) >= sampler->retry_us) {
+            gc_sampler_set_up(sampler);
+            sampler->resets++;
+        }
+        return false;
+    }
+    if (sampler->settings->fifo > 0.0) {
+        wait_for_batch(sampler);
+    } else if (sampler->settings->rate_hz != sampler->sensor.odr_hz) {
+        wait_for_tick(sampler);
+    } else {
+        wait_for_data_ready(sampler);
+    }
+    return true;
+}
+
+/* ---- reading ---- */
+
+/* The newest sample was taken within a period before the reading; those since the newest of the last reading lie evenly. */
+static void date_batch(gc_sampler_t *sampler) {
+    const gc_batch_t *batch = &sampler->batch;
+    const double period_us = sampler->sensor.period_us;
+    const double left_us = period_us * batch->left;
+    const double earliest_us = (double)batch->t_us - period_us - left_us;
+    const double latest_us = (double)batch->until_us - left_us;
+    double newest_us = 0.5 * (earliest_us + latest_us);
+    sampler->step_us = period_us;
+    if (sampler->fifo_known) {
+        newest_us = fmin(fmax(sampler->newest_us + period_us * batch->n, earliest_us), latest_us);
+        sampler->step_us = (newest_us - sampler->newest_us) / batch->n;
+    }
+    sampler->newest_us = newest_us;
+    sampler->fifo_known = true;
+}
+
+static void read_fifo(gc_sampler_t *sampler) {
+    gc_batch_t *batch = &sampler->batch;
+    sampler->read_error = gc_sensor_fifo_read(&sampler->sensor, batch);
+    sampler->read_us = batch->t_us;
+    sampler->fifo_known = sampler->fifo_known && !batch->gap;
+    if (batch->n > 0u) {
+        date_batch(sampler);
+    }
+    if (batch->overrun) {
+        sampler->overruns++;
+        sampler->read_error = sampler->read_error == GC_OK ? GC_E_FIFO_OVERRUN : sampler->read_error;
+    }
+}
+
+static void read_one(gc_sampler_t *sampler) {
+    gc_batch_t *batch = &sampler->batch;
+    sampler->read_error = gc_sensor_read(&sampler->sensor, &batch->sample[0]);
+    batch->n = 0;
+    batch->left = 0;
+    if (sampler->read_error == GC_OK && batch->sample[0].fresh) {
+        batch->n = 1;
+        sampler->newest_us = (double)sampler->read_us;
+    } else if (sampler->read_error == GC_OK) {
+        sampler->stale++; /* a reading that was there before says nothing new */
+    }
+}
+
+void gc_sampler_begin_reading(gc_sampler_t *sampler) {
+    sampler->reads = 0;
+}
+
+unsigned gc_sampler_read(gc_sampler_t *sampler) {
+    if (sampler->settings->fifo > 0.0) {
+        read_fifo(sampler);
+    } else {
+        read_one(sampler);
+    }
+    return sampler->batch.n;
+}
+
+static uint32_t missed_between(const gc_sampler_t *sampler, uint64_t before_us, uint64_t t_us) {
+    const double periods = 1e-6 * ((double)(t_us - before_us) * sampler->settings->rate_hz);
+    return periods > GC_GAP_PERIODS ? (uint32_t)fmin(periods + 0.5, MOST_MISSED) - 1u : 0u;
+}
+
+void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken) {
+    const double before_newest_us = sampler->step_us * (sampler->batch.n - 1u - i);
+    const double t_us = sampler->newest_us - before_newest_us + 0.5;
+    /* Time never goes back, whatever the clocks say. */
+    taken->t_us = t_us > (double)sampler->sample_us ? (uint64_t)t_us : sampler->sample_us;
+    taken->number = sampler->samples++;
+    taken->missed = sampler->sample_us > 0u ? missed_between(sampler, sampler->sample_us, taken->t_us) : 0u;
+    taken->raw = sampler->batch.sample[i];
+    sampler->missed += taken->missed;
+    sampler->sample_us = taken->t_us;
+}
+
+bool gc_sampler_judge(gc_sampler_t *sampler) {
+    const int error = sampler->read_error;
+    if (error == GC_OK || error == GC_E_FIFO_OVERRUN) {
+        sampler->good_us = sampler->read_us;
+    }
+    if (error != GC_OK && error != sampler->error) {
+        gc_tell_error(sampler->teller, error);
+    }
+    sampler->error = error;
+    sampler->stale += error == GC_E_STALE ? 1u : 0u;
+    const uint64_t without_us = sampler->read_us > sampler->good_us ? sampler->read_us - sampler->good_us : 0u;
+    if (error == GC_E_CONFIG_LOST || without_us > GIVE_UP_US) {
+        gc_sampler_set_up(sampler);
+        sampler->resets++;
+    }
+    return sampler->batch.left > 0u && ++sampler->reads < READS_A_STEP && (error == GC_OK || error == GC_E_FIFO_OVERRUN);
+}

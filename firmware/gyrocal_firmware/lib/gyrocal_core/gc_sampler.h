@@ -1,0 +1,78 @@
+/* Samples from the sensor, each at its time: by timer, by data-ready, or in batches out of its FIFO. A failure of the sensor is
+ * told, and the sensor is set up again.
+ *
+ *     if (gc_sampler_wait(&sampler)) {
+ *         gc_sampler_begin_reading(&sampler);
+ *         do {
+ *             const unsigned n = gc_sampler_read(&sampler);
+ *             for (unsigned i = 0; i < n; i++) {
+ *                 gc_sampler_take(&sampler, i, &sample);
+ *             }
+ *         } while (gc_sampler_judge(&sampler));
+ *     }
+ */
+#ifndef GC_SAMPLER_H
+#define GC_SAMPLER_H
+
+#include "gc_run.h"
+#include "gc_sensor.h"
+#include "gc_settings.h"
+#include "gc_tell.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    gc_teller_t *teller;
+    const gc_port_t *port;
+    const gc_settings_t *settings;
+    const gc_part_t *part;
+    uint8_t address;
+    gc_sensor_t sensor;
+    bool ready;        /* the sensor is set up */
+    int error;         /* of the episode that goes on, told once */
+    uint64_t good_us;  /* last time that a sample came */
+    uint64_t retry_us; /* when to set the sensor up again */
+    uint64_t epoch_us; /* ticks of the sample timer are counted from here */
+    uint64_t tick;     /* the last that was sampled */
+    uint64_t samples;  /* taken since boot */
+    uint64_t sample_us; /* of the last one; 0 = none at these settings */
+
+    uint64_t read_us; /* the last reading, and */
+    int read_error;   /* how it ended */
+    gc_batch_t batch; /* what it gave */
+    unsigned reads;   /* of the FIFO in a row */
+    double newest_us, step_us; /* when its last sample was taken, how far apart they are */
+    bool fifo_known; /* newest_us is known, and no sample is missing since */
+
+    uint32_t stale;    /* readings that were not new */
+    uint32_t resets;   /* times that the sensor had to be set up again */
+    uint32_t missed;   /* samples that never came */
+    uint32_t overruns; /* times that the FIFO was full */
+} gc_sampler_t;
+
+/* settings must outlive the sampler. The sensor is not set up yet. */
+void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part,
+                     uint8_t address);
+/* Sets the sensor up as the settings say; a failure is told and tried again in a second. */
+void gc_sampler_set_up(gc_sampler_t *sampler);
+/* The settings changed: the time since the last sample says nothing. */
+void gc_sampler_begin_anew(gc_sampler_t *sampler);
+
+/* Readings that follow are a row of their own: for gc_sampler_judge, which bounds it. */
+void gc_sampler_begin_reading(gc_sampler_t *sampler);
+/* Until a sample or batch should be read; false where there is no sensor to be read. */
+bool gc_sampler_wait(gc_sampler_t *sampler);
+/* How many samples came. */
+unsigned gc_sampler_read(gc_sampler_t *sampler);
+/* Sample i, in order, each once. */
+void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken);
+/* Tells what went wrong. True: the FIFO holds more, read again. */
+bool gc_sampler_judge(gc_sampler_t *sampler);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

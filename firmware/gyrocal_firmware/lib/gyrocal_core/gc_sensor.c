@@ -1,0 +1,151 @@
+#include "gc_sensor.h"
+
+#include "gc_error.h"
+
+#include <math.h>
+#include <string.h>
+
+#define STALE_PERIODS 3.0
+#define POLL_MARGIN 1.2 /* polled at nearly its own rate, a part often has nothing new */
+
+static const gc_odr_t *odr_of(const gc_part_t *part, double hz) {
+    for (size_t i = 0; i < part->odrs; i++) {
+        if (part->odr[i].hz == hz) {
+            return &part->odr[i];
+        }
+    }
+    return NULL;
+}
+
+static const gc_range_t *range_of(const gc_part_t *part, double full_scale_dps) {
+    for (size_t i = 0; i < part->ranges; i++) {
+        if (part->range[i].full_scale_dps == full_scale_dps) {
+            return &part->range[i];
+        }
+    }
+    return NULL;
+}
+
+double gc_part_odr_for(const gc_part_t *part, double rate_hz) {
+    if (odr_of(part, rate_hz) != NULL) {
+        return rate_hz;
+    }
+    for (size_t i = 0; i < part->odrs; i++) {
+        const double hz = part->odr[i].hz;
+        if (hz >= part->polled_from_hz && hz >= POLL_MARGIN * rate_hz && rate_hz > 0.0) {
+            return hz;
+        }
+    }
+    return 0.0;
+}
+
+bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps) {
+    return range_of(part, full_scale_dps) != NULL;
+}
+
+double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n) {
+    return n == 0u ? NAN : part->zero_c + part->lsb_c * (double)sum / (double)n;
+}
+
+int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value) {
+    return sensor->port->bus_write(sensor->port->context, sensor->address, reg, &value, 1) < 0 ? GC_E_BUS_NACK : GC_OK;
+}
+
+int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n) {
+    const int got = sensor->port->bus_read(sensor->port->context, sensor->address, reg, data, n);
+    if (got < 0) {
+        return GC_E_BUS_NACK;
+    }
+    return (size_t)got == n ? GC_OK : GC_E_BUS_SHORT;
+}
+
+int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other) {
+    uint8_t found[GC_WATCHED_MAX];
+    const int error = gc_sensor_read_regs(sensor, sensor->part->watched_reg, found, sensor->part->watched);
+    if (error != GC_OK) {
+        return error;
+    }
+    return memcmp(found, sensor->written, sensor->part->watched) == 0 ? GC_OK : error_if_other;
+}
+
+int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
+                   double full_scale_dps) {
+    const gc_odr_t *odr = odr_of(part, odr_hz);
+    const gc_range_t *range = range_of(part, full_scale_dps);
+    if (odr == NULL || range == NULL) {
+        return GC_E_ARGUMENT;
+    }
+    sensor->part = part;
+    sensor->port = port;
+    sensor->address = address;
+    sensor->odr = odr;
+    sensor->range = range;
+    sensor->odr_hz = odr_hz;
+    sensor->full_scale_dps = full_scale_dps;
+    sensor->lsb_dps = range->lsb_dps;
+    const int error = part->set_up(sensor);
+    sensor->batch = 0;
+    sensor->config_checked_us = port->now_us(port->context);
+    sensor->fresh_us = sensor->config_checked_us;
+    return error;
+}
+
+/* No data until now: too long, and why? */
+static int judge_silence(gc_sensor_t *sensor, uint64_t now_us) {
+    const double silent_us = now_us > sensor->fresh_us ? (double)(now_us - sensor->fresh_us) : 0.0;
+    if (silent_us <= STALE_PERIODS * sensor->period_us) {
+        return GC_OK;
+    }
+    const int error = gc_sensor_check_config(sensor, GC_E_CONFIG_LOST);
+    return error != GC_OK ? error : GC_E_STALE;
+}
+
+static int check_now_and_then(gc_sensor_t *sensor, uint64_t now_us) {
+    if (now_us - sensor->config_checked_us < GC_SENSOR_CONFIG_CHECK_US) {
+        return GC_OK;
+    }
+    sensor->config_checked_us = now_us;
+    return gc_sensor_check_config(sensor, GC_E_CONFIG_LOST);
+}
+
+int gc_sensor_ready(gc_sensor_t *sensor) {
+    return sensor->part->ready(sensor);
+}
+
+int gc_sensor_read(gc_sensor_t *sensor, gc_sample_t *sample) {
+    const uint64_t now_us = sensor->port->now_us(sensor->port->context);
+    const int ready = gc_sensor_ready(sensor);
+    if (ready < 0) {
+        return ready;
+    }
+    int error;
+    sample->fresh = ready == 1;
+    if (sample->fresh) {
+        error = sensor->part->read(sensor, sample);
+        /* However long that took: what comes from here on is new. */
+        sensor->fresh_us = sensor->port->now_us(sensor->port->context);
+    } else {
+        error = judge_silence(sensor, now_us);
+    }
+    return error == GC_OK ? check_now_and_then(sensor, now_us) : error;
+}
+
+int gc_sensor_fifo_begin(gc_sensor_t *sensor, unsigned batch) {
+    if (batch == 0u || batch > sensor->part->batch_max) {
+        return GC_E_ARGUMENT;
+    }
+    sensor->batch = batch;
+    return sensor->part->fifo_begin(sensor);
+}
+
+int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch) {
+    batch->n = 0;
+    batch->left = 0;
+    batch->overrun = false;
+    batch->gap = false;
+    int error = sensor->part->fifo_read(sensor, batch);
+    if (error == GC_OK) {
+        error = judge_silence(sensor, batch->t_us);
+    }
+    return error == GC_OK ? check_now_and_then(sensor, batch->t_us) : error;
+}

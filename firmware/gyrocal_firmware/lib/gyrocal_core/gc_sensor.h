@@ -1,0 +1,126 @@
+/* What the core asks of a sensor: a driver fills one gc_part_t, and nothing else in the core names the part. */
+#ifndef GC_SENSOR_H
+#define GC_SENSOR_H
+
+#include "gc_port.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GC_BATCH_MAX 128u  /* samples taken out of a FIFO at once */
+#define GC_WATCHED_MAX 4u  /* registers */
+#define GC_SENSOR_CONFIG_CHECK_US 500000u
+
+/* A reading in raw counts. */
+typedef struct {
+    int16_t temp;
+    int16_t gyro[3];
+    int16_t acc[3];
+    bool fresh; /* the gyroscope's data-ready flag was set */
+} gc_sample_t;
+
+/* Samples taken out of the FIFO, oldest first. */
+typedef struct {
+    gc_sample_t sample[GC_BATCH_MAX];
+    unsigned n;
+    unsigned left; /* samples still in there, within one */
+    bool overrun;  /* it was full */
+    bool gap;      /* samples are missing before the first that comes from now on: it was full, or began anew */
+    uint64_t t_us, until_us; /* the level was read then: a period before it at most, the newest sample was taken */
+} gc_batch_t;
+
+typedef struct {
+    double hz;
+    uint8_t code; /* what the driver writes for it */
+} gc_odr_t;
+
+typedef struct {
+    double full_scale_dps;
+    double lsb_dps;
+    uint8_t code;
+} gc_range_t;
+
+typedef struct gc_sensor gc_sensor_t;
+
+/* A kind of sensor. The functions return GC_OK or an error of gc_error.h. */
+typedef struct {
+    const char *name;
+    double lsb_g, lsb_c;
+    double noise_dps; /* of one reading, typically: its standard deviation */
+    double zero_c; /* temperature = zero_c + lsb_c * counts */
+    const gc_odr_t *odr; /* output data rates, ascending */
+    size_t odrs;
+    double polled_from_hz; /* a rate that is none of these is polled from the sensor at this one or above */
+    const gc_range_t *range;
+    size_t ranges;
+    uint8_t watched_reg; /* the first of the registers that must keep what was written to them, and */
+    uint8_t watched;     /* how many there are */
+    unsigned batch_max;  /* samples that the FIFO is asked for; 0 = it has none */
+
+    /* Resets and configures the part and waits until its readings can be used; sets period_us and written. */
+    int (*set_up)(gc_sensor_t *sensor);
+    /* 1: new gyroscope data wait; 0: none; negative: an error. */
+    int (*ready)(gc_sensor_t *sensor);
+    int (*read)(gc_sensor_t *sensor, gc_sample_t *sample);
+    /* Lets the FIFO collect, and the interrupt line tell when there are sensor->batch samples; set_up ends it. */
+    int (*fifo_begin)(gc_sensor_t *sensor);
+    /* What the FIFO holds: t_us, until_us, samples as far as they came, left, overrun, gap. */
+    int (*fifo_read)(gc_sensor_t *sensor, gc_batch_t *batch);
+} gc_part_t;
+
+struct gc_sensor {
+    const gc_part_t *part;
+    const gc_port_t *port;
+    uint8_t address;
+    const gc_odr_t *odr;
+    const gc_range_t *range;
+    double odr_hz;    /* nominal */
+    double period_us; /* by the part's own clock */
+    double full_scale_dps;
+    double lsb_dps;
+    uint8_t written[GC_WATCHED_MAX]; /* to the watched registers */
+    uint64_t config_checked_us;
+    uint64_t fresh_us; /* when data were last ready */
+    unsigned batch;    /* samples between two readings of the FIFO; 0 = it is not used */
+    bool fifo_broken;  /* it must begin anew */
+    gc_sample_t partial; /* the FIFO's time slot in progress; its temperature is the latest */
+    uint8_t partial_slot, partial_has; /* number of the slot, what of it is there */
+};
+
+/* The output data rate that serves `rate_hz`: the rate itself if it is one, else the first from polled_from_hz on that is a
+   fifth above it; 0 = none. */
+double gc_part_odr_for(const gc_part_t *part, double rate_hz);
+bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps);
+
+/* About 0.1 s. odr_hz and full_scale_dps as the two functions above allow, else GC_E_ARGUMENT. */
+int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
+                   double full_scale_dps);
+int gc_sensor_ready(gc_sensor_t *sensor);
+/* Reads the flag and, where it is set, the sample. Every 0.5 s, and when data stay away, also checks that the part still has its
+   settings. Errors: those of the bus, GC_E_CONFIG_LOST (call init again), GC_E_STALE (no data for three output periods). */
+int gc_sensor_read(gc_sensor_t *sensor, gc_sample_t *sample);
+/* After init; `batch` from 1 to the part's batch_max. */
+int gc_sensor_fifo_begin(gc_sensor_t *sensor, unsigned batch);
+/* Takes what the FIFO holds, as much as the batch has room for; what came before an error is there. Errors: as above, and
+   GC_E_FIFO_TAG (words came damaged). After one, what the FIFO still held is lost. */
+int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch);
+
+/* Mean temperature from the sum of n readings; NaN for none. */
+double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n);
+
+/* For drivers. */
+int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
+int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
+/* error_if_other where a watched register does not hold what was written to it. */
+int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

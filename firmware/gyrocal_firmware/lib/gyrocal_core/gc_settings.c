@@ -1,0 +1,123 @@
+#include "gc_settings.h"
+
+#include "gc_error.h"
+#include "gc_format.h"
+
+#include <math.h>
+
+#define KEY "settings"
+#define VERSION 3u
+#define FIFO_LONGEST_S 0.25 /* of a batch: commands are heard between two */
+
+static const char *const axes[] = {"x", "y", "z", NULL};
+static const char *const switches[] = {"off", "on", NULL};
+
+/* A setting is a number within a range, or one of some words; its field is a double or an int32_t accordingly. */
+static const struct {
+    const char *name;
+    size_t field;
+    double least, most;
+    bool whole;
+    const char *none; /* the word for NaN */
+    const char *const *words;
+} table[GC_SETTINGS] = {
+    [GC_SETTING_RATE_HZ] = {.name = "rate_hz", .field = offsetof(gc_settings_t, rate_hz), .least = 1.0, .most = 1e6},
+    [GC_SETTING_FULL_SCALE_DPS] = {.name = "full_scale_dps", .field = offsetof(gc_settings_t, full_scale_dps), .most = 1e6},
+    [GC_SETTING_TABLE_DPS] =
+        {.name = "table_dps", .field = offsetof(gc_settings_t, table_dps), .least = -2000.0, .most = 2000.0, .none = "none"},
+    [GC_SETTING_TURN_DEG] = {.name = "turn_deg", .field = offsetof(gc_settings_t, turn_deg), .least = -1e6, .most = 1e6},
+    [GC_SETTING_FIFO] = {.name = "fifo", .field = offsetof(gc_settings_t, fifo), .most = GC_BATCH_MAX, .whole = true},
+    [GC_SETTING_AXIS] = {.name = "axis", .field = offsetof(gc_settings_t, axis), .most = 2.0, .words = axes},
+    [GC_SETTING_AUTO] = {.name = "auto", .field = offsetof(gc_settings_t, automatic), .most = 1.0, .words = switches},
+};
+
+static double *number(gc_settings_t *settings, gc_setting_t row) {
+    return (double *)(void *)((char *)settings + table[row].field);
+}
+
+static int32_t *choice(gc_settings_t *settings, gc_setting_t row) {
+    return (int32_t *)(void *)((char *)settings + table[row].field);
+}
+
+static double value_of(const gc_settings_t *settings, gc_setting_t row) {
+    const void *field = (const char *)settings + table[row].field;
+    return table[row].words != NULL ? *(const int32_t *)field : *(const double *)field;
+}
+
+void gc_settings_default(gc_settings_t *settings, const gc_calibration_t *calibration) {
+    *settings = (gc_settings_t){.rate_hz = 145.0, .full_scale_dps = 250.0, .table_dps = 78.0, .axis = 2};
+    if (calibration == NULL) {
+        return;
+    }
+    if (calibration->rate_hz > 0.0f) {
+        settings->rate_hz = (double)calibration->rate_hz;
+    }
+    if (calibration->table_dps != 0.0f) {
+        settings->table_dps = (double)calibration->table_dps;
+    }
+    settings->axis = calibration->axis == 'x' ? 0 : calibration->axis == 'y' ? 1 : 2;
+}
+
+gc_setting_t gc_settings_find(gc_text_t name) {
+    unsigned row = 0;
+    while (row < GC_SETTINGS && !gc_text_equals(name, table[row].name)) {
+        row++;
+    }
+    return (gc_setting_t)row;
+}
+
+int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word) {
+    if (table[row].words != NULL) {
+        for (int32_t i = 0; table[row].words[i] != NULL; i++) {
+            if (gc_text_equals(word, table[row].words[i])) {
+                *choice(settings, row) = i;
+                return GC_OK;
+            }
+        }
+        return GC_E_ARGUMENT;
+    }
+    if (table[row].none != NULL && gc_text_equals(word, table[row].none)) {
+        *number(settings, row) = NAN;
+        return GC_OK;
+    }
+    return gc_parse_real(word.text, word.n, number(settings, row));
+}
+
+void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row) {
+    const double value = value_of(settings, row);
+    if (table[row].words != NULL) {
+        gc_sentence_text(s, table[row].name, table[row].words[(int32_t)value]);
+    } else {
+        gc_sentence_real(s, table[row].name, value);
+    }
+}
+
+int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
+    for (unsigned row = 0; row < GC_SETTINGS; row++) {
+        const double value = value_of(settings, (gc_setting_t)row);
+        const bool known = value == value;
+        const bool whole = !table[row].whole || value == floor(value);
+        const bool within = value >= table[row].least && value <= table[row].most && whole;
+        if (known ? !within : table[row].none == NULL) {
+            return GC_E_ARGUMENT;
+        }
+    }
+    const double odr_hz = gc_part_odr_for(part, settings->rate_hz);
+    if (!(odr_hz > 0.0) || !gc_part_full_scale_ok(part, settings->full_scale_dps) || settings->fifo > part->batch_max ||
+        settings->fifo > FIFO_LONGEST_S * settings->rate_hz) {
+        return GC_E_ARGUMENT;
+    }
+    return settings->fifo == 0.0 || odr_hz == settings->rate_hz ? GC_OK : GC_E_FIFO_RATE;
+}
+
+void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *part) {
+    const gc_settings_t before = settings->now;
+    if (gc_store_load(port, KEY, VERSION, &settings->record, sizeof *settings) != GC_OK ||
+        gc_settings_check(&settings->now, part) != GC_OK) {
+        settings->now = before;
+    }
+}
+
+int gc_settings_save(gc_kept_settings_t *settings, const gc_port_t *port) {
+    return port->store == NULL ? GC_OK : gc_store_save(port, KEY, VERSION, &settings->record, sizeof *settings);
+}

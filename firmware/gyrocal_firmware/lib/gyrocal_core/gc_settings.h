@@ -1,0 +1,63 @@
+/* What a user sets. One table (gc_settings.c) holds each setting's name, field and range, and drives set, get, $HEL, checking
+ * and keeping. */
+#ifndef GC_SETTINGS_H
+#define GC_SETTINGS_H
+
+#include "gc_calibration.h"
+#include "gc_sensor.h"
+#include "gc_store.h"
+#include "gc_wire.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    double rate_hz;
+    double full_scale_dps;
+    double table_dps; /* NaN = unknown */
+    double turn_deg;  /* 0 = none */
+    double fifo;      /* samples taken at once out of the sensor's FIFO; 0 = each as it comes */
+    int32_t axis;     /* 0 x, 1 y, 2 z */
+    int32_t automatic;
+} gc_settings_t;
+
+/* As it is kept over power-off. */
+typedef struct {
+    gc_record_t record;
+    gc_settings_t now;
+} gc_kept_settings_t;
+
+/* Rows of the table. */
+typedef enum {
+    GC_SETTING_RATE_HZ,
+    GC_SETTING_FULL_SCALE_DPS,
+    GC_SETTING_TABLE_DPS,
+    GC_SETTING_TURN_DEG,
+    GC_SETTING_FIFO,
+    GC_SETTING_AXIS,
+    GC_SETTING_AUTO,
+    GC_SETTINGS
+} gc_setting_t;
+
+/* The firmware's own, or those of a calibration where it has some. calibration may be NULL. */
+void gc_settings_default(gc_settings_t *settings, const gc_calibration_t *calibration);
+/* GC_SETTINGS for a name that there is not. */
+gc_setting_t gc_settings_find(gc_text_t name);
+/* GC_E_NUMBER or GC_E_ARGUMENT where the word is no such value; its range is not checked. */
+int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word);
+/* Adds name=value. */
+void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row);
+/* GC_OK, GC_E_ARGUMENT or GC_E_FIFO_RATE: by the table's ranges and by what the part can do. */
+int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part);
+
+/* Those that were kept, if they pass the check; else they stay as they are. */
+void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *part);
+/* GC_E_STORE where the board has a store and it failed. */
+int gc_settings_save(gc_kept_settings_t *settings, const gc_port_t *port);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,158 @@
+"""What speaks against an answer: its flags, and the standard errors that a pair of runs earns.
+
+Names and meaning of the flags are those of ``gc_flags.h``; ``gc_trust`` is the twin of the rules on the device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.calibration.estimator import Answer
+from gyrocal.calibration.uncertainty import (
+    Combined,
+    FacePosterior,
+    FaceSums,
+    Index,
+    face_posterior,
+    misfit,
+    misfit_limit,
+    misfit_of,
+    white_variance,
+)
+from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
+
+FLAGS = {
+    "misfit": "the readings scatter more than model and noise allow",
+    "clipped": "a reading is at full scale",
+    "direction": "the sensor turns against what face and rate say",
+    "implausible": "scale or bias is beyond what a working sensor has",
+    "constant_reading": "the reading stands still where noise should move it",
+    "net_range": "the network was not trained for such readings or rates",
+    "disagrees": "a fit that holds the same effects gives another answer",
+    "missed": "samples are missing",
+}
+"""Every flag in the contract's order, with what it says."""
+
+LARGEST_SCALE, LARGEST_BIAS_DPS = 0.15, 50.0
+STILL_S, STILL_SAMPLES = 0.5, 40
+"""A reading that does not change for so long, and for so many samples, stands still."""
+EXPECTED_SD_DPS = 0.0448
+"""Noise of a sample where the readings show none: the LSM6DSO's (datasheet, table 3)."""
+DISAGREES = 3.5
+"""The root of an answer's expected squared error, by a fit that holds the effects, over the standard error that it claims. Of
+2000 sound sensors none is above; a smaller one flags more of the tables that a network was trained for (`gyrocal benchmark
+population`)."""
+
+
+def ordered(flags: set[str]) -> tuple[str, ...]:
+    """Flags in the contract's order."""
+    return tuple(name for name in FLAGS if name in flags)
+
+
+def reading_flags(runs: Sequence[Run], axis: str, full_scale_dps: float | None) -> set[str]:
+    """What the readings of these runs show by themselves: clipped, constant_reading, missed."""
+    column = AXES.index(axis)
+    flags = set()
+    white_sd_dps = 0.0
+    known = [_sums(r) for r in runs if r.axis == axis and not r.rate_is_mean]
+    known = [s for s in known if s.first_n.sum() > 0]
+    if known:
+        white_sd_dps = float(np.sqrt(white_variance(known)[0]))
+    for run in runs:
+        y = run.gyro_dps[:, column]
+        step_dps = run.lsb_dps or float(run.step_dps[column])
+        if full_scale_dps and np.abs(y).max() >= whole_steps(full_scale_dps, step_dps) - 0.5 * step_dps:
+            flags.add("clipped")
+        if (white_sd_dps or EXPECTED_SD_DPS) > 0.5 * step_dps and stands_still(y, run.t_us):
+            flags.add("constant_reading")
+        if np.any(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS):
+            flags.add("missed")
+    return flags
+
+
+def whole_steps(full_scale_dps: float, step_dps: float) -> float:
+    """Full scale in whole steps, deg/s."""
+    return float(np.floor(full_scale_dps / step_dps + 1e-9) * step_dps) if step_dps > 0 else full_scale_dps
+
+
+def stands_still(y: Array, t_us: Index) -> bool:
+    """Are the readings [n] all the same, or the same for ``STILL_S`` and ``STILL_SAMPLES``?"""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
+    first, last = edges[:-1], edges[1:] - 1
+    long = (t_us[last] - t_us[first] >= 1e6 * STILL_S) & (last - first + 1 >= STILL_SAMPLES)
+    return edges.size == 2 or bool(long.any())
+
+
+def answer_flags(scale: float, bias_dps: float, misfit: float | None, blocks: int) -> set[str]:
+    """What an answer shows by itself: direction, implausible, misfit (one that is no number counts too)."""
+    flags = set()
+    if scale < -1.0:
+        flags.add("direction")
+    if not (abs(scale) <= LARGEST_SCALE and abs(bias_dps) <= LARGEST_BIAS_DPS):
+        flags.add("implausible")
+    if misfit is not None and not misfit <= misfit_limit(blocks):
+        flags.add("misfit")
+    return flags
+
+
+def _sums(run: Run) -> FaceSums:
+    return FaceSums.of(run.gyro_dps[:, run.axis_index] - run.rate_dps, run.t_us, run.sample_rate_hz)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What runs at a constant true rate each, two of them different, say of scale and bias, and of an answer."""
+
+    runs: Sequence[Run]
+    faces: Sequence[FacePosterior]
+    w_dps: Sequence[float]
+
+    @staticmethod
+    def of(runs: Sequence[Run]) -> Evidence | None:
+        """Of runs about one axis, all of the same sample rate; None where one holds no whole block."""
+        sums = [_sums(run) for run in runs]
+        if min(s.first_n.sum() for s in sums) == 0:
+            return None
+        variance = white_variance(sums)
+        w_dps = [float(np.mean(run.rate_dps)) for run in runs]
+        steps_dps = [run.lsb_dps or float(run.step_dps[run.axis_index]) for run in runs]
+        faces = [face_posterior(s, variance, w, step) for s, w, step in zip(sums, w_dps, steps_dps, strict=True)]
+        return Evidence(runs, faces, w_dps)
+
+    @property
+    def blocks(self) -> int:
+        return sum(face.blocks for face in self.faces)
+
+    def with_errors(self, answer: Answer) -> Answer:
+        """An answer that knows of no effects, with the standard errors and the misfit that the data earn."""
+        scale_se, bias_se_dps = Combined.of(self.faces, self.w_dps).errors_of(
+            np.array([answer.scale]), np.array([answer.bias_dps])
+        )
+        found = float(misfit(self.faces)[0])
+        return Answer(
+            answer.scale, with_table(float(scale_se[0]), self.runs), answer.bias_dps, float(bias_se_dps[0]),
+            found if np.isfinite(found) else None,
+        )  # fmt: skip
+
+    def misfit_of(self, answer: Answer) -> float:
+        """What the network's answer leaves unexplained."""
+        u_dps = [np.array([answer.bias_dps + answer.scale * w]) for w in self.w_dps]
+        return float(misfit_of(self.faces, u_dps)[0])
+
+    def disagrees(self, answer: Answer) -> bool:
+        """Does a fit that holds the same effects expect more of an error than the network's answer claims?"""
+        return bool(disagreement(Combined.of(self.faces, self.w_dps), answer)[0] > DISAGREES)
+
+
+def disagreement(fit: Combined, answer: Answer) -> Array:
+    """The larger one [N] of scale's and bias's expected errors over their standard errors; an answer's fields may be arrays."""
+    scale_se, bias_se_dps = fit.errors_of(np.atleast_1d(answer.scale), np.atleast_1d(answer.bias_dps))
+    return np.maximum(scale_se / answer.scale_se, bias_se_dps / answer.bias_se_dps)
+
+
+def with_table(scale_se: float, runs: Sequence[Run]) -> float:
+    """Adds what is not known of the table's rate: one error of one table, so it does not average out over the faces."""
+    return float(np.hypot(scale_se, max(run.relative_rate_se for run in runs)))

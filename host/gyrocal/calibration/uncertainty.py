@@ -1,0 +1,289 @@
+"""How far off a face's answer may be: noise, drift, and effects of typical size that a few seconds cannot exclude.
+
+A face at true rate w says ``u = bias + scale * w``. Its means over blocks of 0.25 s are
+``y_b - w = u + sum_j c_j x_j(t_b) + o_b + e_b``: white noise e (its level at long times, so that a low-pass's correlation
+counts), an Ornstein-Uhlenbeck drift o, and effects c, ripple of the table and a transient. Whether an effect acts is not known.
+44 hypotheses (ripple once and twice a turn, and a transient of some size and time constant or none) are weighed by their
+evidence: Bayesian model averaging. Given one of them, c is Gaussian of typical size and everything is in closed form.
+``gc_trust`` is the twin on the device (ARCHITECTURE.md).
+
+Arrays hold many sensors at once: N sensors, B blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from gyrocal.calibration.estimator import BLOCK_US
+from gyrocal.recording.session import Array
+
+Index = np.ndarray[Any, np.dtype[np.int64]]
+
+BLOCK_S = BLOCK_US * 1e-6
+SHORT_HZ = 16.0
+"""The noise at long times is judged by means over 1/16 s: longer than a low-pass's correlation, shorter than an effect."""
+CORRELATED = 2.5
+"""Noise counts as correlated where its level at long times exceeds the white one by so many standard errors."""
+
+DRIFT_SD_DPS, DRIFT_TAU_S = 0.0023, 30.0
+"""Typical of consumer MEMS gyroscopes: 1.5 to 3 mdps, 20 to 40 s."""
+RIPPLE = 0.0018
+"""Amplitude of a table's ripple, once or twice a turn, as a fraction of its rate: typical are 0.0005 to 0.005."""
+SPIN_UP = (0.0011, 0.0047)
+"""Sizes of a table's spin-up as fractions of its rate: typical are 0.0005 to 0.01."""
+WARMUP_DPS = 0.02
+"""A sensor's own transient, in the middle of the typical range of a warm-up."""
+TRANSIENT_TAU_S = (0.6, 1.15, 2.2, 4.2, 8.0)
+PRESENT = 0.5
+"""Probability beforehand that an effect acts."""
+SMALLEST_SD_DPS = 1e-6
+"""No reading is taken to be less noisy."""
+
+
+@dataclass(frozen=True)
+class FaceSums:
+    """Block means of measured - true rate of one face, [N, B], and what their noise is judged by.
+
+    ``number`` [B] counts blocks from the run's first sample, ``n`` [B] the samples in each. ``first_sq`` [N, B] are sums of
+    squares of ``first_n`` [B] successive differences of samples, ``second_sq`` [N, B] of ``second_n`` [B] second differences
+    of sums over ``short`` samples.
+    """
+
+    mean_dps: Array
+    number: Array
+    n: Array
+    first_sq: Array
+    first_n: Array
+    second_sq: Array
+    second_n: Array
+    short: int
+    rate_hz: float
+
+    @staticmethod
+    def of(residual_dps: Array, t_us: Index, rate_hz: float) -> FaceSums:
+        """Of samples [N, n] at times [n] since the first one; a block with fewer than half its samples is left out."""
+        y = np.atleast_2d(residual_dps)
+        block = t_us // BLOCK_US
+        number, first, n = np.unique(block, return_index=True, return_counts=True)
+        means = np.add.reduceat(y, first, axis=1) / n
+        short = max(1, int(rate_hz / SHORT_HZ + 0.5))
+        sums = y[:, : y.shape[1] // short * short].reshape(len(y), -1, short).sum(2)
+        second = np.diff(sums, 2, axis=1)
+        ends = block[short * np.arange(2, sums.shape[1]) + short - 1]
+        first_sq, first_n = _by_block(np.diff(y, axis=1) ** 2, block[1:], number)
+        second_sq, second_n = _by_block(second**2, ends, number)
+        full = 2e6 * n >= rate_hz * BLOCK_US
+        return FaceSums(
+            means[:, full], number[full].astype(float), n[full].astype(float), first_sq[:, full], first_n[full],
+            second_sq[:, full], second_n[full], short, rate_hz,
+        )  # fmt: skip
+
+
+def _by_block(squares: Array, block: Index, number: Index) -> tuple[Array, Array]:
+    """Sums [N, B] of squares [N, k] over the block that each belongs to, and how many there are [B]."""
+    start, stop = np.searchsorted(block, number, "left"), np.searchsorted(block, number, "right")
+    padded = np.column_stack([squares, np.zeros(len(squares))])
+    sums = np.add.reduceat(padded, np.column_stack([start, stop]).ravel(), axis=1)[:, ::2]
+    return np.where(stop > start, sums, 0.0), (stop - start).astype(float)
+
+
+def _median_of_mean(dof: float) -> float:
+    """Median of a chi-square over its mean (Wilson and Hilferty, 1931)."""
+    return float((1 - 2 / (9 * dof)) ** 3)
+
+
+FIRST_DOF, SECOND_DOF = 2 / 3, 0.52
+"""Degrees of freedom that a squared difference of white noise counts for."""
+SECOND_SPREAD = 1.35
+"""Standard deviation of the noise's level by second differences, times the root of the number of blocks."""
+
+
+def white_variance(faces: Sequence[FaceSums]) -> Array:
+    """Variance [N] that one sample's noise has at long times: a mean of n samples has the n-th part.
+
+    The median over blocks, which a spike does not move. Successive differences show white noise most precisely, but
+    underestimate noise behind a low-pass. Means over 1/16 s show both, and count where they show significantly more.
+    """
+    first = np.concatenate([_of_one(f.first_sq, f.first_n) for f in faces], axis=1)
+    second = np.concatenate([_of_one(f.second_sq, f.second_n) for f in faces], axis=1)
+    block, short = faces[0].rate_hz * BLOCK_S, faces[0].short
+    white = np.median(first, axis=1) / (2 * _median_of_mean(FIRST_DOF * block))
+    if second.shape[1]:
+        slow = np.median(second, axis=1) / (6 * short * _median_of_mean(SECOND_DOF * block / short))
+        limit = 1 + CORRELATED * SECOND_SPREAD / np.sqrt(second.shape[1])
+        white = np.where(slow > limit * white, slow, white)
+    return white
+
+
+def _of_one(squares: Array, count: Array) -> Array:
+    return squares[:, count > 0] / count[count > 0]
+
+
+@dataclass(frozen=True)
+class FacePosterior:
+    """What a face says of u under each hypothesis, [N, H]; the first one holds neither ripple nor transient.
+
+    ``chi2`` is at u's best value, ``log_evidence`` is up to a constant. ``blocks`` counts the observations.
+    """
+
+    u_dps: Array
+    variance: Array
+    chi2: Array
+    log_evidence: Array
+    blocks: int
+
+    def under(self, effects: slice) -> tuple[Array, Array, Array]:
+        """Logarithm of the evidence for some effects, mean and variance of u if they act: [N] each."""
+        log_evidence, u, variance = self.log_evidence[:, effects], self.u_dps[:, effects], self.variance[:, effects]
+        top = log_evidence.max(1, keepdims=True)
+        weight = np.exp(log_evidence - top)
+        total = weight.sum(1, keepdims=True)
+        weight /= total
+        mean = (weight * u).sum(1)
+        spread = (weight * (variance + (u - mean[:, None]) ** 2)).sum(1)
+        return (top + np.log(total / weight.shape[1]))[:, 0], mean, spread
+
+    def excess(self) -> Array:
+        """Chi-square per degree of freedom [N] that the likeliest hypothesis leaves, at least 1 (Birge's ratio)."""
+        best = self.log_evidence.argmax(1)[:, None]
+        return np.maximum(1.0, np.take_along_axis(self.chi2, best, 1)[:, 0] / max(1, self.blocks - 1))
+
+    def chi2_at(self, u_dps: Array, of: slice) -> Array:
+        """Chi-square [N] of what an answer ``u_dps`` [N] leaves, under the one of some hypotheses that is then likeliest."""
+        variance = self.variance[:, of]
+        more = (u_dps[:, None] - self.u_dps[:, of]) ** 2 / variance
+        best = (self.log_evidence[:, of] - 0.5 * (more + np.log(variance))).argmax(1)[:, None]
+        chi2: Array = np.take_along_axis(self.chi2[:, of] + more, best, 1)[:, 0]
+        return chi2
+
+
+TRANSIENTS = len(SPIN_UP) * len(TRANSIENT_TAU_S)
+EFFECTS = tuple(product((False, True), repeat=3))
+"""Ripple twice a turn, ripple once a turn, transient: which of them act."""
+FIRST_ORDER = slice(0, 2 * (1 + TRANSIENTS))
+"""The hypotheses without ripple twice a turn, which are what the network's training data hold."""
+
+
+def _of_effects(which: int) -> slice:
+    """The hypotheses under which those effects act: one, or one for each size and time constant of the transient."""
+    start = which // 2 * (1 + TRANSIENTS)
+    return slice(start + 1, start + 1 + TRANSIENTS) if which % 2 else slice(start, start + 1)
+
+
+def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: float = 0.0) -> FacePosterior:
+    """What the blocks of a face at true rate ``w_dps`` say of u.
+
+    ``variance`` [N] is the white noise of a sample. Where it is too little to blur the reading's steps of ``step_dps``, a mean
+    keeps the error of a step.
+    """
+    standing = np.where(4 * variance < step_dps**2, step_dps**2 / 12, 0.0)
+    variance = np.maximum(variance, max(step_dps**2 / 12, SMALLEST_SD_DPS**2))
+    t_s = (face.number + 0.5) * BLOCK_S
+    angle = np.deg2rad(abs(w_dps) * t_s)
+    ripple_dps = abs(w_dps) * RIPPLE / np.sqrt(2.0)
+    columns = np.array([
+        *(ripple_dps * wave for wave in (np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle))),
+        *(np.hypot(w_dps * size, WARMUP_DPS) * np.exp(-t_s / tau_s) for size, tau_s in product(SPIN_UP, TRANSIENT_TAU_S)),
+        np.ones_like(t_s),
+    ])  # fmt: skip
+    origin = face.mean_dps[:, :1]  # so that chi-square does not drown in the rounding of a large bias
+    gram = _whitened_gram(columns, face.mean_dps - origin, face, variance)
+    found = []
+    for twice, once, transient in product((0.0, 1.0), (0.0, 1.0), range(-1, TRANSIENTS)):
+        acts = np.array([once, once, twice, twice, float(transient >= 0), 1.0])
+        rows = np.array([0, 1, 2, 3, 4 + max(transient, 0), len(columns) - 1])
+        root = np.linalg.cholesky(gram[:, rows[:, None], rows] * (acts[:, None] * acts) + np.diag([1.0] * 5 + [0.0]))
+        v = np.linalg.solve(root, (gram[:, rows, -1] * acts)[..., None])[..., 0]
+        chi2 = np.maximum(gram[:, -1, -1] - (v**2).sum(1), 0.0)
+        diagonal = np.einsum("nii->ni", root)
+        pivot = diagonal[:, 5]
+        log_evidence = -0.5 * chi2 - np.log(diagonal).sum(1)
+        found.append((v[:, 5] / pivot + origin[:, 0], 1 / pivot**2 + standing, chi2, log_evidence))
+    u, spread, chi2s, evidence = (np.stack(x, axis=1) for x in zip(*found, strict=True))
+    return FacePosterior(u, spread, chi2s, evidence, face.number.size)
+
+
+def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array) -> Array:
+    """``C V^-1 C'`` [N, q, q] of ``columns`` [q - 1, B] and ``y_dps`` [N, B], V the covariance of noise and drift.
+
+    By a Kalman filter of the drift: its innovations are what a Cholesky factor of V leaves white.
+    """
+    sensors, q = len(y_dps), len(columns) + 1
+    gram = np.zeros((sensors, q, q))
+    drift, spread = np.zeros((sensors, q)), np.full(sensors, DRIFT_SD_DPS**2)
+    for i, n in enumerate(face.n):
+        if i:
+            decay = np.exp(-(face.number[i] - face.number[i - 1]) * BLOCK_S / DRIFT_TAU_S)
+            drift, spread = decay * drift, decay**2 * spread + DRIFT_SD_DPS**2 * (1 - decay**2)
+        row = np.column_stack([np.broadcast_to(columns[:, i], (sensors, q - 1)), y_dps[:, i]]) - drift
+        total = spread + variance / n
+        gram += row[:, :, None] * row[:, None, :] / total[:, None, None]
+        drift, spread = drift + (spread / total)[:, None] * row, spread * (variance / n) / total
+    return gram
+
+
+@dataclass(frozen=True)
+class Combined:
+    """Scale and bias [N] that the faces together say, with their variances [N]."""
+
+    scale: Array
+    bias_dps: Array
+    scale_variance: Array
+    bias_variance: Array
+
+    @staticmethod
+    def of(faces: Sequence[FacePosterior], w_dps: Sequence[float]) -> Combined:
+        """Least squares of two faces or more, at two true rates at least, averaged over the effects that may act.
+
+        The faces have one table: an effect acts in all of them or in none, with a size, phase and time constant for each.
+        """
+        w = np.array(w_dps)
+        excess = [face.excess() for face in faces]
+        log_weights, means, spreads = [], [], []
+        for which, act in enumerate(EFFECTS):
+            some = _of_effects(which)
+            under = [face.under(some) for face in faces]
+            prior = float(np.sum(np.log(np.where(act, PRESENT, 1 - PRESENT))))
+            log_weights.append(prior + sum(log_evidence for log_evidence, _, _ in under))
+            u = np.stack([mean for _, mean, _ in under], 1)
+            precision = np.stack([1 / (spread * more) for (_, _, spread), more in zip(under, excess, strict=True)], 1)
+            s0, s1, s2 = precision.sum(1), (precision * w).sum(1), (precision * w**2).sum(1)
+            t0, t1 = (precision * u).sum(1), (precision * w * u).sum(1)
+            det = s0 * s2 - s1**2
+            means.append(((s0 * t1 - s1 * t0) / det, (s2 * t0 - s1 * t1) / det))
+            spreads.append((s0 / det, s2 / det))
+        log_weight = np.array(log_weights)
+        weight = np.exp(log_weight - log_weight.max(0))
+        weight /= weight.sum(0)
+        mean = np.einsum("en,ekn->kn", weight, means)
+        spread = np.einsum("en,ekn->kn", weight, spreads + (np.array(means) - mean) ** 2)
+        return Combined(mean[0], mean[1], spread[0], spread[1])
+
+    def errors_of(self, scale: Array, bias_dps: Array) -> tuple[Array, Array]:
+        """Standard errors [N] of another answer from the same faces: root of its expected squared error."""
+        return (
+            np.sqrt(self.scale_variance + (scale - self.scale) ** 2),
+            np.sqrt(self.bias_variance + (bias_dps - self.bias_dps) ** 2),
+        )
+
+
+def misfit(faces: Sequence[FacePosterior]) -> Array:
+    """Root of chi-square per degree of freedom [N] of the blocks about their face's mean."""
+    dof = sum(f.blocks - 1 for f in faces)
+    return np.sqrt(sum(f.chi2[:, 0] for f in faces) / dof) if dof > 0 else np.full(len(faces[0].chi2), np.nan)
+
+
+def misfit_of(faces: Sequence[FacePosterior], u_dps: Sequence[Array]) -> Array:
+    """The same [N] of what the network's answer, ``u_dps`` [N] of each face, leaves under the law of its training data."""
+    chi2 = sum(f.chi2_at(u, FIRST_ORDER) for f, u in zip(faces, u_dps, strict=True))
+    return np.sqrt(chi2 / sum(f.blocks for f in faces))
+
+
+def misfit_limit(blocks: int) -> float:
+    """2.5 standard deviations above 1 of what so many blocks of noise alone show; the device has the same."""
+    return 1 + 2.5 / float(np.sqrt(2 * blocks))

@@ -1,0 +1,176 @@
+"""What `calibrate` says of its own answers: standard errors, misfit, flags."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.calibration.calibrate import Estimate, calibrate
+from gyrocal.cli import main
+from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS
+
+TABLE_DPS = 78.0
+
+
+def session(
+    change: Callable[[Array, float], Array] = lambda y, w: y, *, scale: float = 0.004, bias_dps: float = 0.1, seed: int = 1,
+    table_dps: float = TABLE_DPS, kept: Array | None = None, table_rate_se_dps: float | None = None,
+) -> Session:  # fmt: skip
+    """An up and a down run of 6.5 s; ``change`` takes readings and true rate."""
+    rng = np.random.default_rng(seed)
+    t_s = np.round(np.arange(round(6.5 * RATE_HZ)) / RATE_HZ, 6)
+    runs = []
+    for i, (face, w) in enumerate((("up", TABLE_DPS), ("down", -TABLE_DPS))):
+        y = change((1 + scale) * w + bias_dps + rng.normal(0, WHITE_SD_DPS, t_s.size), w)
+        y = np.round(y / LSB_DPS) * LSB_DPS
+        frame = pl.DataFrame({"t_s": t_s, **{f"g{a}_dps": y for a in AXES}})
+        frame = frame if kept is None else frame.filter(pl.Series(kept))
+        runs.append(
+            Run(i, f"{i:03d}_{face}.csv", "s000", face, "z", table_dps, None, None, None, RATE_HZ,  # type: ignore[arg-type]
+                frame=frame, lsb_dps=LSB_DPS, table_rate_se_dps=table_rate_se_dps)
+        )  # fmt: skip
+    return Session(RATE_HZ, tuple(runs), "z", "simulated", 250.0, LSB_DPS)
+
+
+def at_6_s(of: Session, method: str = "baseline") -> Estimate:
+    (found,) = calibrate(of, [6.0], [method])
+    return found
+
+
+def spiked(y: Array, w: float) -> Array:
+    y = y.copy()
+    y[200] = 249.0 * np.sign(w)
+    return y
+
+
+def still(y: Array, w: float) -> Array:
+    y = y.copy()
+    y[300:380] = y[300]
+    return y
+
+
+def rippling(y: Array, w: float) -> Array:
+    t_s = np.arange(y.size) / RATE_HZ
+    return y + 0.002 * w * np.cos(np.deg2rad(TABLE_DPS) * t_s + 1.0)
+
+
+@pytest.mark.parametrize("method", ["baseline", "cnn", "model"])
+@pytest.mark.parametrize(("scale", "bias_dps"), [(0.004, 0.1), (-0.03, 10.0), (0.02, -8.0)])
+def test_a_sound_sensor_is_trusted_wherever_its_scale_and_bias_are(method: str, scale: float, bias_dps: float) -> None:
+    found = at_6_s(session(scale=scale, bias_dps=bias_dps), method)
+    assert found.flags == ()
+    assert found.trusted
+    assert found.misfit == pytest.approx(1.0, abs=0.3)
+    assert found.scale == pytest.approx(scale, abs=5 * (found.scale_se or 0.0))
+    assert found.bias_dps == pytest.approx(bias_dps, abs=5 * (found.bias_se_dps or 0.0))
+
+
+@pytest.mark.parametrize("method", ["baseline", "model"])
+def test_constant_readings_are_not_a_perfect_answer(method: str) -> None:
+    found = at_6_s(session(lambda y, w: np.full_like(y, 1.004 * w)), method)
+    assert found.flags == ("constant_reading",)
+    assert not found.trusted
+    assert found.scale_se is not None
+    assert found.scale_se > 1e-5
+
+
+def test_a_reading_that_stands_still_for_half_a_second() -> None:
+    assert "constant_reading" in at_6_s(session(still)).flags
+    short = session(lambda y, w: np.where(np.arange(y.size) // 30 == 9, y[270], y))
+    assert "constant_reading" not in at_6_s(short).flags
+
+
+@pytest.mark.parametrize("method", ["baseline", "model"])
+def test_one_spike_does_not_hide_in_the_noise_that_it_makes(method: str) -> None:
+    found = at_6_s(session(spiked), method)
+    assert found.flags == ("misfit",)
+    assert found.misfit is not None
+    assert found.misfit > 10
+
+
+def test_readings_at_full_scale() -> None:
+    full = session(lambda y, w: np.where(np.arange(y.size) == 100, 250.0, y))
+    assert "clipped" in at_6_s(full).flags
+
+
+def test_a_table_at_another_rate_than_stated() -> None:
+    found = at_6_s(session(lambda y, w: y * 100 / 78))
+    assert found.flags == ("implausible",)
+    standing = at_6_s(session(lambda y, w: y - w))
+    assert standing.flags == ("implausible",)
+
+
+def test_a_sensor_that_turns_the_other_way() -> None:
+    assert at_6_s(session(lambda y, w: -y)).flags == ("direction", "implausible")
+
+
+def test_a_missing_sample() -> None:
+    kept = np.ones(round(6.5 * RATE_HZ), bool)
+    kept[50] = False
+    assert at_6_s(session(kept=kept)).flags == ("missed",)
+    late = np.ones_like(kept)
+    late[-20] = False
+    assert at_6_s(session(kept=late)).flags == ()  # after the seconds that are used
+
+
+@pytest.mark.parametrize("table_dps", [TABLE_DPS, 60.0])
+def test_a_network_that_cannot_answer_says_so(table_dps: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    outside = session(lambda y, w: y + 5.0 * np.linspace(-1, 1, y.size), table_dps=table_dps)
+    folder = tmp_path / "s"
+    outside.save(folder)
+    assert main(["calibrate", str(folder), "--seconds", "6", "--method", "cnn", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["estimates"]
+    assert [found[key] for key in ("scale", "scale_se", "bias_dps", "bias_se_dps", "misfit")] == [None] * 5
+    assert "net_range" in found["flags"]
+    assert found["trusted"] is False
+
+
+def test_a_table_that_ripples_twice_a_turn_is_not_what_the_network_knows() -> None:
+    twice = session(lambda y, w: y + 0.0012 * w * np.cos(2 * np.deg2rad(TABLE_DPS) * np.arange(y.size) / RATE_HZ + 0.5))
+    flags = at_6_s(twice, "cnn").flags
+    assert {"misfit", "disagrees", "net_range"} & set(flags)
+
+
+def test_a_rippling_table_makes_the_baselines_errors_large_and_a_steady_one_does_not() -> None:
+    steady, moved = at_6_s(session()), at_6_s(session(rippling))
+    assert steady.scale_se == pytest.approx(2.6e-5, rel=0.3)
+    assert moved.scale_se is not None
+    assert moved.scale is not None
+    assert moved.flags == ("misfit",)
+    assert moved.scale_se > 3 * steady.scale_se  # type: ignore[operator]
+    assert abs(moved.scale - 0.004) < 3 * moved.scale_se
+
+
+def test_noise_behind_a_low_pass_is_not_underestimated() -> None:
+    """Means of 4 samples in a row: successive differences show a sixteenth of its variance at long times."""
+
+    def filtered(y: Array, w: float) -> Array:
+        noise = np.random.default_rng(int(w) + 100).normal(0, 0.3, y.size + 3)
+        return y + np.convolve(noise, np.full(4, 1 / 4), "valid")
+
+    found = at_6_s(session(filtered))
+    at_long_times = 0.3 / np.sqrt(870 * 2) / TABLE_DPS
+    assert found.scale_se is not None
+    assert found.scale_se > 0.8 * at_long_times
+    assert found.misfit == pytest.approx(1.0, abs=0.35)
+
+
+def test_what_is_not_known_of_the_tables_rate_counts(tmp_path: Path) -> None:
+    known, unsure = at_6_s(session()), at_6_s(session(table_rate_se_dps=0.078))
+    assert known.scale_se is not None
+    assert unsure.scale_se == pytest.approx(np.hypot(known.scale_se, 0.001))
+    assert unsure.bias_se_dps == known.bias_se_dps
+    again = session(table_rate_se_dps=0.078).save(tmp_path / "s")
+    assert at_6_s(again).scale_se == pytest.approx(unsure.scale_se)
+
+
+def test_the_table_of_answers_says_it_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session(spiked).save(tmp_path / "s")
+    assert main(["calibrate", str(tmp_path / "s"), "--seconds", "6", "--method", "baseline"]) == 0
+    said = capsys.readouterr().out
+    assert "no: misfit" in said
+    assert "misfit (1 of 1): the readings scatter more than model and noise allow" in said

@@ -1,0 +1,158 @@
+"""Standard errors, misfit and flags of the core against the host's, on the same counts."""
+
+import ctypes
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.calibration.estimator import Answer
+from gyrocal.calibration.trust import FLAGS, Evidence, answer_flags, ordered
+from gyrocal.core.library import SHARED, build, core_sources
+from gyrocal.recording.session import AXES, Run
+from gyrocal_firmware import CORE
+
+SHIM = """
+#include "gc_error.h"
+#include "gc_judge.h"
+#include "gc_trust.h"
+#include <math.h>
+
+int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const double *w, double rate_hz, double lsb,
+          uint32_t blocks, double *answer, char *flags)
+{
+    static gc_face_t face[2];
+    static gc_evidence_t evidence;
+    for (unsigned i = 0; i < 2; i++) {
+        gc_face_begin(&face[i], rate_hz);
+        for (uint32_t k = 0; k < n[i]; k++) {
+            gc_face_add(&face[i], (uint64_t)*t_us++, *counts++);
+        }
+    }
+    const int error = gc_evidence_begin(&evidence, &face[0], &face[1], blocks, w[0], w[1], lsb);
+    if (error != GC_OK) {
+        return error;
+    }
+    while (!gc_evidence_go_on(&evidence)) {
+    }
+    gc_answer_t base = {answer[0], 0, answer[2], 0, 0}, net = {answer[0], answer[1], answer[2], answer[3], 0};
+    gc_evidence_errors(&evidence, &base);
+    gc_flags_text(gc_evidence_judge(&evidence, &net) | gc_judge_answer(&base, 2.0 * blocks), flags);
+    answer[0] = base.scale_se;
+    answer[1] = base.bias_se_dps;
+    answer[2] = base.misfit;
+    answer[3] = net.misfit;
+    return GC_OK;
+}
+
+unsigned flags_room(void) { return GC_FLAGS_TEXT_MAX; }
+"""
+LSB_DPS = 0.00875
+
+Trust = Callable[..., tuple[list[float], str]]
+
+
+@pytest.fixture(scope="module")
+def library(require_tool: Callable[[str], str]) -> ctypes.CDLL:
+    require_tool("cc")
+    return ctypes.CDLL(str(build("trust", core_sources(), [CORE], SHARED, {"trust_shim.c": SHIM})))
+
+
+@pytest.fixture(scope="module")
+def core(library: ctypes.CDLL) -> Trust:
+    """Standard errors of scale and bias, misfit, the network's misfit; flags as text."""
+
+    def ask(runs: Sequence[Run], answer: Answer, seconds: float, lsb_dps: float) -> tuple[list[float], str]:
+        t_us = np.concatenate([r.t_us for r in runs])
+        counts = np.concatenate([np.rint(r.gyro_dps[:, 2] / lsb_dps) for r in runs]).astype(np.int16)
+        numbers = (ctypes.c_double * 4)(answer.scale, answer.scale_se, answer.bias_dps, answer.bias_se_dps)
+        text = ctypes.create_string_buffer(library.flags_room())
+        error = library.trust(
+            t_us.ctypes.data_as(ctypes.c_void_p), counts.ctypes.data_as(ctypes.c_void_p),
+            (ctypes.c_uint32 * 2)(*map(len, runs)), (ctypes.c_double * 2)(*(float(r.rate_dps[0]) for r in runs)),
+            ctypes.c_double(runs[0].sample_rate_hz), ctypes.c_double(lsb_dps),
+            ctypes.c_uint32(round(4 * seconds)), numbers, text,
+        )  # fmt: skip
+        assert error == 0
+        return list(numbers), text.value.decode()
+
+    return ask
+
+
+def make_run(y_dps: np.ndarray, t_us: np.ndarray, face: str, rate_hz: float, w_dps: float, lsb_dps: float) -> Run:
+    table = {"t_s": t_us * 1e-6, **{f"g{a}_dps": np.rint(y_dps / lsb_dps) * lsb_dps for a in AXES}}
+    return Run(
+        0, f"{face}.csv", "s", face, "z", w_dps, None, None, None, rate_hz, frame=pl.DataFrame(table), lsb_dps=lsb_dps,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_dps: float = LSB_DPS) -> list[Run]:
+    t_us = np.round(np.arange(round(6.5 * rate_hz)) / rate_hz * 1e6).astype(np.int64)
+    scale, bias_dps = rng.uniform(-0.03, 0.03), rng.uniform(-10, 10)
+    runs = []
+    for face, w in (("up", w_dps), ("down", -w_dps)):
+        t_s = t_us * 1e-6
+        y = (1 + scale) * w + bias_dps + rng.normal(0, 0.0448, t_s.size)
+        if what == "effects":
+            y += w * 0.003 * np.cos(np.deg2rad(w_dps) * t_s + rng.uniform(0, 6)) - w * 0.004 * np.exp(-t_s / 1.7)
+        if what == "low-pass":
+            y += 0.1 * np.convolve(rng.normal(size=t_s.size), np.ones(4) / 2, "same")
+        if what == "spike":
+            y[100] = 249.0
+        if what == "clipped":
+            y[100] = 250.0
+        if what == "still":
+            y[200:300] = y[200]
+        if what == "constant":
+            y[:] = w
+        if what == "turned":
+            y = -y
+        kept = np.ones(t_us.size, bool)
+        if what == "missed":
+            kept[50:95] = False
+        runs.append(make_run(y[kept], t_us[kept], face, rate_hz, w_dps, lsb_dps))
+    return runs
+
+
+@pytest.mark.parametrize("seconds", [2, 4, 6])
+@pytest.mark.parametrize(
+    ("what", "rate_hz", "w_dps", "lsb_dps"),
+    [
+        ("null", 145.0, 78.0, LSB_DPS), ("effects", 145.0, 78.0, LSB_DPS), ("low-pass", 416.0, 30.0, LSB_DPS),
+        ("spike", 145.0, 78.0, LSB_DPS), ("clipped", 145.0, 78.0, LSB_DPS), ("still", 145.0, 78.0, LSB_DPS),
+        ("constant", 145.0, 78.0, LSB_DPS), ("turned", 145.0, 78.0, LSB_DPS), ("missed", 104.0, 78.0, LSB_DPS),
+        ("null", 52.0, 78.0, 0.1), ("null", 12.5, 78.0, LSB_DPS),
+    ],
+)  # fmt: skip
+def test_the_core_says_what_the_host_says(
+    core: Trust, what: str, rate_hz: float, w_dps: float, lsb_dps: float, seconds: float
+) -> None:
+    rng = np.random.default_rng(7)
+    whole = pair(rng, what, rate_hz, w_dps, lsb_dps)
+    runs = [r for r in (run.first(seconds) for run in whole) if r is not None]
+    means = [float(r.gyro_dps[:, 2].mean()) for r in runs]
+    scale = (means[0] - means[1]) / (2 * w_dps) - 1
+    answer = Answer(scale, 3e-5, (means[0] + means[1]) / 2, 2e-3, None)
+    got, flags = core(whole, answer, seconds, lsb_dps)
+    evidence = Evidence.of(runs)
+    assert evidence is not None
+    told = evidence.with_errors(answer)
+    assert got == pytest.approx([told.scale_se, told.bias_se_dps, told.misfit, evidence.misfit_of(answer)], rel=1e-9)
+    blocks = sum(np.unique(r.t_us // 250_000).size for r in runs)
+    expected = answer_flags(answer.scale, answer.bias_dps, told.misfit, blocks)
+    if evidence.disagrees(answer):
+        expected |= {"disagrees"}
+    assert flags == "+".join(ordered(expected))
+
+
+def test_flags_have_one_list(library: ctypes.CDLL) -> None:
+    text = ctypes.create_string_buffer(library.flags_room())
+    assert library.gc_flags_text(ctypes.c_uint32(0), text) == 0
+    assert text.value == b""
+    for bit, name in enumerate(FLAGS):
+        library.gc_flags_text(ctypes.c_uint32(1 << bit), text)
+        assert text.value.decode() == name
+    everything = "+".join(FLAGS)
+    assert library.gc_flags_text(ctypes.c_uint32(0xFFFFFFFF), text) == len(everything)
+    assert text.value.decode() == everything
