@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test lint typecheck clean
+.PHONY: demo test docs lint typecheck clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -14,6 +14,9 @@ test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n auto --dist loadfile
+
+docs: $(VENV)/.installed
+	$(BIN)/python -m gyrocal.present.effect_pages build/docs/effects
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("gyrocal needs Python 3.11 or newer; set PYTHON=/path/to/python3.11") if sys.version_info < (3, 11) else None'

@@ -54,9 +54,9 @@ def pulls(seed: int) -> dict[Key, float]:
     fitted = fit(recording(seed), model, axes="z").model
     found: dict[Key, float] = {}
     for (effect_id, name), truth in TRUTH.items():
-        term = fitted.term(effect_id, "z")
-        assert term is not None
-        found[effect_id, name] = (term.values[name] - truth) / term.se[name]
+        line = fitted.line(effect_id, "z")
+        assert line is not None
+        found[effect_id, name] = (line.values[name] - truth) / line.se[name]
     return found
 
 

@@ -34,10 +34,11 @@ from gyrocal.calibration.uncertainty import (
     white_variance,
 )
 from gyrocal.effects import base
+from gyrocal.noise.drift import ou_noise
 from gyrocal.noise.whitening import Noise
 from gyrocal.present.output import stdout, table
 from gyrocal.recording.session import Array
-from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, TABLE_RATE_DPS, WHITE_SD_DPS, ou_noise
+from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, TABLE_RATE_DPS, WHITE_SD_DPS
 
 SENSORS, SAMPLE_SENSORS = 2000, 300
 SEED = 900_000

@@ -28,9 +28,10 @@ from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.recording.session import Session
+from gyrocal.simulation.campaigns import RIPPLE
 from gyrocal.simulation.simulate import simulate
 
-HIDDEN = "table_ripple"
+HIDDEN = RIPPLE
 MARK = ".gyrocal-demo"
 CAMPAIGN_SCENARIOS, CAMPAIGN_SECONDS = 9, 30.0
 TEST_SCENARIOS, TEST_SECONDS = 24, 7.0

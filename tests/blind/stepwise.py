@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from gyrocal.effects import base
-from gyrocal.error_model.model import BASE, RANDOM
+from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.inference.blocks import Blocks, by_sample, reduce_session
 from gyrocal.recording.session import AXES, Session
 
@@ -32,7 +32,7 @@ def select(session: Session) -> list[tuple[str, str]]:
     """(effect id, axis) in the order in which they enter the model."""
     slow = reduce_session(session)
     runs = [b.run for b in slow]
-    kinds = [k for k in base.effects().values() if k.id not in (*BASE, *RANDOM) and not k.reading_fault]
+    kinds = [k for k in base.effects().values() if k.role is None and not isinstance(k, ReadingFault)]
     candidates = [(kind, axis) for kind, axis in product(kinds, range(3)) if kind.missing(runs, axis) is None]
     share = ALARM / max(1, len(candidates))
     models = [_Regression(slow, axis) for axis in range(3)]
@@ -67,7 +67,8 @@ class _Regression:
     ) -> None:
         self.blocks = blocks
         self.axis = axis
-        self.terms = [(base.effect(id_), {id_: 0.0}) for id_ in BASE] if terms is None else list(terms)
+        inherent = [(kind, dict.fromkeys(kind.linear, 0.0)) for kind in map(base.with_role, base.Role)]
+        self.terms = inherent if terms is None else list(terms)
 
     def with_term(self, kind: base.Effect, values: base.Values) -> _Regression:
         return _Regression(self.blocks, self.axis, [*self.terms, (kind, values)])

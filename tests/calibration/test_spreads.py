@@ -65,9 +65,9 @@ def as_if_one(model: Model) -> Model:
     ],
 )
 def test_what_was_planted_is_learned(learned: Model, effect: str, name: str, truth: float) -> None:
-    term = learned.term(effect, "z")
-    assert term is not None
-    assert abs(term.values[name] - truth) < 3.5 * term.se[name]
+    line = learned.line(effect, "z")
+    assert line is not None
+    assert abs(line.values[name] - truth) < 3.5 * line.se[name]
 
 
 def test_what_varies_is_not_called_drift(learned: Model) -> None:
@@ -103,7 +103,7 @@ def test_the_model_file_keeps_it_and_the_device_holds_it(learned: Model, tmp_pat
 def test_fitting_again_changes_little(campaign: Session, learned: Model) -> None:
     again = fit(campaign, learned, axes=["z"]).model
     for effect, name in (("spin_up", "tau_s"), ("spin_up", "tau_s_sd"), ("spin_up", "A_sd"), ("scale", "scale_sd")):
-        old, new = learned.term(effect, "z"), again.term(effect, "z")
+        old, new = learned.line(effect, "z"), again.line(effect, "z")
         assert old is not None
         assert new is not None
         assert abs(new.values[name] - old.values[name]) < 0.2 * old.se[name]

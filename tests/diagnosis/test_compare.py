@@ -86,7 +86,7 @@ def test_a_stuck_bit_is_seen_against_the_reading() -> None:
 
 def test_drift_is_no_misfit_for_default_but_is_for_the_paper_s_white_noise() -> None:
     """An Ornstein-Uhlenbeck drift of 5 mdps: `default` expects drift, eq. (4) to the letter does not."""
-    from gyrocal.simulation.simulate import ou_noise
+    from gyrocal.noise.drift import ou_noise
 
     rng = np.random.default_rng(5)
     drifting = altered(

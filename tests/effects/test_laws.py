@@ -1,98 +1,44 @@
 """Each effect against its physics: closed forms, symmetries, limits, units."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy import signal
 
-from gyrocal.effects.base import effect
+from gyrocal.effects.base import Effect, effect, effects
 from gyrocal.effects.earth_rate import known_dps
 from gyrocal.effects.quantities import temperature_slope_c_s
 from gyrocal.recording.session import Run
 
+from .checks import check_degree, check_law
 from .conftest import Array, MakeRun
-
-VALUES: dict[str, dict[str, float]] = {
-    "scale": {"scale": 0.003},
-    "bias": {"bias_dps": -0.2},
-    "bias_temperature": {"k1_dps_per_c": 0.01, "k2_dps_per_c2": -3e-4, "k3_dps_per_c3": 2e-6},
-    "scale_temperature": {"k_per_c": 7e-5},
-    "thermal_lag": {"k_dps_s_per_c": 0.4},
-    "warmup": {"A_dps": 0.03, "tau_s": 12.0},
-    "drift": {"k_dps_per_s": 2e-4},
-    "spin_up": {"A": 0.002, "tau_s": 3.0},
-    "g_sensitivity": {"gx_dps_per_g": 0.01, "gy_dps_per_g": -0.02, "gz_dps_per_g": 0.05},
-    "scale_nonlinearity": {"k3": 3e-8},
-    "scale_asymmetry": {"k": 0.001},
-    "centripetal": {"k": 1e-6},
-    "lag": {"tau_s": 0.004},
-    "clock_error": {"e": 0.001},
-    "vibration_tone": {"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 35.0},
-}
 
 W, DW = 90.0, 2 * np.pi * 0.15 * 90.0  # of rich_run: amplitude of the swing, and of its slope
 
-Formula = Callable[[Run, Array, Array], Array]
 
-FORMULAS: dict[str, Formula] = {
-    "scale": lambda r, t, w: 0.003 * w,
-    "bias": lambda r, t, w: np.full(t.size, -0.2),
-    "bias_temperature": lambda r, t, w: np.polyval([2e-6, -3e-4, 0.01, 0], r.temp_c - 25),
-    "scale_temperature": lambda r, t, w: 7e-5 * (r.temp_c - 25) * w,
-    "thermal_lag": lambda r, t, w: 0.4 * 15 * 2 * np.pi / 120 * np.cos(2 * np.pi * t / 120),
-    "warmup": lambda r, t, w: 0.03 * np.exp(-(4 + t) / 12),
-    "drift": lambda r, t, w: 2e-4 * (4 + t),
-    "spin_up": lambda r, t, w: -w * 0.002 * np.exp(-t / 3),
-    "g_sensitivity": lambda r, t, w: r.acc_g @ [0.01, -0.02, 0.05],
-    "scale_nonlinearity": lambda r, t, w: 3e-8 * w**3,
-    "scale_asymmetry": lambda r, t, w: 0.001 * np.abs(w),
-    "centripetal": lambda r, t, w: 1e-6 * w**2,
-    "lag": lambda r, t, w: -0.004 * DW * np.cos(2 * np.pi * 0.15 * t),
-    "clock_error": lambda r, t, w: 0.001 * t * DW * np.cos(2 * np.pi * 0.15 * t),
-    "vibration_tone": lambda r, t, w: 0.02 * np.sin(2 * np.pi * 3 * t + np.deg2rad(35)),
-}
+@pytest.mark.parametrize("kind", [k for k in effects().values() if k.law and k.law.reads], ids=lambda k: k.id)
+def test_term_is_what_the_law_says(kind: Effect, rich_run: Run) -> None:
+    check_law(kind, rich_run)
 
 
-@pytest.mark.parametrize("effect_id", FORMULAS)
-def test_term_is_the_contract_s(effect_id: str, rich_run: Run) -> None:
+@pytest.mark.parametrize("kind", [k for k in effects().values() if k.law], ids=lambda k: k.id)
+def test_parity_and_degree_in_the_rate(kind: Effect, make_run: MakeRun) -> None:
+    check_degree(kind, make_run)
+
+
+def test_law_of_a_column_s_slope(rich_run: Run) -> None:
+    """Slopes are of smoothed columns: over 10 s of a period of 120 s, over 0.2 s of 6.7 s."""
     t_s = np.arange(2000) / 100.0
-    w_dps = W * np.sin(2 * np.pi * 0.15 * t_s) + 20
-    got = effect(effect_id).term(rich_run, 2, VALUES[effect_id])
-    want = FORMULAS[effect_id](rich_run, t_s, w_dps)
-    # slopes are of smoothed columns: over 10 s of a period of 120 s, over 0.2 s of 6.7 s
-    tolerance = {"thermal_lag": 0.05, "lag": 4e-3, "clock_error": 4e-3}.get(effect_id, 1e-12)
-    assert np.max(np.abs(got - want)) <= tolerance * np.max(np.abs(want))
-
-
-DEGREE = {
-    **dict.fromkeys(("scale", "scale_temperature", "spin_up", "table_ripple", "lag", "clock_error"), 1),
-    **dict.fromkeys(("bias", "bias_temperature", "thermal_lag", "warmup", "drift", "g_sensitivity", "vibration_tone"), 0),
-    "scale_nonlinearity": 3,
-}
-
-
-@pytest.mark.parametrize("effect_id", [*DEGREE, "scale_asymmetry", "centripetal"])
-def test_parity_and_degree_in_the_rate(effect_id: str, make_run: MakeRun) -> None:
-    """Odd terms change their sign with the rate, even ones do not; twice the rate gives twice, four or eight times."""
-    even = {"scale_asymmetry": 1, "centripetal": 2}
-    degree = even.get(effect_id, DEGREE.get(effect_id, 0))
-    t_s = np.arange(1500) / 100
-    kind = effect(effect_id)
-    values = kind.draw({}, np.random.default_rng(2))
-
-    def term(factor: float) -> Array:
-        run = make_run(
-            t_s, power_on_s=2.0, temp_c=20 + t_s, ax_g=0.1, ay_g=0.0, az_g=1.0, table_angle_deg=40 * t_s,
-            rate_ref_dps=factor * (60 + 30 * np.sin(t_s)),
-        )  # fmt: skip
-        return kind.term(run, 2, values)
-
-    one = term(1.0)
-    assert np.any(one)
-    np.testing.assert_allclose(term(2.0), one * 2.0**degree, rtol=1e-9, atol=1e-12)
-    sign = -1.0 if degree % 2 and effect_id not in even else 1.0
-    np.testing.assert_allclose(term(-1.0), sign * one, rtol=1e-9, atol=1e-12)
+    rate_slope = DW * np.cos(2 * np.pi * 0.15 * t_s)
+    temp_slope = 15 * 2 * np.pi / 120 * np.cos(2 * np.pi * t_s / 120)
+    for effect_id, want, tolerance in (
+        ("thermal_lag", 0.4 * temp_slope, 0.05),
+        ("lag", -0.004 * rate_slope, 4e-3),
+        ("clock_error", 0.001 * t_s * rate_slope, 4e-3),
+    ):
+        law = effect(effect_id).law
+        assert law is not None
+        got = effect(effect_id).term(rich_run, 2, law.values)
+        assert np.max(np.abs(got - want)) <= tolerance * np.max(np.abs(want)), effect_id
 
 
 def test_only_misalignment_sees_the_rate_of_another_axis(make_run: MakeRun) -> None:

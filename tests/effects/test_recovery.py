@@ -6,41 +6,21 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from gyrocal.effects.base import effect
+from gyrocal.effects.base import Case, Effect, effect, effects
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
+from .checks import check_case
 from .conftest import Array, make
 
-PLANTED = [
-    ("bias_temperature:k1_dps_per_c=0.01", "paper", "z", "k1_dps_per_c"),
-    ("scale_temperature:k_per_c=7e-5", "paper", "z", "k_per_c"),
-    ("warmup:A_dps=0.05,tau_s=15", "paper", "z", "A_dps"),
-    ("warmup:A_dps=0.05,tau_s=15", "paper", "z", "tau_s"),
-    ("drift:k_dps_per_s=4e-4", "paper", "z", "k_dps_per_s"),
-    ("thermal_lag:k_dps_s_per_c=2", "paper", "z", "k_dps_s_per_c"),
-    ("misalignment:m=0.005", "full", "x", "m"),
-    ("g_sensitivity:gx_dps_per_g=0,gy_dps_per_g=0,gz_dps_per_g=0.05", "full", "z", "gz_dps_per_g"),
-    ("scale_nonlinearity:k3=3e-8", "full", "z", "k3"),
-    ("scale_asymmetry:k=0.001", "full", "z", "k"),
-    ("centripetal:k=2e-6", "full", "z", "k"),
-]
+CASES = [(kind, case) for kind in effects().values() for case in kind.cases]
 
 
-@pytest.mark.parametrize(("text", "campaign", "axis", "name"), PLANTED)
-def test_planted_parameter_is_recovered(text: str, campaign: str, axis: str, name: str) -> None:
-    """Within 3.5 standard errors, and these are a quarter of the value at most."""
-    effect_id, _, given = text.partition(":")
-    truth = float(dict(part.split("=") for part in given.split(","))[name])
-    scenarios, seconds = (9, 30.0) if campaign == "paper" else (3, 15.0)
-    session, _ = simulate(None, campaign, [text], seed=11, scenarios=scenarios, seconds=seconds)
-    found = fit(session, Model.builtin("default").with_term(Term(effect_id, axis)), axes=axis).model.term(effect_id, axis)
-    assert found is not None
-    value, se = found.values[name], found.se[name]
-    assert abs(value - truth) < 3.5 * se, f"{value:.4g} +- {se:.2g}, planted {truth:.4g}"
-    assert se < abs(truth) / 4
+@pytest.mark.parametrize(("kind", "case"), CASES, ids=[f"{kind.id}-{case.campaign}" for kind, case in CASES])
+def test_planted_parameters_are_recovered(kind: Effect, case: Case) -> None:
+    check_case(kind, case)
 
 
 def session_of(runs: int, seconds: float, reading: Callable[[int, Array], dict[str, Array]], seed: int = 0) -> Session:

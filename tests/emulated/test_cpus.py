@@ -11,6 +11,8 @@ from gyrocal.calibration import header
 from gyrocal.core import cpus, library
 from gyrocal.device import simulated
 from gyrocal.error_model.model import Model, Term
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.drift import Drift
 from gyrocal.simulation import simulate
 from gyrocal_firmware import CORE, INCLUDE, ROOT, SIM
 
@@ -61,8 +63,8 @@ def headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("headers")
     paper = Model.builtin("paper").terms
     ripple = Term("table_ripple", "z", {"amplitude_1": 0.0016, "amplitude_2": 0.0005})
-    drift = Term("colored_noise", "z", {"sd_dps": 0.002, "tau_s": 30.0})
-    header.write(Model("rippling", (*paper, ripple, drift), {"z": 0.0448}), folder / "calibration.h")
+    noise = AxisNoise(0.0448, Drift(0.002, 30.0))
+    header.write(Model("rippling", (*paper, ripple), {"z": noise}), folder / "calibration.h")
     return folder
 
 

@@ -10,6 +10,8 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import reduce_run, reduce_session
 from gyrocal.inference.fit import fit, fit_axis
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.drift import Drift
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
@@ -42,13 +44,12 @@ def test_likelihood_is_the_dense_mixed_model_s() -> None:
     blocks = reduce_session(session)[:1]
     terms = [
         Term("bias", "z", {"bias_dps": 0.0}),
-        Term("colored_noise", "z"),
         Term("table_ripple", "z", {"amplitude_1": 0.0}),
     ]
-    found = fit_axis(blocks, 2, terms)
+    found = fit_axis(blocks, 2, terms, AxisNoise(drift=Drift()))
     b, noise = blocks[0], found.noise
     drift = noise.ou_sd_dps**2 * np.exp(-np.abs(b.t_s[:, None] - b.t_s) / noise.ou_tau_s)
-    waves = b.mean(terms[2].effect.columns(b.run, 2, {"amplitude_1": 0.0}))
+    waves = b.mean(terms[1].effect.columns(b.run, 2, {"amplitude_1": 0.0}))
     v = np.diag(noise.white_sd_dps**2 / b.n) + drift + found.spreads.run[0] ** 2 * waves @ waves.T
     ones = np.ones(b.n.size)
     information = ones @ np.linalg.solve(v, ones)

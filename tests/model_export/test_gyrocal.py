@@ -16,6 +16,9 @@ from gyrocal.cli import main
 from gyrocal.core.verify import verify
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.drift import Drift
+from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 from gyrocal.simulation.simulate import paper_windows
 
 
@@ -60,10 +63,10 @@ def exported(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fitted_model() -> Model:
     """A sensor with drift and a rippling table, as `gyrocal add` leaves it."""
     values = {
-        "scale": {"scale": 0.002, "scale_sd": 0.001}, "bias": {"bias_dps": 0.1}, "turn_on_bias": {"sd_dps": 0.03},
-        "colored_noise": {"sd_dps": 0.002, "tau_s": 30.0}, "table_ripple": {"amplitude_1": 0.001},
+        "scale": {"scale": 0.002}, "bias": {"bias_dps": 0.1}, "table_ripple": {"amplitude_1": 0.001},
     }  # fmt: skip
-    return Model("m", tuple(Term(name, "z", own) for name, own in values.items()), {"z": 0.04})
+    noise = AxisNoise(0.04, Drift(0.002, 30.0), TurnOnBias(0.03), TurnOnScale(0.001))
+    return Model("m", tuple(Term(name, "z", own) for name, own in values.items()), {"z": noise})
 
 
 def test_onnxruntime_gives_the_numbers_of_torch(run: Path, exported: Path) -> None:
@@ -185,6 +188,6 @@ def test_faces_have_the_moments_of_the_campaign() -> None:
 def test_a_model_without_spreads_cannot_be_drawn_from(tmp_path: Path) -> None:
     from gyrocal_export.data import simulated
 
-    replace(Model.builtin("paper"), white_sd_dps={"z": 0.04}).save(tmp_path / "m.toml")
+    replace(Model.builtin("paper"), noise={"z": AxisNoise(0.04)}).save(tmp_path / "m.toml")
     with pytest.raises(InputError, match="three power cycles"):
         simulated(10, 0, 290, str(tmp_path / "m.toml"))

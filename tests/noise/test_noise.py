@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.noise.drift import ou_noise
 from gyrocal.noise.spectrum import spectrum
 from gyrocal.noise.whitening import Noise, Summed, normal_equations
-from gyrocal.simulation.simulate import ou_noise
 
 
 def dense(t_s: np.ndarray, n: np.ndarray, noise: Noise) -> np.ndarray:

@@ -336,6 +336,6 @@ def test_gains_of_faults_of_the_reading_are_bounded_by_what_the_data_hold() -> N
     session = sound()
     rests = replace(session.with_runs([r for r in session.runs if r.table_rate_dps == 0]), lsb_dps=LSB_DPS)
     found = diagnose(replace(everywhere(rests, silent), accept=("constant_reading",)))
-    gains = [c.gain for c in found.candidates if c.gain is not None and c.effect.at_reading(c.values)]
+    gains = [c.gain for c in found.candidates if c.gain is not None and c.effect.fault_of(c.values) is not None]
     assert gains
     assert max(map(abs, gains)) < sum(map(len, rests.runs)) * np.log(10.0 / 0.07)

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gyrocal.noise.drift import ou_noise
 from gyrocal.recording.session import Session
-from gyrocal.simulation.simulate import LSB_DPS, WHITE_SD_DPS, ou_noise, paper_windows, simulate
+from gyrocal.simulation.simulate import LSB_DPS, WHITE_SD_DPS, paper_windows, simulate
 
 
 def test_the_baseline_errs_as_in_table_2() -> None:

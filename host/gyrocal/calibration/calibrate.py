@@ -12,6 +12,7 @@ import numpy as np
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
 from gyrocal.calibration.trust import Evidence, answer_flags, ordered, reading_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
+from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.noise.whitening import Noise
@@ -185,8 +186,8 @@ def _pooled(session: Session, span: float | None, model: Model | str | Path | No
     seconds = span if span is not None else max(r.duration_s for r in runs)
     out = []
     for axis, fitted in fit(session.with_runs(runs), Model.open(model), axes=axes).axes.items():
-        scale, bias = (next(t for t in fitted.terms if t.effect_id == name) for name in ("scale", "bias"))
-        if "scale" in scale.values and "bias_dps" in bias.values:
+        scale, bias = (next(t for t in fitted.terms if t.effect.role is role) for role in (Role.SCALE, Role.BIAS))
+        if scale.values and "bias_dps" in bias.values:
             scale_se = with_table(scale.se["scale"], runs)
             answer = Answer(scale.values["scale"], scale_se, bias.values["bias_dps"], bias.se["bias_dps"], None)
             out.append(_estimate(session, "all", "model", seconds, axis, runs, answer, set()))
@@ -221,7 +222,7 @@ def _by_model(runs: Sequence[Run], model: Model) -> list[Found]:
         if not model.on(axis) or not _informed(mine, axis):
             continue
         calibration = calibration_of(model, axis, white_sd_dps(mine, axis))
-        fitted = axis in model.white_sd_dps
+        fitted = model.noise_on(axis).white_sd_dps is not None
         if not fitted:
             calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, DRIFT_SD_DPS, DRIFT_TAU_S))
         answer = estimate(calibration, mine)

@@ -11,9 +11,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Values
+from gyrocal.effects.base import Effect, Role, Values
+from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
+from gyrocal.noise.drift import Drift
+from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.noise.whitening import Noise, normal_equations
 from gyrocal.recording.session import AXES, Array, Run
 
@@ -55,7 +58,7 @@ class Calibration:
     """(mean, sd) of the priors; sd infinite = flat."""
     noise: Noise
     alternatives: int = 0
-    faults: tuple[tuple[Effect, Values], ...] = ()
+    faults: tuple[tuple[ReadingFault, Values], ...] = ()
     """Faults of the reading: what they leave of a block no longer says what the sensor felt."""
 
     @property
@@ -96,17 +99,13 @@ def calibration_of(
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
     spread_terms: list[tuple[Term, Column]] = []
-    faults: list[tuple[Effect, Values]] = []
-    priors = {"bias": (0.0, np.inf), "scale": (0.0, np.inf)}
+    faults: list[tuple[ReadingFault, Values]] = []
     for term in model.on(axis):
         kind = term.effect
-        if kind.id in ("turn_on_bias", "colored_noise"):
+        if term.fault is not None:
+            faults += [(term.fault, term.values)] if term.values else []
             continue
-        if kind.at_reading(term.values):
-            faults += [(kind, term.values)] if term.values else []
-            continue
-        if kind.id in priors:
-            priors[kind.id] = _base_prior(model, axis, kind.id)
+        if kind.role is not None:
             continue
         if not all(name in term.values for name in kind.nonlinear) or not kind.used(term.values):
             raise InputError(f"model {model.name}: {kind.id} on {axis} has no values; fit it with `gyrocal add`")
@@ -134,12 +133,15 @@ def calibration_of(
     for term, column in spread_terms:
         count = alternatives or max(2, min(MOST_ALTERNATIVES, MAX_COLUMNS - len(run_columns) - len(shared_columns)))
         each = [replace(column, values=v) for v in alternative_values(term, count)]
-    white = model.white_sd_dps.get(axis, white_sd_dps)
+    noise_model = model.noise_on(axis)
+    white = white_sd_dps if noise_model.white_sd_dps is None else noise_model.white_sd_dps
     if white is None or white <= 0:
         raise InputError(f"model {model.name}: no white noise level for {axis}; fit it with `gyrocal add` or give white_sd_dps")
-    noise = Noise(white, model.value("colored_noise", axis, "sd_dps"), model.value("colored_noise", axis, "tau_s", 30.0))
+    drift = noise_model.drift or Drift()
+    noise = Noise(white, drift.sd_dps or 0.0, drift.tau_s or 30.0)
     return Calibration(
-        model.name, axis, (*run_columns, *each), tuple(shared_columns), priors["bias"], priors["scale"], noise,
+        model.name, axis, (*run_columns, *each), tuple(shared_columns), _prior_of_bias(model, axis),
+        _prior_of_scale(model, axis), noise,
         len(each), tuple(faults),
     )  # fmt: skip
 
@@ -163,13 +165,24 @@ def _se(kind: Effect, values: Values, se: Values) -> Array:
     return np.array([np.hypot(se.get(n, 0.0), se.get(f"{n}_sd", 0.0)) for n in kind.used(values)])
 
 
-def _base_prior(model: Model, axis: str, effect_id: str) -> tuple[float, float]:
-    term = model.term(effect_id, axis)
-    name = "bias_dps" if effect_id == "bias" else "scale"
-    spread_term, spread_name = (model.term("turn_on_bias", axis), "sd_dps") if effect_id == "bias" else (term, "scale_sd")
-    if term is None or name not in term.values or spread_term is None or spread_name not in spread_term.values:
+def _prior_of_bias(model: Model, axis: str) -> tuple[float, float]:
+    """Mean and sd, deg/s: the spread over power cycles and the errors of both; flat where the spread is not known."""
+    turn_on = model.noise_on(axis).turn_on_bias or TurnOnBias()
+    return _prior(model, axis, Role.BIAS, turn_on.sd_dps, turn_on.se.get("sd_dps"))
+
+
+def _prior_of_scale(model: Model, axis: str) -> tuple[float, float]:
+    """The same of the scale, a fraction."""
+    turn_on = model.noise_on(axis).turn_on_scale
+    return (0.0, np.inf) if turn_on is None else _prior(model, axis, Role.SCALE, turn_on.sd, turn_on.se)
+
+
+def _prior(model: Model, axis: str, role: Role, spread: float | None, spread_se: float | None) -> tuple[float, float]:
+    term = next((t for t in model.on(axis) if t.effect.role is role), None)
+    name = "" if term is None else term.effect.linear[0]
+    if term is None or name not in term.values or spread is None:
         return 0.0, np.inf
-    parts = [spread_term.values[spread_name], spread_term.se.get(spread_name, 0.0), term.se.get(name, 0.0)]
+    parts = [spread, spread_se or 0.0, term.se.get(name, 0.0)]
     return term.values[name], float(np.sqrt(np.sum(np.square(parts))) + TIGHTEST)
 
 

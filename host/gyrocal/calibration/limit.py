@@ -15,6 +15,7 @@ from gyrocal.calibration.scenarios import Protocol, answers
 from gyrocal.effects import base
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array
+from gyrocal.simulation.campaigns import RIPPLE, TRANSIENT
 from gyrocal.simulation.simulate import (
     BIAS_MEAN_DPS,
     BIAS_SD_DPS,
@@ -39,7 +40,7 @@ GRID = 24
 
 def table2(grid: int = GRID) -> Calibration:
     """All that there is to know of a scenario of ``table2`` before it is measured; z axis."""
-    ripple, spin_up = base.effect("table_ripple"), base.effect("spin_up")
+    ripple, spin_up = base.effect(RIPPLE), base.effect(TRANSIENT)
     taus_s = np.exp(LOG_TAU[0] + np.diff(LOG_TAU)[0] * (np.arange(grid) + 0.5) / grid)
     columns = [
         *(Column(ripple, {"amplitude_1": 0.0}, i, 0.0, RIPPLE_SD_DPS / TABLE_RATE_DPS) for i in range(2)),

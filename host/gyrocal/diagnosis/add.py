@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from gyrocal.effects import base
 from gyrocal.effects.base import Effect
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model, Term
+from gyrocal.noise.axis import COMPONENTS
 from gyrocal.recording.session import AXES, Session
 from gyrocal.threads import each, one_thread
 
@@ -35,10 +37,17 @@ def add(
     session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
     progress: Progress | None = None,
 ) -> Added:  # fmt: skip
-    """Add an effect (its id, or a formula) on every axis where it can be measured and improves the fit."""
-    effect = effect_or_formula(effect_id)
+    """Add an effect (its id, or a formula) on every axis where it can be measured and improves the fit.
+
+    A noise that is named instead is added on every axis of the model.
+    """
     start = Model.open(model)
     before = compare(session, start, only_day=only_day, progress=progress)
+    if effect_id in COMPONENTS:
+        noisier = reduce(lambda grown, axis: grown.add(effect_id, axis), start.axes, start)
+        after = compare(session, noisier, only_day=only_day, progress=progress)
+        return Added(with_floor_of(before, after), after, after.fit.model)
+    effect = effect_or_formula(effect_id)
     axes = [
         a for a in before.fit.axes
         if start.term(effect.id, a) is None and effect.missing(session.runs, AXES.index(a)) is None

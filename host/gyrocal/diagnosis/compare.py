@@ -83,9 +83,9 @@ class Comparison:
             "held_out": self.held_out,
             "note": self.note,
             "parameters": [
-                {"effect": t.effect_id, "axis": t.axis, "name": name, "value": value, "se": t.se.get(name)}
-                for t in self.fit.model.terms
-                for name, value in t.values.items()
+                {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
+                for line in self.fit.model.lines()
+                for name, value in line.values.items()
             ],
             "warnings": [w.to_json() for w in self.warnings],
         }

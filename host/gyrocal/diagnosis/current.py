@@ -11,7 +11,6 @@ import numpy as np
 from gyrocal.diagnosis.compare import Comparison
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
-from gyrocal.inference.design import Design
 from gyrocal.inference.fit import AxisFit, fit_noise
 from gyrocal.recording.session import AXES, Array, Run
 
@@ -62,7 +61,7 @@ class Current:
     def of_samples(self) -> Current:
         """The same model fitted to samples, for effects that are faster than a block."""
         design = self.fit.design
-        samples = Design(by_sample(self.comparison.fit.blocks), self.index, design.terms, design.cell_s or BLOCK_S)
+        samples = design.over(by_sample(self.comparison.fit.blocks), cell_s=design.cell_s or BLOCK_S)
         return replace(self, fit=fit_noise(samples, start=self.fit))
 
     def predictions(self, fitted: AxisFit) -> Iterator[heldout.Prediction]:

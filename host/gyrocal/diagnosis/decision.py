@@ -37,7 +37,7 @@ def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Cand
 
 def _meets(c: Candidate, comparison: Comparison) -> bool:
     """Does the candidate explain a substantial part of this axis's strongest finding, or most of the excess?"""
-    if c.effect.at_reading(c.values) or (c.explained or 0.0) > POLICY.main_cause:
+    if c.effect.fault_of(c.values) or (c.explained or 0.0) > POLICY.main_cause:
         return True
     gains = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != Reading.name]
     return (c.gain or 0.0) >= POLICY.of_finding * max(gains, default=0.0)
@@ -46,7 +46,7 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
 def proven(c: Candidate, tested: int) -> bool:
     """Is a candidate beyond chance among so many that were tested, and better on data that its fit never saw?"""
     better = c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
-    if c.effect.at_reading(c.values):
+    if c.effect.fault_of(c.values):
         better = better or (c.gain is not None and c.gain >= -POLICY.reading_loss)
     return better and c.chance * tested < POLICY.name_alarm
 
@@ -56,13 +56,13 @@ def in_range(candidate: Candidate) -> bool:
 
     A fault of the reading has no size of its own.
     """
-    if candidate.effect.at_reading(candidate.values):
+    if candidate.effect.fault_of(candidate.values):
         return True
     for parameter in candidate.effect.parameters:
         value = candidate.values.get(parameter.name)
         if (
             value is not None
-            and parameter.unit not in ("deg", "s", "Hz")
+            and parameter.sized
             and abs(value) > POLICY.range_factor * parameter.typical[1]
         ):
             return False

@@ -25,7 +25,7 @@ from gyrocal.diagnosis.rivals import with_groups
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
 from gyrocal.error_model.formula import effect_or_formula
-from gyrocal.error_model.model import BASE, RANDOM, Model
+from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.threads import each, one_thread
 
@@ -96,7 +96,7 @@ def _candidates(current: Current, own: Sequence[Effect], progress: Progress | No
     present = {t.effect_id for t in current.fit.terms}
     out = []
     for effect in [*base.effects().values(), *own]:
-        if effect.id in present or effect.id in BASE or effect.id in RANDOM:
+        if effect.id in present or effect.role is not None:
             continue
         if progress is not None:
             progress(f"trying {effect.id} on {current.axis}")

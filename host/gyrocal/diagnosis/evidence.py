@@ -10,6 +10,8 @@ from gyrocal.diagnosis.explained import explained
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect
+from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fit import AxisFit, choose_variant, finish, likelihood_ratio, refine
 from gyrocal.inference.reml import Spreads
@@ -19,10 +21,10 @@ from gyrocal.recording.session import Array
 
 def judge(current: Current, effect: Effect) -> Candidate:
     """Fit one candidate beside the model, noise and all; measure what it gains in and out of sample."""
-    fault = effect.detect(current.runs, current.index)
+    fault = None if effect.fault is None else effect.fault.detect(current.runs, current.index)
     if fault is not None:
         return judge_reading(current, effect, fault)
-    if effect.reading_fault:
+    if isinstance(effect, ReadingFault):
         return Candidate(effect, current.axis, "reject")
     if effect.fast:
         peak = current.comparison.spectra[current.axis].peak()
@@ -41,7 +43,8 @@ def judge(current: Current, effect: Effect) -> Candidate:
     gain, gain_se = total(gains)
     signal = _signal(fitted)
     excess = explained(current, fitted, signal)
-    partial = (effect.same_size and _uneven(fitted)) or (effect.common_mean and _without_mean(term))
+    one_size = isinstance(effect, Wave) and effect.same_size
+    partial = (one_size and _uneven(fitted)) or (effect.common_mean and _without_mean(term))
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,

@@ -48,7 +48,8 @@ def _not_white(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Find
 
 def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
     """A bit of the reading that does not toggle."""
-    return reading_fault(fitted.session, axis, alarm, fitted.model.value("quantization", axis, "lsb_dps"))
+    steps_dps = (fault.step_dps(values) for fault, values in fitted.model.faults(axis))
+    return reading_fault(fitted.session, axis, alarm, max(steps_dps, default=0.0))
 
 
 BEYOND_NOISE = (_line, _bump, _not_white, _code)
@@ -57,7 +58,8 @@ BEYOND_NOISE = (_line, _bump, _not_white, _code)
 
 def _outliers(fitted: Fit, axis: str) -> Finding | None:
     """Single readings that stand out, where the model does not know of them. Noise makes none, so they have no share."""
-    return None if fitted.model.value("bias_jumps", axis, "outliers") else single_readings(fitted.session, axis)
+    known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
+    return None if known else single_readings(fitted.session, axis)
 
 
 def find_misfit(

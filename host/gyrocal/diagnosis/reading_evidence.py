@@ -11,9 +11,9 @@ from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.explained import explained
 from gyrocal.diagnosis.gains import total
 from gyrocal.diagnosis.readings import SHEPPARD
-from gyrocal.effects.base import Effect, Values
+from gyrocal.effects.base import Effect
+from gyrocal.effects.reading_fault import Detected
 from gyrocal.error_model.model import Term
-from gyrocal.inference.design import Design
 from gyrocal.inference.fit import AxisFit, carry_spreads, fit_noise, with_noise
 
 
@@ -25,19 +25,18 @@ class RunPower:
     samples: int
 
 
-def judge_reading(current: Current, effect: Effect, fault: tuple[Values, Values, float]) -> Candidate:
-    """Judge a fault that the effect found in the readings' own values: (values, standard errors, chance)."""
-    values, se, chance = fault
-    term = Term(effect.id, current.axis, values, se)
+def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidate:
+    """Judge a fault that the effect found in the readings' own values."""
+    term = Term(effect.id, current.axis, fault.values, fault.se)
     old = current.fit.design
-    design = Design(current.comparison.fit.blocks, old.axis, [*old.terms, term], old.cell_s)
+    design = old.over(current.comparison.fit.blocks, [*old.terms, term])
     fitted = fit_noise(design, start=with_noise(design, current.fit.noise, carry_spreads(current.fit, design)))
     before, after = (_run_powers(current, fit) for fit in (current.fit, fitted))
     noise = max(current.white_power, _rounding_power(current))
     gains = np.array([_power_gain(before[file], after[file], noise) for file in before])
     gain, gain_se = total(gains)
     return Candidate(
-        effect, current.axis, "reject", values, se, gain=gain, gain_se=gain_se, chance=chance, parameters=1,
+        effect, current.axis, "reject", fault.values, fault.se, gain=gain, gain_se=gain_se, chance=fault.chance, parameters=1,
         next_measurement=effect.measure_next, unit_gains=gains, explained=explained(current, fitted, np.zeros(0)).part,
         enough=True,  # seen in the codes themselves; it need not leave an error over the floor
     )  # fmt: skip

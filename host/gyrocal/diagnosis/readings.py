@@ -21,7 +21,7 @@ SHEPPARD = 1 / 12
 def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: float = 0.0) -> Finding | None:
     """Bits of the raw code that noise should toggle and that do not: a byte put together wrongly, a stuck bit.
 
-    ``known_step_dps``: the model's own step (quantization), below which nothing is looked for.
+    ``known_step_dps``: the step that the model knows of, below which nothing is looked for.
     """
     from scipy.stats import norm
 

@@ -8,64 +8,88 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
 import pkgutil
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum, auto
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.parameter import Described, Parameter, Values
 from gyrocal.recording.session import Array, Run
 
-Values = dict[str, float]
+if TYPE_CHECKING:
+    from gyrocal.effects.reading_fault import ReadingFault
+
+__all__ = [
+    "Case", "Effect", "Law", "Mask", "OfEachRun", "Parameter", "Role", "Values", "effect", "effects", "elapsed_s", "load",
+    "parse", "stack", "table_angle_rad", "with_role",
+]
+
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 
+class Role(Enum):
+    """The part that an effect plays in eq. (4), where that part is more than one term among others."""
+
+    SCALE = auto()
+    BIAS = auto()
+
+
 @dataclass(frozen=True)
-class Parameter:
-    """A parameter of an effect: its unit, the typical range of its magnitude, and where that range is from."""
+class Law:
+    """What the term must be at given values, as a formula in the variables of :mod:`gyrocal.error_model.formula`.
 
-    name: str
-    unit: str
-    typical: tuple[float, float]
-    source: str
-    default: float | None = None
-    """What the simulator plants when no value is given; None = drawn anew for each run (a phase)."""
+    ``degree``: by which power the term grows with the true rate; ``even``: whether it keeps its sign when the rate turns round.
+    ``reads`` is None where no such formula can say it (a slope of a column, say).
+    """
+
+    values: Values
+    reads: str | None
+    degree: int = 0
+    even: bool = False
 
 
-class Effect(ABC):
+@dataclass(frozen=True)
+class Case:
+    """A planted size, and what a fit must find of it: ``recovers`` on ``axis`` in a simulated ``campaign``."""
+
+    values: Values
+    recovers: tuple[str, ...]
+    campaign: Literal["paper", "full"] = "paper"
+    axis: str = "z"
+
+
+class Effect(Described):
     """A physical effect on one axis of the gyroscope.
 
     ``linear`` names the parameters that multiply columns, ``nonlinear`` those that shape them. *Values* map parameter names
     to numbers; which linear names are present says which columns are in use (``k1`` alone, or ``k1`` and ``k2``).
 
-    ``scope`` says where the coefficients are the same: in all runs (``session``), or within one power cycle (``scenario``) or
-    run (``run``), spread (``NAME_sd``) about a common mean, or about zero where ``common_mean`` is False (a wave of unknown
-    phase, the offset of a power cycle).
+    This class is a deterministic effect, the same in all runs (``scope`` is ``session``). Other kinds are its subclasses:
+    :class:`OfEachRun`, :class:`gyrocal.effects.wave.Wave` and :class:`gyrocal.effects.reading_fault.ReadingFault`.
     """
 
-    id: ClassVar[str]
-    title: ClassVar[str]
-    cause: ClassVar[str]
-    equation: ClassVar[str]
-    looks_like: ClassVar[str]
-    measure_next: ClassVar[str]
-    parameters: ClassVar[tuple[Parameter, ...]]
     linear: tuple[str, ...] = ()
     nonlinear: ClassVar[tuple[str, ...]] = ()
-    scope: ClassVar[Literal["session", "scenario", "run"]] = "session"
+    scope: ClassVar[Literal["session", "run"]] = "session"
     common_mean: ClassVar[bool] = False
+    """Where coefficients differ from run to run: whether they do so about a common mean, or about zero."""
+    role: ClassVar[Role | None] = None
     on_device: ClassVar[bool] = False
     fast: ClassVar[bool] = False
     """Varies from sample to sample: fitted on samples, not on block means."""
-    same_size: ClassVar[bool] = False
-    """A wave whose phase is each run's own, but whose amplitude is that of all runs."""
-    reading_fault: ClassVar[bool] = False
-    """A fault of the reading itself: no columns; found by :meth:`detect`, planted by :meth:`distort`."""
+    offered_as: ClassVar[str] = ""
+    """How a demonstration that hides this effect names it in its menu; empty where none offers it."""
+    law: ClassVar[Law | None] = None
+    cases: ClassVar[tuple[Case, ...]] = ()
 
     @abstractmethod
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
@@ -91,27 +115,14 @@ class Effect(ABC):
         """The first step of a nonlinear parameter's refinement, in its logarithm."""
         return 0.3
 
-    def at_reading(self, values: Mapping[str, float]) -> bool:
-        """Do these values describe a fault of the reading itself?"""
-        return self.reading_fault
-
-    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
-        """Where :meth:`at_reading`: (values, standard errors, chance that a sound reading looks so); None if nothing."""
+    @property
+    def fault(self) -> ReadingFault | None:
+        """The fault of the reading that goes by the same id."""
         return None
 
-    def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
-        """Where :meth:`at_reading`: the samples [n] that still say something of the rate; None = all."""
+    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
+        """The fault of the reading that these values describe; None where they describe a term of the reading."""
         return None
-
-    def respond(
-        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
-    ) -> Array:
-        """Where :meth:`at_reading`: what such a sensor is expected to read [n] where the model says ``modelled_dps`` [n]."""
-        return modelled_dps
-
-    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """Where :meth:`at_reading`: readings [n, 3] with the fault, deg/s, for the simulator."""
-        return y_dps
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """The linear parameters in use."""
@@ -145,37 +156,22 @@ class Effect(ABC):
         """For each column the arguments that ``effects/<id>.c`` takes (``on_device`` effects only)."""
         return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))
 
-    def bounds(self, name: str) -> tuple[float, float]:
-        """Where a nonlinear parameter is searched."""
-        low, high = self.parameter(name).typical
-        return low / 3, high * 3
-
     def axes(self, run: Run) -> tuple[int, ...]:
         """The axes that the simulator plants the effect on when none is named."""
         return (run.axis_index,)
-
-    def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
-        """All parameters for one run: those given, else the default, else drawn (a phase: uniform)."""
-        drawn: Values = {}
-        for parameter in self.parameters:
-            if parameter.name in values:
-                drawn[parameter.name] = float(values[parameter.name])
-            elif parameter.default is not None:
-                drawn[parameter.name] = parameter.default
-            else:
-                drawn[parameter.name] = float(rng.uniform(*parameter.typical))
-        return drawn
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """What the effect adds to the reading of one axis, shape [n], deg/s."""
         return self.columns(run, axis, values) @ self.coefficients(values)
 
-    def parameter(self, name: str) -> Parameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        known = ", ".join(p.name for p in self.parameters)
-        raise InputError(f"effect {self.id} has no parameter {name!r}; it has {known}")
+
+class OfEachRun(Effect):
+    """An effect whose coefficients are of another size in each run.
+
+    They are spread (``NAME_sd``) about a common mean, or about zero where ``common_mean`` is False.
+    """
+
+    scope = "run"
 
 
 @cache
@@ -184,13 +180,19 @@ def effects() -> dict[str, Effect]:
     package = importlib.import_module("gyrocal.effects")
     found: dict[str, Effect] = {}
     for info in pkgutil.iter_modules(package.__path__):
-        if info.name == "base":
-            continue
-        module = importlib.import_module(f"gyrocal.effects.{info.name}")
-        for item in vars(module).values():
-            if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == module.__name__:
-                found[item.id] = item()
+        for kind in _defined_in(importlib.import_module(f"gyrocal.effects.{info.name}")):
+            found[kind.id] = kind
     return dict(sorted(found.items()))
+
+
+def _defined_in(module: ModuleType) -> list[Effect]:
+    """One of each effect that a module defines; a class that is abstract or private is a part of others."""
+    return [
+        item()
+        for item in vars(module).values()
+        if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == module.__name__
+        and not inspect.isabstract(item) and not item.__name__.startswith("_")
+    ]  # fmt: skip
 
 
 def load(folder: Path) -> list[str]:
@@ -210,10 +212,9 @@ def load(folder: Path) -> list[str]:
             spec.loader.exec_module(module)
         except Exception as error:
             raise InputError(f"{path}: {type(error).__name__}: {error}") from error
-        for item in vars(module).values():
-            if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == module.__name__:
-                effects()[item.id] = item()
-                came.append(item.id)
+        for kind in _defined_in(module):
+            effects()[kind.id] = kind
+            came.append(kind.id)
     if not came:
         raise InputError(f"{folder}: no effect in it; an effect is a class that derives from gyrocal.effects.base.Effect")
     return came
@@ -227,10 +228,15 @@ def effect(effect_id: str) -> Effect:
         raise InputError(f"no effect {effect_id!r}; there are {', '.join(effects())}") from None
 
 
-def parse(text: str) -> tuple[str, Values]:
-    """``ID[:name=value[,name=value...]]`` as on the command line."""
+def with_role(role: Role) -> Effect:
+    """The effect that plays this part in eq. (4)."""
+    return next(kind for kind in effects().values() if kind.role is role)
+
+
+def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Values]:
+    """``ID[:name=value[,name=value...]]`` as on the command line; ``find`` gives what goes by an id."""
     effect_id, _, rest = text.partition(":")
-    kind = effect(effect_id.strip())
+    kind = find(effect_id.strip())
     values: Values = {}
     for part in filter(None, (p.strip() for p in rest.split(","))):
         name, equals, value = part.partition("=")

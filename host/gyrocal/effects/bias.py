@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter
+from gyrocal.effects.base import Effect, Law, Parameter, Role
 from gyrocal.recording.session import Array, Run
 
 
@@ -24,6 +24,8 @@ class Bias(Effect):
         Parameter("bias_dps", "dps", (0.02, 1.0), "LSM6DSO datasheet, table 2: zero-rate level +-1 dps", -0.05),
     )
     linear = ("bias_dps",)
+    role = Role.BIAS
+    law = Law({"bias_dps": -0.2}, "-0.2")
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.ones((len(run), 1))

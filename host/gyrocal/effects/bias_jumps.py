@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
+from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.outliers import STANDS_OUT as OUTLIER_SPREADS
 from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array, Run
@@ -57,7 +58,7 @@ def outliers_of(run: Run, axis: int) -> Array:
     return out
 
 
-class BiasJumps(Effect):
+class BiasJumps(OfEachRun):
     id = "bias_jumps"
     title = "Jumps of the bias"
     cause = (
@@ -76,49 +77,22 @@ class BiasJumps(Effect):
         Parameter("first", "fraction of the run", (0.2, 0.8), "the first jump's moment: any"),
         Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps: a bad bus", 0.0),
     )
-    scope = "run"
+    linear = ("size_dps",)
 
     def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
         drawn = super().draw(values, rng)
         return {**drawn, "size_dps": drawn["size_dps"] * float(rng.choice((-1.0, 1.0)))}
 
-    linear = ("size_dps",)
+    @property
+    def fault(self) -> ReadingFault:
+        return _SingleReadings()
 
-    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        return () if self.at_reading(values) else super().used(values)
+    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
+        return self.fault if values.get("outliers", 0.0) > 0 else None
 
     def structure(self, values: Mapping[str, float]) -> Values:
         """How often it jumps is counted, not fitted; single readings are looked for anew."""
-        return {} if self.at_reading(values) else super().structure(values) | {"n": values.get("n", 0.0)}
-
-    def at_reading(self, values: Mapping[str, float]) -> bool:
-        """Outliers are faults of single readings; steps are not."""
-        return values.get("outliers", 0.0) > 0
-
-    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
-        """Readings that stand far out of their neighbours, two at least."""
-        from scipy.stats import norm
-
-        apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
-        found = apart_dps[apart_dps != 0]
-        if found.size < 2:
-            return None
-        values = {
-            "n": found.size / len(runs), "size_dps": float(np.sqrt(np.mean(found**2))), "outliers": found.size / apart_dps.size
-        }  # fmt: skip
-        return values, {}, min(1.0, apart_dps.size * float(norm.sf(OUTLIER_SPREADS)) ** min(found.size, 15))
-
-    def respond(
-        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
-    ) -> Array:
-        return modelled_dps + outliers_of(run, axis)
-
-    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """Single readings off by ``size_dps``, either way, on the run's own axis."""
-        out = y_dps.copy()
-        rows = np.flatnonzero(rng.random(len(run)) < values["outliers"])
-        out[rows, run.axis_index] += values["size_dps"] * rng.choice((-1.0, 1.0), rows.size)
-        return out
+        return {} if self.fault_of(values) else super().structure(values) | {"n": values.get("n", 0.0)}
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
@@ -132,27 +106,25 @@ class BiasJumps(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """One step for each jump that stands out in this run, at most MOST; nothing (zeros) where there is none."""
-        if self.at_reading(values):
-            return np.zeros((len(run), 0))
         out = np.zeros((len(run), MOST))
         for k, row in enumerate(jumps(run, axis)):
             out[row:, k] = 1.0
         return out
 
     def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [] if self.at_reading(values) else [0] * MOST
+        return [0] * MOST
 
     def coefficients(self, values: Mapping[str, float]) -> Array:
-        return np.full(len(self.groups(values)), values["size_dps"])
+        return np.full(MOST, values["size_dps"])
 
     def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        return {"size_dps": float(np.mean(coefficients))} if coefficients.size else {}
+        return {"size_dps": float(np.mean(coefficients))}
 
     def spread(self, values: Mapping[str, float]) -> Array:
-        return np.full(len(self.groups(values)), values["size_dps"])
+        return np.full(MOST, values["size_dps"])
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {"size_dps": float(spread[0])} if spread.size else {}
+        return {"size_dps": float(spread[0])}
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Jumps evenly spaced from the first to the end of the run, there and back; which way first is drawn."""
@@ -160,3 +132,36 @@ class BiasJumps(Effect):
         at_s = run.duration_s * np.linspace(values["first"], 1.0, n, endpoint=False)
         jumps_so_far = np.searchsorted(at_s, elapsed_s(run), side="right")
         return values["size_dps"] * (jumps_so_far % 2).astype(np.float64)
+
+
+class _SingleReadings(ReadingFault):
+    """Single readings far off: the part of the effect that is a fault of the reading."""
+
+    id, title, cause, equation = BiasJumps.id, BiasJumps.title, BiasJumps.cause, BiasJumps.equation
+    looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
+
+    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """Readings that stand far out of their neighbours, two at least."""
+        from scipy.stats import norm
+
+        apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
+        found = apart_dps[apart_dps != 0]
+        if found.size < 2:
+            return None
+        values = {
+            "n": found.size / len(runs), "size_dps": float(np.sqrt(np.mean(found**2))), "outliers": found.size / apart_dps.size
+        }  # fmt: skip
+        return Detected(values, {}, min(1.0, apart_dps.size * float(norm.sf(OUTLIER_SPREADS)) ** min(found.size, 15)))
+
+    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
+        return modelled_dps + outliers_of(run, axis)
+
+    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
+        """Single readings off by ``size_dps``, either way, on the run's own axis."""
+        out = y_dps.copy()
+        rows = np.flatnonzero(rng.random(len(run)) < values["outliers"])
+        out[rows, run.axis_index] += values["size_dps"] * rng.choice((-1.0, 1.0), rows.size)
+        return out
+
+    def throws_out(self, values: Mapping[str, float]) -> bool:
+        return values.get("outliers", 0.0) > 0

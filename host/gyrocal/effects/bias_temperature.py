@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.quantities import MOVING_TEMPERATURE, temperature_moves, warming_c
 from gyrocal.recording.session import Array, Run
 
@@ -36,6 +36,11 @@ class BiasTemperature(Effect):
     )
     linear = tuple(POWERS)
     on_device = True
+    law = Law(
+        {"k1_dps_per_c": 0.01, "k2_dps_per_c2": -3e-4, "k3_dps_per_c3": 2e-6},
+        "(temp_c - 25)*(0.01 + (temp_c - 25)*(-3e-4 + (temp_c - 25)*2e-6))",
+    )
+    cases = (Case({"k1_dps_per_c": 0.01}, ("k1_dps_per_c",)),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if temperature_moves(runs) else MOVING_TEMPERATURE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
 from gyrocal.effects.quantities import TURNING_AT_ALL, turns
 from gyrocal.recording.session import Array, Run
 
@@ -31,6 +31,8 @@ class Centripetal(Effect):
     )
     linear = ("k",)
     on_device = True
+    law = Law({"k": 1e-6}, "1e-6*rate**2", degree=2, even=True)
+    cases = (Case({"k": 2e-6}, ("k",), "full"),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if any(turns(runs, table_axis) for table_axis in range(3)) else TURNING_AT_ALL

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Effect, Parameter, elapsed_s, stack
+from gyrocal.effects.base import Effect, Law, Parameter, elapsed_s, stack
 from gyrocal.effects.quantities import VARYING_RATE, rate_slope_dps_s, rate_varies
 from gyrocal.recording.session import Array, Run
 
@@ -28,6 +28,7 @@ class ClockError(Effect):
         Parameter("e", "fraction", (2e-5, 0.02), "crystals +-20 ppm; MEMS gyroscopes' own oscillators +-1-2 %", 0.001),
     )
     linear = ("e",)
+    law = Law({"e": 0.001}, None, degree=1)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if rate_varies(runs, axis) else VARYING_RATE

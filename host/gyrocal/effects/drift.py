@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gyrocal.effects.base import Effect, Parameter, elapsed_s, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, elapsed_s, stack
 from gyrocal.effects.quantities import power_on_time_s
 from gyrocal.recording.session import Array, Run
 
@@ -30,6 +30,8 @@ class Drift(Effect):
     )
     linear = ("k_dps_per_s",)
     on_device = True
+    law = Law({"k_dps_per_s": 2e-4}, "2e-4*power_on_s")
+    cases = (Case({"k_dps_per_s": 4e-4}, ("k_dps_per_s",)),)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)

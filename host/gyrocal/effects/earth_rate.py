@@ -23,7 +23,11 @@ class EarthRate(Effect):
     equation = "±15.041067 deg/h·sin(latitude), + face up, - face down, about the table's vertical axis"
     looks_like = "g_sensitivity of 0.004 dps/g, or bias where only one face is up"
     measure_next = "give latitude_deg in session.toml: a map is enough, 1 degree changes it by 0.07 mdps at most"
-    parameters = (Parameter("latitude_deg", "deg", (0.0, 90.0), "where the table stands; north is positive", 45.0),)
+    parameters = (
+        Parameter(
+            "latitude_deg", "deg", (0.0, 90.0), "where the table stands; north is positive", 45.0, (-90.0, 90.0), sized=False
+        ),
+    )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return "latitude_deg in session.toml: it is computed from that, never fitted"

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.quantities import acceleration_g
 from gyrocal.recording.session import Array, Run
 
@@ -43,6 +43,12 @@ class GSensitivity(Effect):
     )
     linear = tuple(COMPONENTS)
     on_device = True
+    law = Law(
+        {"gx_dps_per_g": 0.01, "gy_dps_per_g": -0.02, "gz_dps_per_g": 0.05}, "0.01*ax - 0.02*ay + 0.05*az"
+    )
+    cases = (
+        Case({"gx_dps_per_g": 0.0, "gy_dps_per_g": 0.0, "gz_dps_per_g": 0.05}, ("gz_dps_per_g",), "full"),
+    )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         measured = bool(runs) and all(r.acc_g is not None for r in runs)

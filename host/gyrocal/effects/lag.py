@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.base import Effect, Law, Parameter, stack
 from gyrocal.effects.quantities import VARYING_RATE, rate_slope_dps_s, rate_varies
 from gyrocal.recording.session import Array, Run
 
@@ -28,9 +28,11 @@ class Lag(Effect):
             (0.0005, 0.02),
             "LSM6DSO datasheet: low-pass of 33-136 Hz is 1-5 ms, and polling at 145 Hz up to 7 ms",
             0.005,
+            sized=False,
         ),
     )
     linear = ("tau_s",)
+    law = Law({"tau_s": 0.004}, None, degree=1)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if rate_varies(runs, axis) else VARYING_RATE

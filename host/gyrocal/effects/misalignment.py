@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Parameter, Values, stack
 from gyrocal.recording.session import AXES, Array, Run
 
 ABOUT = {"m": AXES, **{f"m_{axis}": (axis,) for axis in AXES}}
@@ -35,6 +35,7 @@ class Misalignment(Effect):
         for name in ABOUT
     )
     linear = tuple(ABOUT)
+    cases = (Case({"m": 0.005}, ("m",), "full", "x"),)
 
     def axes(self, run: Run) -> tuple[int, ...]:
         return tuple(i for i in range(3) if i != run.axis_index)

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values
+from gyrocal.effects.base import Parameter
 from gyrocal.effects.quantities import grid_dps
+from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
 
-class Quantization(Effect):
+class Quantization(ReadingFault):
     id = "quantization"
     title = "Coarse steps"
     cause = (
@@ -36,18 +37,10 @@ class Quantization(Effect):
         ),
     )
 
-    reading_fault = True
-
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return (0, 1, 2)
-
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return np.zeros((len(run), 0))
-
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if all(r.lsb_dps is not None for r in runs) else "lsb_dps in session.toml: what one count should be"
 
-    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """The grid that all readings of the axis sit on, if it is coarser than the count that the session states."""
         stated = [r.lsb_dps for r in runs if r.lsb_dps is not None]
         if len(stated) < len(runs):
@@ -60,11 +53,9 @@ class Quantization(Effect):
         if factor < 2 or abs(own / count_dps - factor) > 0.01 * factor:
             return None
         samples = sum(len(r) for r in runs)
-        return {"lsb_dps": own}, {}, float(max(1e-300, float(factor) ** -min(samples, 300)))
+        return Detected({"lsb_dps": own}, {}, float(max(1e-300, float(factor) ** -min(samples, 300))))
 
-    def respond(
-        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
-    ) -> Array:
+    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         """The mean of a noisy rate that is rounded: noise of half a step and more hides the grid (dither)."""
         step = values["lsb_dps"]
         own_sd = np.sqrt(max(white_sd_dps**2 - step**2 / 12, (0.05 * step) ** 2))
@@ -74,6 +65,9 @@ class Quantization(Effect):
             weight = step / (np.pi * k) * np.exp(-2 * (np.pi * k * own_sd / step) ** 2)
             out += (-1) ** k * weight * np.sin(k * turn)
         return out
+
+    def step_dps(self, values: Mapping[str, float]) -> float:
+        return values.get("lsb_dps", 0.0)
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
         """The readings [n, 3] with this fault, deg/s."""

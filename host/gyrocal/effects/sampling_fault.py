@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Mask, Parameter, Values
+from gyrocal.effects.base import Mask, Parameter
+from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
 
@@ -16,7 +17,7 @@ def stale(run: Run) -> Mask:
     return same
 
 
-class SamplingFault(Effect):
+class SamplingFault(ReadingFault):
     id = "sampling_fault"
     title = "Repeated or lost samples"
     cause = (
@@ -34,15 +35,7 @@ class SamplingFault(Effect):
     )
     parameters = (Parameter("fraction", "fraction", (0.001, 0.1), "hosts that poll by their own timer", 0.05),)
 
-    reading_fault = True
-
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return (0, 1, 2)
-
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return np.zeros((len(run), 0))
-
-    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """More neighbours equal on all three axes at once than axes that are equal independently of one another allow."""
         from scipy.stats import binom
 
@@ -53,11 +46,9 @@ class SamplingFault(Effect):
         if chance > 1e-4:
             return None
         fraction = equal / pairs
-        return {"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance
+        return Detected({"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance)
 
-    def respond(
-        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
-    ) -> Array:
+    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         """A stale reading is the one before it, noise and all."""
         out = modelled_dps.copy()
         old = np.flatnonzero(stale(run))

@@ -6,15 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Mask, Parameter, Values
+from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.quantities import white_sd_dps
+from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
 BELOW = 3.0
 """Spreads of the noise below the largest reading that are looked at."""
 
 
-class Saturation(Effect):
+class Saturation(ReadingFault):
     id = "saturation"
     title = "Clipping at full scale"
     cause = (
@@ -31,15 +32,9 @@ class Saturation(Effect):
         ),
     )
 
-    reading_fault = True
+    clips = True
 
-    def axes(self, run: Run) -> tuple[int, ...]:
-        return (0, 1, 2)
-
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return np.zeros((len(run), 0))
-
-    def detect(self, runs: Sequence[Run], axis: int) -> tuple[Values, Values, float] | None:
+    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Readings heaped at the largest value that occurs, more than noise would put there."""
         readings = np.concatenate([r.gyro_dps[:, axis] for r in runs])
         size = np.abs(readings)
@@ -49,14 +44,12 @@ class Saturation(Effect):
         # of n readings within a spread of the largest, noise leaves but one or two at exactly the largest
         if heaped < 10 or heaped <= below / 2 or heaped > 0.8 * readings.size:
             return None
-        return {"full_scale_dps": limit}, {}, float(np.exp(-min(heaped, 500)))
+        return Detected({"full_scale_dps": limit}, {}, float(np.exp(-min(heaped, 500))))
 
     def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
         return np.abs(run.gyro_dps[:, axis]) < values["full_scale_dps"] - 1e-6
 
-    def respond(
-        self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float
-    ) -> Array:
+    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         """The mean of a Gaussian reading that is cut at both limits."""
         from scipy.stats import norm
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from gyrocal.effects.base import Effect, Parameter
+from gyrocal.effects.base import Effect, Law, Parameter, Role
+from gyrocal.effects.quantities import rate_about
 from gyrocal.recording.session import Array, Run
 
 
@@ -22,9 +21,10 @@ class Scale(Effect):
     measure_next = "runs at two true rates at least; check the table's rate with a stopwatch over many turns"
     parameters = (
         Parameter("scale", "fraction", (0.001, 0.02), "LSM6DSO datasheet, table 2: sensitivity tolerance +-1 %", 0.004),
-        Parameter("scale_sd", "fraction", (0.0, 0.001), "repeatability from one power cycle to the next", 0.0),
     )
     linear = ("scale",)
+    role = Role.SCALE
+    law = Law({"scale": 0.003}, "0.003*rate", degree=1)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return (run.rate_dps if axis == run.axis_index else np.zeros(len(run)))[:, None]
+        return rate_about(run, axis)[:, None]

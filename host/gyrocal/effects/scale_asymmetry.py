@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
 from gyrocal.effects.quantities import TURNING, rate_about, turns
 from gyrocal.recording.session import Array, Run
 
@@ -29,6 +29,8 @@ class ScaleAsymmetry(Effect):
     )
     linear = ("k",)
     on_device = True
+    law = Law({"k": 0.001}, "0.001*abs(rate)", degree=1, even=True)
+    cases = (Case({"k": 0.001}, ("k",), "full"),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if turns(runs, axis) else TURNING

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
 from gyrocal.effects.quantities import TURNING, rate_about, turns
 from gyrocal.recording.session import Array, Run
 
@@ -31,6 +31,8 @@ class ScaleNonlinearity(Effect):
     )
     linear = ("k3",)
     on_device = True
+    law = Law({"k3": 3e-8}, "3e-8*rate**3", degree=3)
+    cases = (Case({"k3": 3e-8}, ("k3",), "full"),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if turns(runs, axis) else TURNING

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
 from gyrocal.effects.quantities import MOVING_TEMPERATURE, TURNING, rate_about, temperature_moves, turns, warming_c
 from gyrocal.recording.session import Array, Run
 
@@ -25,6 +25,8 @@ class ScaleTemperature(Effect):
     parameters = (Parameter("k_per_c", "1/degC", (1e-5, 3e-4), "LSM6DSO datasheet, table 2: +-0.007 %/degC", 7e-5),)
     linear = ("k_per_c",)
     on_device = True
+    law = Law({"k_per_c": 7e-5}, "7e-5*(temp_c - 25)*rate", degree=1)
+    cases = (Case({"k_per_c": 7e-5}, ("k_per_c",)),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         if not turns(runs, axis):

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s
+from gyrocal.effects.base import Law, OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.quantities import TURNING, rate_about, turns
+from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
 
 
-class SpinUp(Effect):
+class SpinUp(OfEachRun):
     id = "spin_up"
     title = "The table is still spinning up"
     cause = (
@@ -25,21 +27,19 @@ class SpinUp(Effect):
     )
     parameters = (
         Parameter("A", "fraction", (0.0005, 0.01), "belt-driven tables, seconds after the set rate is shown", 0.002),
-        Parameter("tau_s", "s", (0.5, 10.0), "speed controllers' settling times", 2.0),
+        Parameter("tau_s", "s", (0.5, 10.0), "speed controllers' settling times", 2.0, POSITIVE, sized=False),
     )
     linear = ("A",)
     nonlinear = ("tau_s",)
-    scope = "run"
     common_mean = True
     on_device = True
+    law = Law({"A": 0.002, "tau_s": 3.0}, "-rate*0.002*exp(-t/3)", degree=1)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        turning = any(r.axis_index == axis and not r.rate_is_mean and np.any(r.rate_dps) for r in runs)
-        return None if turning else "a run in which the table turns about this axis at a known rate"
+        return None if turns(runs, axis) else TURNING
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{"A": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(0.5, 16.0, 6)]
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        rate = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
-        return (-rate * np.exp(-elapsed_s(run) / values["tau_s"]))[:, None]
+        return (-rate_about(run, axis) * np.exp(-elapsed_s(run) / values["tau_s"]))[:, None]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
 from gyrocal.effects.quantities import TEMPERATURE_WINDOW_S, temperature_by_second, temperature_slope_c_s
 from gyrocal.recording.session import Array, Run
 
@@ -38,6 +38,8 @@ class ThermalLag(Effect):
         ),
     )
     linear = ("k_dps_s_per_c",)
+    law = Law({"k_dps_s_per_c": 0.4}, None)
+    cases = (Case({"k_dps_s_per_c": 2.0}, ("k_dps_s_per_c",)),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         measured = bool(runs) and all(r.temp_c is not None for r in runs)

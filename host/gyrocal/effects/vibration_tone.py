@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gyrocal.effects.base import Effect, Parameter, Values, elapsed_s, stack
+from gyrocal.effects.base import Law, Parameter, Values, elapsed_s
+from gyrocal.effects.wave import Wave
+from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
 
 LOWEST_HZ = 1.0
@@ -23,7 +26,7 @@ def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
     return found.frequency_hz, found.ratio
 
 
-class VibrationTone(Effect):
+class VibrationTone(Wave):
     id = "vibration_tone"
     title = "A vibration's tone"
     cause = (
@@ -40,16 +43,20 @@ class VibrationTone(Effect):
         "a true tone stays"
     )
     parameters = (
-        Parameter("f_hz", "Hz", (1.0, 200.0), "fans and motors; up to half the sampling rate", 23.0),
+        Parameter(
+            "f_hz", "Hz", (1.0, 200.0), "fans and motors; up to half the sampling rate", 23.0, POSITIVE,
+            search=(1.0, 200.0), sized=False,
+        ),
         Parameter("A_dps", "dps", (0.002, 0.2), "consumer MEMS gyroscopes near motors and fans", 0.03),
-        Parameter("phase_deg", "deg", (-180.0, 180.0), "unknown at the start of each run"),
+        Parameter("phase_deg", "deg", (-180.0, 180.0), "unknown at the start of each run", sized=False),
     )
     linear = ("A_dps",)
     nonlinear = ("f_hz",)
-    scope = "run"
-
+    phases = ("phase_deg",)
     fast = True
     same_size = True
+    offered_as = "a vibration"
+    law = Law({"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(2*pi*3*t)")
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """The strongest lines of the spectrum, averaged over the runs."""
@@ -64,37 +71,6 @@ class VibrationTone(Effect):
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         return 0.2 / (values["f_hz"] * max(r.duration_s for r in runs))
 
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        if not self.used(values):
-            return np.zeros((len(run), 0))
-        angle = 2 * np.pi * values["f_hz"] * elapsed_s(run)
-        return stack(np.sin(angle), np.cos(angle))
-
-    def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        """Nothing as long as the frequency is open: tones are looked for in the spectrum, not on a grid."""
-        return self.linear if {"A_dps", "f_hz"} <= values.keys() else ()
-
-    def coefficients(self, values: Mapping[str, float]) -> Array:
-        if not self.used(values):
-            return np.zeros(0)
-        phase = np.deg2rad(values.get("phase_deg", 0.0))
-        return values["A_dps"] * np.array([np.cos(phase), np.sin(phase)])
-
-    def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        if not self.used(values):
-            return {}
-        a, b = coefficients
-        return {"A_dps": float(np.hypot(a, b)), "phase_deg": float(np.rad2deg(np.arctan2(b, a)))}
-
-    def spread(self, values: Mapping[str, float]) -> Array:
-        # Of unknown phase: sine and cosine each carry half of the wave's mean square.
-        return np.repeat([values[name] / np.sqrt(2) for name in self.used(values)], 2)
-
-    def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        return {name: float(spread[0] * np.sqrt(2)) for name in self.used(values)}
-
-    def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [0, 0] if self.used(values) else []
-
-    def bounds(self, name: str) -> tuple[float, float]:
-        return self.parameter(name).typical
+    def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
+        """A sine is a cosine a quarter of a period earlier."""
+        return np.asarray(-1j * np.exp(2j * np.pi * values["f_hz"] * elapsed_s(run)))

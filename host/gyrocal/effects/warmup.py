@@ -6,9 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
 from gyrocal.effects.quantities import power_on_time_s
+from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
+
+SEARCH_S = (3.0, 200.0)
+"""What settles more slowly than any package is called a drift."""
 
 
 class Warmup(Effect):
@@ -29,11 +33,17 @@ class Warmup(Effect):
     )
     parameters = (
         Parameter("A_dps", "dps", (0.005, 0.05), "consumer MEMS gyroscopes, the first minutes after power-on", 0.03),
-        Parameter("tau_s", "s", (10.0, 120.0), "thermal time constants of package and board", 20.0),
+        Parameter(
+            "tau_s", "s", (10.0, 120.0), "thermal time constants of package and board", 20.0, POSITIVE,
+            search=SEARCH_S, sized=False,
+        ),
     )
     linear = ("A_dps",)
     nonlinear = ("tau_s",)
     on_device = True
+    offered_as = "a slow warm-up"
+    law = Law({"A_dps": 0.03, "tau_s": 12.0}, "0.03*exp(-power_on_s/12)")
+    cases = (Case({"A_dps": 0.05, "tau_s": 15.0}, ("A_dps", "tau_s")),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         known = bool(runs) and all(r.power_on_s is not None for r in runs)
@@ -41,10 +51,6 @@ class Warmup(Effect):
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{"A_dps": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 160.0, 6)]
-
-    def bounds(self, name: str) -> tuple[float, float]:
-        """What settles more slowly than any package is called a drift."""
-        return 3.0, 200.0
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)

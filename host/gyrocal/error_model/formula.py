@@ -15,6 +15,8 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, effect, effects
 from gyrocal.errors import InputError
+from gyrocal.noise.axis import COMPONENTS
+from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import symbols
 
@@ -40,7 +42,7 @@ class FormulaEffect(Effect):
     measure_next = "vary what the formula depends on"
 
     def __init__(self, text: str, name: str = "formula") -> None:
-        if not name.isidentifier() or (type(self) is FormulaEffect and name in effects()):
+        if not name.isidentifier() or (type(self) is FormulaEffect and (name in effects() or name in COMPONENTS)):
             raise InputError(f"formula {text!r}: {name!r} cannot be its name; use letters, digits and _, and no effect's id")
         self.id = name  # type: ignore[misc]
         self.equation = text  # type: ignore[misc]
@@ -64,9 +66,11 @@ class FormulaEffect(Effect):
         if unset:
             raise InputError(f'formula {text!r}: say where {unset[0]} starts, e.g. "{expression}; {unset[0]}=1"')
         self.title = f"your formula {expression}"  # type: ignore[misc]
-        low = {n: abs(self.start[n]) / SEARCH if n in self.start else 0.0 for n in (*names, *self.nonlinear)}
-        high = {n: abs(self.start[n]) * SEARCH if n in self.start else np.inf for n in low}
-        self.parameters = tuple(Parameter(n, "", (low[n], high[n]), "the user") for n in low)  # type: ignore[misc]
+        searched = {n: (abs(self.start[n]) / SEARCH, abs(self.start[n]) * SEARCH) for n in self.nonlinear}
+        self.parameters = (  # type: ignore[misc]
+            *(Parameter(n, "", (0.0, np.inf), "the user") for n in names if n not in searched),
+            *(Parameter(n, "", r, "the user", bounds=POSITIVE, search=r) for n, r in searched.items()),
+        )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         for name in self.variables:
@@ -84,9 +88,6 @@ class FormulaEffect(Effect):
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
         """Of coefficients that differ from run to run about zero the value is their root mean square."""
         return dict(zip(self.used(values), map(float, spread), strict=True))
-
-    def bounds(self, name: str) -> tuple[float, float]:
-        return abs(self.start[name]) / SEARCH, abs(self.start[name]) * SEARCH
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         known: dict[str, Any] = {**CONSTANTS, **{n: values.get(n, self.start.get(n)) for n in self.nonlinear}}

@@ -1,27 +1,30 @@
-"""An error model: which effects make the reading of each axis, with their parameters; the TOML file a person edits."""
+"""An error model: which effects and which noise make the reading of each axis; the TOML file a person edits."""
 
 from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from gyrocal.effects import base
-from gyrocal.effects.base import Effect, Values
+from gyrocal.effects.base import Effect, Role, Values
+from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
+from gyrocal.noise.axis import COMPONENTS, AxisNoise
+from gyrocal.noise.drift import Drift
+from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
+from gyrocal.parameter import NOT_NEGATIVE, Described
 from gyrocal.recording.session import AXES, Run
 
 FORMAT = "gyrocal-model/1"
-BASE = ("scale", "bias")
-RANDOM = ("turn_on_bias", "colored_noise")
-"""What the built-in ``default`` has beyond ``paper``: reported with their sizes, never called missing."""
 
 HEADER = """\
 # A gyrocal error model: what each axis reads beyond the true rate. One line an effect; to undo an effect, remove its line.
@@ -53,6 +56,11 @@ class Term:
     def effect(self) -> Effect:
         return self.own or base.effect(self.effect_id)
 
+    @property
+    def fault(self) -> ReadingFault | None:
+        """The fault of the reading that the values describe; None where they describe a term of the reading."""
+        return self.effect.fault_of(self.values)
+
     def values_in(self, run: Run) -> Values:
         """The values that hold in one run."""
         return {**self.values, **self.of_run.get(run.index, {})}
@@ -67,20 +75,40 @@ class Term:
 
 
 @dataclass(frozen=True)
+class Line:
+    """An effect or a noise on one axis, as the model file and the commands list it."""
+
+    kind: Described
+    axis: str
+    values: Values
+    se: Values
+
+    @property
+    def id(self) -> str:
+        return self.kind.id
+
+    @property
+    def inherent(self) -> bool:
+        """Whether every sensor has it: scale, bias and noise are reported, but never called missing."""
+        return not isinstance(self.kind, Effect) or self.kind.role is not None
+
+
+@dataclass(frozen=True)
 class Model:
-    """Terms for each axis, and the level of the white noise, deg/s a sample."""
+    """Terms and noise of each axis."""
 
     name: str
     terms: tuple[Term, ...]
-    white_sd_dps: Values = field(default_factory=dict)
+    noise: Mapping[str, AxisNoise] = field(default_factory=dict)
 
     @staticmethod
     def builtin(name: str) -> Model:
         """``paper``: scale, bias and white noise, eq. (4) to the letter. ``default``: also turn-on bias and coloured noise."""
-        ids = {"paper": BASE, "default": BASE + RANDOM}
-        if name not in ids:
-            raise InputError(f"--model {name}: neither a file nor one of {', '.join(ids)}")
-        return Model(name, tuple(Term(i, axis) for i in ids[name] for axis in AXES))
+        noises = {"paper": AxisNoise(), "default": AxisNoise(drift=Drift(), turn_on_bias=TurnOnBias())}
+        if name not in noises:
+            raise InputError(f"--model {name}: neither a file nor one of {', '.join(noises)}")
+        ids = [base.with_role(role).id for role in Role]
+        return Model(name, tuple(Term(i, axis) for i in ids for axis in AXES), dict.fromkeys(AXES, noises[name]))
 
     @staticmethod
     def open(source: str | Path | Model | None = None) -> Model:
@@ -106,19 +134,62 @@ class Model:
 
     @property
     def ids(self) -> list[str]:
-        """Effect ids, each once, in order."""
-        return list(dict.fromkeys(t.effect_id for t in self.terms))
+        """Ids of effects and noises, each once, in order."""
+        return list(dict.fromkeys(line.id for line in self.lines()))
+
+    @property
+    def axes(self) -> list[str]:
+        """The axes that the model says anything of."""
+        return [axis for axis in AXES if self.on(axis) or self.noise_on(axis).components]
 
     def on(self, axis: str) -> list[Term]:
         return [t for t in self.terms if t.axis == axis]
 
+    def noise_on(self, axis: str) -> AxisNoise:
+        return self.noise.get(axis, AxisNoise())
+
+    @property
+    def effect_ids(self) -> list[str]:
+        """Ids of the effects that not every sensor has, each once, in order."""
+        return list(dict.fromkeys(line.id for line in self.lines() if not line.inherent))
+
+    def faults(self, axis: str) -> list[tuple[ReadingFault, Values]]:
+        """The faults of the reading that the model knows on an axis, with their values."""
+        return [(t.fault, t.values) for t in self.on(axis) if t.values and t.fault is not None]
+
+    def lines(self) -> Iterator[Line]:
+        """All effects and noises: the noises after scale and bias."""
+        last = max((i for i, t in enumerate(self.terms) if t.effect.role is not None), default=-1)
+        for term in self.terms[: last + 1]:
+            yield self._line(term)
+        for component_id in COMPONENTS:
+            for axis in AXES:
+                for component in self.noise_on(axis).components:
+                    if component.id == component_id:
+                        yield Line(component, axis, component.values, component.se)
+        for term in self.terms[last + 1 :]:
+            yield self._line(term)
+
+    def _line(self, term: Term) -> Line:
+        """A term's line; that of the scale also tells its spread over power cycles."""
+        spread = self.noise_on(term.axis).turn_on_scale
+        if term.effect.role is not Role.SCALE or spread is None:
+            return Line(term.effect, term.axis, term.values, term.se)
+        name = _turn_on_scale_name(term.effect)
+        se = {} if spread.se is None else {name: spread.se}
+        return Line(term.effect, term.axis, {**term.values, name: spread.sd}, {**term.se, **se})
+
     def term(self, effect_id: str, axis: str) -> Term | None:
         return next((t for t in self.terms if t.effect_id == effect_id and t.axis == axis), None)
 
+    def line(self, effect_id: str, axis: str) -> Line | None:
+        """The line of an effect or a noise on one axis."""
+        return next((line for line in self.lines() if (line.id, line.axis) == (effect_id, axis)), None)
+
     def value(self, effect_id: str, axis: str, name: str, default: float = 0.0) -> float:
-        """One parameter's value, or ``default`` where the model has no such term."""
-        term = self.term(effect_id, axis)
-        return default if term is None else term.values.get(name, default)
+        """One parameter's value of an effect or a noise, or ``default`` where the model has none."""
+        line = self.line(effect_id, axis)
+        return default if line is None else line.values.get(name, default)
 
     def with_term(self, term: Term) -> Model:
         """The model with a term added, or replaced where effect and axis are there."""
@@ -128,13 +199,19 @@ class Model:
         return replace(self, terms=tuple(term if (t.effect_id, t.axis) == same else t for t in self.terms))
 
     def add(self, effect_id: str, axis: str = "z") -> Model:
-        """The model with an effect (or a formula) on one axis, not fitted yet: ``compare`` and ``fit`` find its parameters."""
+        """The model with an effect, a formula or a noise on one axis, not fitted yet: ``compare`` and ``fit`` find its size."""
         if axis not in AXES:
             raise InputError(f"axis is {axis!r}, not x, y or z")
+        if effect_id in COMPONENTS:
+            noise = {**self.noise, axis: self.noise_on(axis).having(COMPONENTS[effect_id])}
+            return replace(self, name=self._name(add=effect_id), noise=noise)
         return self.with_term(Term.of(effect_or_formula(effect_id), axis))
 
     def without(self, effect_id: str, axis: str | None = None) -> Model:
-        """The model without an effect, on one axis or all."""
+        """The model without an effect or a noise, on one axis or all."""
+        if effect_id in COMPONENTS:
+            changed = {a: n.without(effect_id) if axis in (None, a) else n for a, n in self.noise.items()}
+            return replace(self, noise=changed)
         kept = tuple(t for t in self.terms if not (t.effect_id == effect_id and axis in (None, t.axis)))
         return replace(self, terms=kept)
 
@@ -152,31 +229,32 @@ class Model:
     def _check_written(self, partial: Path) -> None:
         """Raises InputError where a file does not hold this model: what it was to replace is then kept."""
         read = _parse(tomllib.loads(partial.read_text(encoding="utf-8")), partial)
-        if read.name != self.name or [_shape(t) for t in read.terms] != [_shape(t) for t in self._in_order()]:
+        if read.name != self.name or [_shape(line) for line in read.lines()] != [_shape(line) for line in self._grouped()]:
             raise InputError(f"the model {self.name!r} cannot be written so that it reads back; the file is left as it was")
 
-    def _in_order(self) -> list[Term]:
-        """Terms as the file has them: effect by effect."""
-        return [t for effect_id in self.ids for t in self.terms if t.effect_id == effect_id]
+    def _grouped(self) -> list[Line]:
+        """The lines as the file has them: effect by effect."""
+        listed = list(self.lines())
+        return [line for effect_id in self.ids for line in listed if line.id == effect_id]
 
     def toml(self) -> str:
         """The file's text: one line an effect, the equation above it."""
         lines = [HEADER + f'format = "{FORMAT}"', f"name = {_quoted(self.name)}"]
-        if self.white_sd_dps:
-            levels = ", ".join(f"{axis} = {_number(sd)}" for axis, sd in self.white_sd_dps.items())
+        white = {axis: n.white_sd_dps for axis, n in self.noise.items() if n.white_sd_dps is not None}
+        if white:
+            levels = ", ".join(f"{axis} = {_number(sd)}" for axis, sd in white.items())
             lines.append(f"white_sd_dps = {{ {levels} }}  # one sample's white noise")
         lines.append("effects = [")
-        for effect_id in self.ids:
-            kind = next(t.effect for t in self.terms if t.effect_id == effect_id)
-            lines.append(f"  # {_one_line(kind.title)}: {_one_line(kind.equation)}")
-            for term in self.terms:
-                if term.effect_id == effect_id:
-                    numbers = {**term.values, **{f"{n}_se": se for n, se in term.se.items() if math.isfinite(se)}}
-                    parts = [f"id = {_quoted(term.effect_id)}", f"axis = {_quoted(term.axis)}"]
-                    if isinstance(term.own, FormulaEffect):
-                        parts.append(f"formula = {_quoted(term.own.equation)}")
-                    parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
-                    lines.append("  { " + ", ".join(parts) + " },")
+        for _, group in groupby(self._grouped(), key=lambda line: line.id):
+            same = list(group)
+            lines.append(f"  # {_one_line(same[0].kind.title)}: {_one_line(same[0].kind.equation)}")
+            for line in same:
+                numbers = {**line.values, **{f"{n}_se": se for n, se in line.se.items() if math.isfinite(se)}}
+                parts = [f"id = {_quoted(line.id)}", f"axis = {_quoted(line.axis)}"]
+                if isinstance(line.kind, FormulaEffect):
+                    parts.append(f"formula = {_quoted(line.kind.equation)}")
+                parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
+                lines.append("  { " + ", ".join(parts) + " },")
         return "\n".join([*lines, "]", ""])
 
 
@@ -190,11 +268,11 @@ def _one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
-def _shape(term: Term) -> tuple[str, str, str, dict[str, str], dict[str, str]]:
-    """What a file holds of a term, numbers to the digits that it keeps."""
-    formula = term.own.equation if isinstance(term.own, FormulaEffect) else ""
-    se = {n: _number(v) for n, v in term.se.items() if math.isfinite(v)}
-    return term.effect_id, term.axis, formula, {n: _number(v) for n, v in term.values.items()}, se
+def _shape(line: Line) -> tuple[str, str, str, dict[str, str], dict[str, str]]:
+    """What a file holds of a line, numbers to the digits that it keeps."""
+    formula = line.kind.equation if isinstance(line.kind, FormulaEffect) else ""
+    se = {n: _number(v) for n, v in line.se.items() if math.isfinite(v)}
+    return line.id, line.axis, formula, {n: _number(v) for n, v in line.values.items()}, se
 
 
 def _number(value: float) -> str:
@@ -208,41 +286,11 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
     entries = raw.get("effects")
     if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
         raise InputError(f"{path}: effects must be a list of {{ id = ..., axis = ... }}")
-    terms: list[Term] = []
-    for number, entry in enumerate(entries, start=1):
-        where = f"{path}: effect {number}"
-        formula = entry.get("formula")
-        own: Effect | None = None
-        try:
-            if formula is not None:
-                own = FormulaEffect(str(formula), str(entry.get("id")))
-            kind = own or base.effect(str(entry.get("id")))
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from None
-        axis = entry.get("axis")
-        if axis not in AXES:
-            raise InputError(f"{where} ({kind.id}): axis is {axis!r}, not x, y or z")
-        known = {p.name for p in kind.parameters} | {f"{p.name}_sd" for p in kind.parameters}
-        values: Values = {}
-        se: Values = {}
-        for name, value in entry.items():
-            if name in ("id", "axis", "formula"):
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise InputError(f"{where} ({kind.id}): {name} is {value!r}, not a finite number")
-            positive = name in kind.nonlinear or name.endswith(("_sd", "_se")) or name == "sd_dps"
-            if positive and (value < 0 or (name.endswith("tau_s") and value == 0)):
-                raise InputError(f"{where} ({kind.id}): {name} is {value:g}, must be positive")
-            if name in known:
-                values[name] = float(value)
-            elif name.removesuffix("_se") in known and name.endswith("_se"):
-                se[name.removesuffix("_se")] = float(value)
-            else:
-                raise InputError(f"{where} ({kind.id}): no parameter {name!r}; it has {', '.join(sorted(known))}")
-        if any(t.effect_id == kind.id and t.axis == axis for t in terms):
-            raise InputError(f"{where} ({kind.id}): stands twice for axis {axis}")
-        terms.append(Term(kind.id, axis, values, se, own))
-    if not terms:
+    lines = [_parse_line(entry, f"{path}: effect {number}") for number, entry in enumerate(entries, start=1)]
+    for number, line in enumerate(lines, start=1):
+        if any((other.id, other.axis) == (line.id, line.axis) for other in lines[: number - 1]):
+            raise InputError(f"{path}: effect {number} ({line.id}): stands twice for axis {line.axis}")
+    if not lines:
         raise InputError(f"{path}: no effects; a model has scale and bias at least")
     strange = sorted(set(raw) - {"format", "name", "white_sd_dps", "effects"})
     if strange:
@@ -252,4 +300,59 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
         a in AXES and isinstance(v, int | float) and v >= 0 for a, v in white.items()
     ):
         raise InputError(f"{path}: white_sd_dps must give a level for x, y or z")
-    return Model(str(raw.get("name", path.stem)), tuple(terms), {a: float(v) for a, v in white.items()})
+    noise = {axis: AxisNoise(float(white[axis]) if axis in white else None) for axis in AXES}
+    terms: list[Term] = []
+    for line in lines:
+        if isinstance(line.kind, Effect):
+            term, spread = _term(line.kind, line)
+            terms.append(term)
+            noise[line.axis] = noise[line.axis] if spread is None else replace(noise[line.axis], turn_on_scale=spread)
+        else:
+            noise[line.axis] = noise[line.axis].having(COMPONENTS[line.id].with_values(line.values, line.se))
+    return Model(str(raw.get("name", path.stem)), tuple(terms), noise)
+
+
+def _term(kind: Effect, line: Line) -> tuple[Term, TurnOnScale | None]:
+    """The term of a line, and the spread over power cycles that the scale's line also holds."""
+    name = _turn_on_scale_name(kind) if kind.role is Role.SCALE else ""
+    values, se = ({n: v for n, v in given.items() if n != name} for given in (line.values, line.se))
+    spread = TurnOnScale(line.values[name], line.se.get(name)) if name in line.values else None
+    return replace(Term.of(kind, line.axis, values), se=se), spread
+
+
+def _turn_on_scale_name(kind: Effect) -> str:
+    """How the line of the scale names its spread over power cycles."""
+    return f"{kind.linear[0]}_sd"
+
+
+def _parse_line(entry: Mapping[str, Any], where: str) -> Line:
+    """One entry of ``effects`` in a model file."""
+    name, formula = str(entry.get("id")), entry.get("formula")
+    kind: Described
+    try:
+        kind = COMPONENTS.get(name) or base.effect(name) if formula is None else FormulaEffect(str(formula), name)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    axis = entry.get("axis")
+    if axis not in AXES:
+        raise InputError(f"{where} ({kind.id}): axis is {axis!r}, not x, y or z")
+    values: Values = {}
+    se: Values = {}
+    numbers = {key: value for key, value in entry.items() if key not in ("id", "axis", "formula")}
+    spreads = (replace(p, name=f"{p.name}_sd", bounds=NOT_NEGATIVE) for p in kind.parameters)
+    known = {p.name: p for p in (*kind.parameters, *spreads)}
+    for key, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise InputError(f"{where} ({kind.id}): {key} is {value!r}, not a finite number")
+        of = key.removesuffix("_se") if key not in known else None
+        if of in known:
+            se[of] = float(value)
+            refusal = f"{key} is {value:g}, must be positive" if value < 0 else None
+        elif key in known:
+            values[key] = float(value)
+            refusal = known[key].refusal(value)
+        else:
+            raise InputError(f"{where} ({kind.id}): no parameter {key!r}; it has {', '.join(sorted(known))}")
+        if refusal is not None:
+            raise InputError(f"{where} ({kind.id}): {refusal}")
+    return Line(kind, axis, values, se)

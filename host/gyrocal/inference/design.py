@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
+from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise, Summed
 from gyrocal.recording.session import Array
 
@@ -55,13 +57,16 @@ class Layout:
 class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
 
+    ``noise_model``: which noise is reckoned with; with a turn-on bias the bias is random from power cycle to power cycle.
     ``cell_s``: how long drift is taken to be constant, s; 0 = a block.
     """
 
     def __init__(
-        self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], cell_s: float = 0.0, like: Design | None = None
+        self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise, cell_s: float = 0.0,
+        like: Design | None = None,
     ) -> None:  # fmt: skip
         self.axis = axis
+        self.noise_model = noise_model
         self.cell_s = cell_s
         self.terms = tuple(terms)
         self.blocks = [self._usable(b) for b in blocks]
@@ -73,7 +78,12 @@ class Design:
 
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms; what stays the same is not computed again."""
-        return Design(self.blocks, self.axis, terms, self.cell_s, like=self)
+        return Design(self.blocks, self.axis, terms, self.noise_model, self.cell_s, like=self)
+
+    def over(self, blocks: Sequence[Blocks], terms: Sequence[Term] | None = None, cell_s: float | None = None) -> Design:
+        """The same noise model, and terms and cells unless others are given, on other blocks of these runs."""
+        cell_s = self.cell_s if cell_s is None else cell_s
+        return Design(blocks, self.axis, self.terms if terms is None else terms, self.noise_model, cell_s)
 
     def _means(self, i: int, like: Design | None) -> list[Array | None]:
         """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
@@ -83,7 +93,7 @@ class Design:
         out: list[Array | None] = []
         for term in self.terms:
             same = next((m for t, m in known if t == term and t.effect is term.effect), None)
-            if same is None and term.effect_id != "colored_noise":
+            if same is None and term.fault is None:
                 columns = self._at_samples(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
             out.append(same)
@@ -92,8 +102,8 @@ class Design:
     def _usable(self, b: Blocks) -> Blocks:
         """The blocks of a run without samples that a fault of the reading has emptied of meaning."""
         for term in self.terms:
-            fault = term.values and term.effect.at_reading(term.values)
-            usable = term.effect.usable(b.run, self.axis, term.values) if fault else None
+            fault = term.fault if term.values else None
+            usable = None if fault is None else fault.usable(b.run, self.axis, term.values)
             if usable is not None and b.t_s.size:
                 whole = b.mean(usable[:, None].astype(float))[:, 0] == 1.0
                 b = b.select(whole) if not whole.all() else b
@@ -104,12 +114,11 @@ class Design:
         run: list[tuple[int, int]] = []
         group: list[int] = []
         n_groups = 0
-        random_ids = {t.effect_id for t in self.terms}
         for i, term in enumerate(self.terms):
             kind = term.effect
             k = len(kind.groups(term.values)) if term.values or kind.nonlinear else len(kind.linear)
             scope = self.scopes[i]
-            if scope == "scenario" or kind.at_reading(term.values):
+            if term.fault is not None:
                 continue
             if scope == "session" or kind.common_mean:
                 fixed += [(i, j) for j in range(k)]
@@ -123,18 +132,19 @@ class Design:
             for index, b in ((index, self.blocks[index[0]]) for index in self.alike)
         ]
         # where two columns say the same, the bias stays: power cycles have an offset of their own
-        order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect_id != "bias")
+        order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect.role is not Role.BIAS)
         kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, LEAST_DPS**2 * self._samples)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
-        scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect_id, random_ids)]
+        scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect.role)]
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
 
-    def _varies(self, effect_id: str, ids: set[str]) -> bool:
-        if "turn_on_bias" not in ids:
+    def _varies(self, role: Role | None) -> bool:
+        """Whether an effect of this role is another one in each power cycle."""
+        if self.noise_model.turn_on_bias is None:
             return False
-        return effect_id == "bias" or (effect_id == "scale" and self._scale_within_scenarios)
+        return role is Role.BIAS or (role is Role.SCALE and self._scale_within_scenarios)
 
     @cached_property
     def _scale_within_scenarios(self) -> bool:
@@ -147,9 +157,7 @@ class Design:
 
     def sample_columns(self, b: Blocks) -> dict[int, Array]:
         """Each term's columns at every sample of a run, by the term's index."""
-        return {
-            i: self._at_samples(term, b) for i, term in enumerate(self.terms) if term.effect_id != "colored_noise"
-        }
+        return {i: self._at_samples(term, b) for i, term in enumerate(self.terms) if term.fault is None}
 
     def _at_samples(self, term: Term, b: Blocks) -> Array:
         return term.effect.columns(b.run, self.axis, term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0))

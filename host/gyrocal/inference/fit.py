@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gyrocal.effects.base import Values
+from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference.blocks import Blocks, by_sample, reduce_session
@@ -29,6 +29,9 @@ from gyrocal.inference.reml import (
     solve_with_slopes,
     unknown_spreads,
 )
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.drift import Drift
+from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import each, one_thread
@@ -60,7 +63,7 @@ APART_GAIN = 5.0
 
 @dataclass(frozen=True)
 class AxisFit:
-    """A fitted axis. ``terms`` carry values and standard errors; ``loglik`` is REML's."""
+    """A fitted axis. ``terms`` and ``noise_model`` carry values and standard errors; ``loglik`` is REML's."""
 
     design: Design
     noise: Noise
@@ -69,6 +72,7 @@ class AxisFit:
     terms: tuple[Term, ...]
     grams: Array = field(repr=False)
     logdet: Array = field(repr=False)
+    noise_model: AxisNoise = field(default_factory=AxisNoise)
 
     @property
     def loglik(self) -> float:
@@ -77,7 +81,7 @@ class AxisFit:
     @property
     def turn_on_sd_dps(self) -> float:
         """Spread of the bias over power cycles, deg/s."""
-        return self._scenario_sd(self.spreads.scenario, "bias")
+        return self._scenario_sd(self.spreads.scenario, Role.BIAS)
 
     @property
     def slow_power(self) -> float:
@@ -87,7 +91,7 @@ class AxisFit:
     @property
     def scale_spread_dps(self) -> float:
         """rms, deg/s, of the scale's own spread from power cycle to power cycle; it is no part of the floor."""
-        scale_sd = self._scenario_sd(self.spreads.scenario, "scale")
+        scale_sd = self._scenario_sd(self.spreads.scenario, Role.SCALE)
         rates = [
             float(np.mean(b.run.rate_dps**2)) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks
         ]
@@ -95,9 +99,9 @@ class AxisFit:
         rate_power = float(np.average(rates, weights=samples))
         return scale_sd * float(np.sqrt(rate_power))
 
-    def _scenario_sd(self, of: Array, effect_id: str) -> float:
+    def _scenario_sd(self, of: Array, role: Role) -> float:
         for k, j in enumerate(self.design.layout.scenario):
-            if self.design.terms[self.design.layout.fixed[j][0]].effect_id == effect_id:
+            if self.design.terms[self.design.layout.fixed[j][0]].effect.role is role:
                 return float(np.nan_to_num(of[k]))
         return 0.0
 
@@ -175,32 +179,32 @@ def fit(
     def on(axis: str) -> AxisFit:
         if progress is not None:
             progress(f"fitting {axis}")
-        return fit_axis(reduced, AXES.index(axis), model.on(axis))
+        return fit_axis(reduced, AXES.index(axis), model.on(axis), model.noise_on(axis))
 
-    covered = [axis for axis in axes if model.on(axis)]
+    covered = [axis for axis in axes if axis in model.axes]
     fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))
     terms = {(t.effect_id, t.axis): t for a in fitted.values() for t in a.terms}
-    white = {axis: a.noise.white_sd_dps for axis, a in fitted.items()}
-    result = Model(model.name, tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms), white)
+    noise = {**model.noise, **{axis: a.noise_model for axis, a in fitted.items()}}
+    result = Model(model.name, tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms), noise)
     return Fit(session, reduced, result, fitted)
 
 
-def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term]) -> AxisFit:
+def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise) -> AxisFit:
     """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML."""
     terms = [_prepared(t, blocks, axis) for t in terms]
     if any(t.effect.fast for t in terms):
         blocks = by_sample(blocks)
     pending = [i for i, t in enumerate(terms) if _needs_choice(t)]
     settled = [t for i, t in enumerate(terms) if i not in pending]
-    current = fit_noise(Design(blocks, axis, settled))
+    current = fit_noise(Design(blocks, axis, settled, noise_model))
     cell_s = _drift_cell_s(current) if current.design.n_blocks.sum() > MANY_BLOCKS else 0.0
     if cell_s:
-        design = Design(blocks, axis, settled, cell_s, like=current.design)
+        design = Design(blocks, axis, settled, noise_model, cell_s, like=current.design)
         current = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
     for i in pending:
         current = choose_variant(current, terms[i])
     order = {t.effect_id: i for i, t in enumerate(terms)}
-    current = _reordered(current, order)
+    current = _in_order(current, order, bool(pending))
     return finish(runs_apart(refine(current)))
 
 
@@ -301,19 +305,15 @@ def profile_loglik(fitted: AxisFit) -> float:
 
 
 def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:
-    kind = term.effect
-    if not term.values:
-        found = kind.detect([b.run for b in blocks], axis)
-        return term if found is None else replace(term, values=found[0], se=found[1])
-    if kind.scope == "session" and not kind.nonlinear and not term.values and len(kind.variants([], 0)) == 1:
-        return replace(term, values=dict.fromkeys(kind.linear, 0.0))
-    return term
+    """A term whose values are open, with those of the fault of the reading that shows; others as they are."""
+    if term.values or term.effect.fault is None:
+        return term
+    found = term.effect.fault.detect([b.run for b in blocks], axis)
+    return term if found is None else replace(term, values=found.values, se=found.se)
 
 
 def _needs_choice(term: Term) -> bool:
-    kind = term.effect
-    open_terms = not term.values and kind.scope != "scenario" and not kind.reading_fault
-    return open_terms and term.effect_id != "colored_noise"
+    return not term.values and term.fault is None
 
 
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
@@ -325,9 +325,10 @@ def carry_spreads(old: AxisFit, design: Design) -> Spreads:
     )
 
 
-def _reordered(current: AxisFit, order: dict[str, int]) -> AxisFit:
+def _in_order(current: AxisFit, order: dict[str, int], chosen: bool) -> AxisFit:
+    """The terms in the model's order; where some were ``chosen`` one by one, the noise is fitted anew beside all of them."""
     terms = sorted(current.design.terms, key=lambda t: order[t.effect_id])
-    if list(current.design.terms) == terms:
+    if list(current.design.terms) == terms and not (chosen and current.design.noise_model.components):
         return current
     design = current.design.changed(terms)
     return fit_noise(design, start=with_noise(design, current.noise, unknown_spreads(design)))
@@ -355,7 +356,7 @@ def white_start(design: Design) -> float:
 def _drifts(design: Design) -> bool:
     """Has the model a drift, and are the runs long enough to show one?"""
     longest_s, block_s = design.extent_s
-    return any(t.effect_id == "colored_noise" for t in design.terms) and longest_s > 10 * block_s
+    return design.noise_model.drift is not None and longest_s > 10 * block_s
 
 
 def _first_noise(design: Design) -> Noise:
@@ -434,11 +435,11 @@ def refine(current: AxisFit) -> AxisFit:
 
     moved = False
     for i, term in enumerate(current.design.terms):
-        names = [n for n in term.effect.nonlinear if n in term.values and term.effect_id != "colored_noise"]
+        names = [n for n in term.effect.nonlinear if n in term.values]
         if not names or term.of_run:
             continue
         base = current
-        bounds = [np.log(term.effect.bounds(name)) for name in names]
+        bounds = [np.log(term.effect.parameter(name).search_range) for name in names]
         x0 = np.array([np.clip(np.log(term.values[n]), *b) for n, b in zip(names, bounds, strict=True)])
 
         def at(x: Array, i: int = i, names: list[str] = names, base: AxisFit = base) -> AxisFit:
@@ -541,16 +542,13 @@ def finish(current: AxisFit) -> AxisFit:
     terms = []
     for i, term in enumerate(design.terms):
         kind = term.effect
-        if term.effect_id == "colored_noise":
-            terms.append(replace(term, values={"sd_dps": current.noise.ou_sd_dps, "tau_s": current.noise.ou_tau_s}))
-            continue
         values: Values = {n: v for n, v in kind.structure(term.values).items() if n not in kind.linear}
         se: Values = {}
         if term.of_run:
             values |= {n: v for n, v in term.values.items() if n in term.se}
             se |= term.se
         mine = [j for j, (t, _) in enumerate(layout.fixed) if t == i]
-        if kind.at_reading(term.values):
+        if term.fault is not None:
             values, se = dict(term.values), dict(term.se)
         if mine:
             shared, shared_se = _named(term, current, mine)
@@ -561,14 +559,24 @@ def finish(current: AxisFit) -> AxisFit:
             groups = [layout.run_group[j] for j in own]
             values.update(kind.named_spread(current.spreads.run[groups], term.values))
             se.update(kind.named_spread(run_se[groups], term.values))
-        if term.effect_id == "turn_on_bias" and np.unique(design.scenarios).size >= LEAST_SCENARIOS:
-            values["sd_dps"], se["sd_dps"] = current.turn_on_sd_dps, current._scenario_sd(scenario_se, "bias")
-        if term.effect_id == "scale" and len(layout.scenario) > 1:
-            sd = current._scenario_sd(current.spreads.scenario, "scale")
-            values["scale_sd"], se["scale_sd"] = sd, current._scenario_sd(scenario_se, "scale")
         se.update(_nonlinear_errors(current, i))
         terms.append(replace(term, values=values, se=se))
-    return replace(current, terms=tuple(terms))
+    return replace(current, terms=tuple(terms), noise_model=_fitted_noise(current, scenario_se))
+
+
+def _fitted_noise(current: AxisFit, scenario_se: Array) -> AxisNoise:
+    """The noise as fitted, with the standard errors of the spreads over power cycles."""
+    wanted, fitted = current.design.noise_model, AxisNoise(current.noise.white_sd_dps)
+    if wanted.drift is not None:
+        fitted = fitted.having(Drift(current.noise.ou_sd_dps, current.noise.ou_tau_s))
+    if wanted.turn_on_bias is not None:
+        known = np.unique(current.design.scenarios).size >= LEAST_SCENARIOS
+        se = {"sd_dps": current._scenario_sd(scenario_se, Role.BIAS)}
+        fitted = fitted.having(TurnOnBias(current.turn_on_sd_dps, se=se) if known else TurnOnBias())
+    if len(current.design.layout.scenario) > 1:
+        sd, sd_se = (current._scenario_sd(of, Role.SCALE) for of in (current.spreads.scenario, scenario_se))
+        fitted = replace(fitted, turn_on_scale=TurnOnScale(sd, sd_se))
+    return fitted
 
 
 def _named(term: Term, current: AxisFit, mine: list[int]) -> tuple[Values, Values]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.inference.blocks import Blocks, known_dps
-from gyrocal.inference.design import Design, Mask
+from gyrocal.inference.design import Mask
 from gyrocal.inference.fit import AxisFit, Fit
 from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
 from gyrocal.policy import POLICY
@@ -137,7 +137,7 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
     fits = []
     for blocks in (trained, seen):
         usable = [b for b in blocks if b.t_s.size]
-        design = Design(usable, axis.design.axis, axis.design.terms, axis.design.cell_s)
+        design = axis.design.over(usable)
         grams, logdet = design.grams(axis.noise)
         fits.append((design, grams, logdet, int(design.n_blocks.sum())))
     (design, grams, logdet, n), (more, more_grams, more_logdet, more_n) = fits
@@ -183,9 +183,9 @@ def _predict(step: Step, i: int) -> Prediction:
     modelled = axis.predict(i, step.solution.beta, u)
     modelled = modelled + known_dps(run, axis.design.axis)
     for term in axis.design.terms:
-        if not term.values or not term.effect.at_reading(term.values):
+        if not term.values or term.fault is None:
             continue
-        modelled = term.effect.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
+        modelled = term.fault.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
     rows = slice(0, len(run))
     if step.fold.time is not None:
         elapsed = run.t_s - run.t_s[0]

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.base import Role
 from gyrocal.inference.design import Design, Layout
 from gyrocal.recording.session import Array
 
@@ -23,7 +24,7 @@ TOLERANCE = 1e-3
 """Log-likelihood to which noise and spreads are found, about: the optimiser stops at this over the number of blocks."""
 NO_SPREAD = 1e-6
 """Of a variance, against what one run knows of it: less is none."""
-LARGEST_SPREAD = {"bias": 5.0, "scale": 0.05}
+LARGEST_SPREAD: dict[Role | None, float] = {Role.BIAS: 5.0, Role.SCALE: 0.05}
 """Of power cycles, deg/s and fraction: a hundred times the datasheets' repeatability. More is a mistake and not a spread."""
 
 
@@ -190,7 +191,7 @@ class SpreadScale:
         information[layout.n_groups :] = diagonal[:, np.array(layout.scenario, dtype=np.intp) + 1].sum(axis=0) / cycles
         unit = np.where(information > 0, 1 / np.sqrt(np.maximum(information, 1e-300)), 0.0)
         largest = np.where(unit > 0, _largest_dps(design) / np.concatenate(_random_rms(design)), 0.0)
-        limits = [LARGEST_SPREAD[design.terms[layout.fixed[j][0]].effect_id] for j in layout.scenario]
+        limits = [LARGEST_SPREAD[design.terms[layout.fixed[j][0]].effect.role] for j in layout.scenario]
         largest[layout.n_groups :] = np.minimum(largest[layout.n_groups :], limits)
         return SpreadScale(unit, np.log1p((largest / np.maximum(unit, 1e-300)) ** 2))
 

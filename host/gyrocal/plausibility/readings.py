@@ -146,10 +146,11 @@ def cut_off(session: Session) -> set[tuple[str | None, str | None]]:
 
 
 def clipped(session: Session, model: Model) -> list[Warning]:
-    """``clipped``: readings at full scale, unless the model holds it (saturation)."""
+    """``clipped``: readings at full scale, unless the model holds a fault that leaves such readings out."""
     out = []
     for i, axis in enumerate(AXES):
-        level = None if model.term("saturation", axis) is not None else clip_level_dps(session, i)
+        known = any(term.fault is not None and term.fault.clips for term in model.on(axis))
+        level = None if known else clip_level_dps(session, i)
         if level is None:
             continue
         count = sum(int(np.count_nonzero(np.abs(r.gyro_dps[:, i]) > level - 1e-6)) for r in session.runs)

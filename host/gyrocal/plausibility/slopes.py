@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from gyrocal.effects.base import Role
 from gyrocal.inference.reml import LARGEST_SPREAD
 from gyrocal.plausibility.runs import Mean, Means, spread, told
 from gyrocal.recording.session import AXES, Array, Run
@@ -23,7 +24,7 @@ UNIT_WITHIN, SIGN_WITHIN = 0.1, 0.15
 FOLLOWS_NOT, FOLLOWS = 0.1, (0.9, 1.1)
 RATE_OFF, RATE_ERRORS = 0.02, 10.0
 SCALE_LIMIT, BIAS_LIMIT_DPS = 0.15, 50.0
-TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE = LARGEST_SPREAD["bias"], LARGEST_SPREAD["scale"]
+TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE = LARGEST_SPREAD[Role.BIAS], LARGEST_SPREAD[Role.SCALE]
 TURN_ON_DPS = 0.05
 """Spread of power cycles that is granted where fewer than FEW show it: the upper end of what data sheets give."""
 FEW = 4

@@ -1,4 +1,4 @@
-"""A page an effect, made from its file: ``python -m gyrocal.present.effect_pages docs/effects``.
+"""A page an effect or a noise, made from its file: ``python -m gyrocal.present.effect_pages FOLDER``, or ``make docs``.
 
 The picture shows what the effect adds to the reading, at the size that the simulator plants, on the usual protocols.
 """
@@ -13,9 +13,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from gyrocal.effects.base import Effect, effects
+from gyrocal.effects.base import Case, Effect, effects
+from gyrocal.noise.axis import COMPONENTS
+from gyrocal.noise.component import NoiseComponent
+from gyrocal.parameter import Described
 from gyrocal.recording.session import AXES, Array, Face, Run
-from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS, ou_noise
+from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS
 
 SECONDS = 20.0
 FACES: tuple[Face, ...] = ("up", "down")
@@ -45,39 +48,39 @@ CAPTION = (
 def pages() -> dict[str, str]:
     """Text of every file of the folder, by name."""
     made = {"README.md": _index()}
-    for kind in effects().values():
+    for kind in kinds():
         made[f"{kind.id}.md"] = _page(kind)
         made[f"{kind.id}.svg"] = _picture(kind)
     return made
 
 
+def kinds() -> list[Described]:
+    """Every effect and every noise that has a page, by id."""
+    everything: list[Described] = [*effects().values(), *COMPONENTS.values()]
+    return sorted(everything, key=lambda kind: kind.id)
+
+
 def _index() -> str:
-    rows = [f"| [{k.id}]({k.id}.md) | {k.title} | {_code(k.equation)} |" for k in effects().values()]
+    rows = [f"| [{k.id}]({k.id}.md) | {k.title} | {_code(k.equation)} |" for k in kinds()]
     return "\n".join([
         "# Effects", "",
         "What makes a gyroscope's reading differ from the true rate, as far as gyrocal knows. Each page is made",
-        "from the effect's file in `host/gyrocal/effects/` by `python -m gyrocal.present.effect_pages docs/effects`.", "",
+        "from the effect's file in `host/gyrocal/effects/` or `host/gyrocal/noise/`: `make docs` makes them again.", "",
         "| id | effect | adds to the reading |", "| --- | --- | --- |", *rows, "",
         f"Symbols: {SYMBOLS}", "",
     ])  # fmt: skip
 
 
-def _page(kind: Effect) -> str:
+def _page(kind: Described) -> str:
     parameters = [
         f"| `{p.name}` | {p.unit} | {p.typical[0]:g} to {p.typical[1]:g} "
         f"| {'any' if p.default is None else f'{p.default:g}'} | {p.source} |"
         for p in kind.parameters
     ]
-    needs = kind.missing([], 2) or "nothing beyond the rates"
-    device = "yes: `calibration.h` carries it" if kind.on_device else "no"
-    campaign = [demonstration_run(face, np.full(2900, rate), 3.0) for face in FACES for rate in RATES_DPS]
-    lacking = kind.missing(campaign, shown_axis(kind, campaign[0]))
-    if lacking is None:
-        attempt = ["```", f"gyrocal simulate demo --campaign full --effect {kind.id}", "gyrocal diagnose demo", "```"]
-    else:
-        attempt = [f"The simulator's campaigns cannot show it: that takes {lacking}."]
+    needs = (kind.missing([], 2) if isinstance(kind, Effect) else None) or "nothing beyond the rates"
+    device = "yes: `calibration.h` carries it" if not isinstance(kind, Effect) or kind.on_device else "no"
     return "\n".join([
-        f"<!-- made from host/gyrocal/effects/{kind.id}.py by gyrocal.present.effect_pages -->",
+        f"<!-- made from {_source(kind)} by gyrocal.present.effect_pages -->",
         f"# {kind.title} (`{kind.id}`)", "",
         kind.cause, "",
         f"**Adds to the reading:** {_code(kind.equation)}", "",
@@ -89,19 +92,42 @@ def _page(kind: Effect) -> str:
         f"- **What else looks like it:** {_linked(kind)}.",
         f"- **What to measure next:** {kind.measure_next}.",
         f"- **Runs on the device:** {device}.", "",
-        *attempt, "",
+        *_attempt(kind), "",
         f"Symbols: {SYMBOLS}", "",
     ])  # fmt: skip
+
+
+def _source(kind: Described) -> str:
+    """The file of an effect or a noise, in the repository."""
+    return f"host/{type(kind).__module__.replace('.', '/')}.py"
+
+
+def _attempt(kind: Described) -> list[str]:
+    """How to see it in the simulator: its first case, or whatever size the simulator plants."""
+    campaign = [demonstration_run(face, np.full(2900, rate), 3.0) for face in FACES for rate in RATES_DPS]
+    lacking = kind.missing(campaign, shown_axis(kind, campaign[0])) if isinstance(kind, Effect) else None
+    if lacking is not None:
+        return [f"The simulator's campaigns cannot show it: that takes {lacking}."]
+    case = next(iter(kind.cases), None) if isinstance(kind, Effect) else None
+    planted, name = (kind.id, "full") if case is None else (_planted(kind, case), case.campaign)
+    then = "compare" if isinstance(kind, NoiseComponent) else "diagnose"
+    commands = ["```", f"gyrocal simulate demo --campaign {name} --effect {planted}", f"gyrocal {then} demo", "```"]
+    return commands if case is None else [*commands, "", f"A fit recovers {', '.join(map(_code, case.recovers))}."]
+
+
+def _planted(kind: Described, case: Case) -> str:
+    """A case as the command line plants it."""
+    return f"{kind.id}:{','.join(f'{name}={value:g}' for name, value in case.values.items())}"
 
 
 def _code(equation: str) -> str:
     return f"`{equation}`"
 
 
-def _linked(kind: Effect) -> str:
+def _linked(kind: Described) -> str:
     """``looks_like`` with the first mention of each other effect linked to its page."""
     text = kind.looks_like
-    for other in effects():
+    for other in (k.id for k in kinds()):
         if other != kind.id:
             text = re.sub(rf"(?<![\w/(\[]){other}(?![\w\].-])", f"[{other}]({other}.md)", text, count=1)
     return text
@@ -133,29 +159,29 @@ def demonstration_run(face: Face, rate_dps: Array, power_on_s: float) -> Run:
     )  # fmt: skip
 
 
-def shown_axis(kind: Effect, run: Run) -> int:
-    """The table's axis where the effect shows on it, else the first that it shows on."""
+def shown_axis(kind: Described, run: Run) -> int:
+    """The table's axis where it shows on that, else the first that it shows on."""
+    if not isinstance(kind, Effect):
+        return run.axis_index
     axes = kind.axes(run)
     return run.axis_index if run.axis_index in axes else axes[0]
 
 
-def signature_dps(kind: Effect, run: Run, rng: np.random.Generator) -> Array:
-    """What the effect adds to the reading of :func:`shown_axis`, shape [n], deg/s."""
+def signature_dps(kind: Described, run: Run, rng: np.random.Generator) -> Array:
+    """What it adds to the reading of :func:`shown_axis`, shape [n], deg/s."""
     values = kind.draw({}, rng)
     axis = shown_axis(kind, run)
-    if kind.id == "colored_noise":
-        return ou_noise(len(run), 1 / RATE_HZ, values["sd_dps"], values["tau_s"], 1, rng)[:, 0]
-    added = kind.term(run, axis, values)
-    if kind.scope == "scenario":
-        added = added + kind.columns(run, axis, values) @ rng.normal(0.0, kind.spread(values))
-    distort = getattr(kind, "distort", None)
-    if distort is not None:
-        clean = run.gyro_dps + rng.normal(0.0, WHITE_SD_DPS, (len(run), 3))
-        added = added + (distort(run, clean, values, rng) - clean)[:, axis]
-    return np.asarray(added)
+    if isinstance(kind, NoiseComponent):
+        return kind.with_values(values).sample(len(run), 1 / RATE_HZ, rng)
+    assert isinstance(kind, Effect)
+    fault = kind.fault_of(values)
+    if fault is None:
+        return kind.term(run, axis, values)
+    clean = run.gyro_dps + rng.normal(0.0, WHITE_SD_DPS, (len(run), 3))
+    return np.asarray((fault.distort(run, clean, values, rng) - clean)[:, axis])
 
 
-def _picture(kind: Effect) -> str:
+def _picture(kind: Described) -> str:
     rng = np.random.default_rng(1)
     n = round(SECONDS * RATE_HZ)
     steady = np.full(n, 78.0)
@@ -165,7 +191,7 @@ def _picture(kind: Effect) -> str:
         demonstration_run("down", steady, 35.0),
         demonstration_run("up", swing, 67.0),
     )
-    one_cycle = kind.scope == "scenario"  # the same draw in all three
+    one_cycle = isinstance(kind, NoiseComponent) and kind.one_draw  # the same in all three
     strips = [signature_dps(kind, run, np.random.default_rng(1) if one_cycle else rng) for run in runs]
     points = [
         (face, rate, float(signature_dps(kind, demonstration_run(face, np.full(n, rate), 3.0), rng).mean()))

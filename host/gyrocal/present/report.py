@@ -169,10 +169,10 @@ def write_page(path: Path, c: Comparison) -> None:
 
 def _parameters(c: Comparison) -> list[list[Any]]:
     rows = []
-    for term in c.fit.model.terms:
-        units = {p.name: p.unit for p in term.effect.parameters}
-        for name, value in term.values.items():
-            se = term.se.get(name)
+    for listed in c.fit.model.lines():
+        units = {p.name: p.unit for p in listed.kind.parameters}
+        for name, value in listed.values.items():
+            se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-            rows.append([term.effect_id, term.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
+            rows.append([listed.id, listed.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
     return rows

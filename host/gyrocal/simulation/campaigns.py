@@ -11,6 +11,8 @@ from gyrocal.errors import InputError
 from gyrocal.recording.session import AXES, Axis, Face
 
 TABLE_RATE_DPS = 78.0
+RIPPLE, TRANSIENT = "table_ripple", "spin_up"
+"""What each run of the campaign ``table2`` has. The first is also what a demonstration hides unless told otherwise."""
 OFF_S = 10.0
 """Without power between power cycles."""
 PAUSE_S = 600.0

@@ -17,10 +17,26 @@ import numpy as np
 import polars as pl
 
 from gyrocal.effects import base
+from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
+from gyrocal.noise.axis import COMPONENTS, AxisNoise
+from gyrocal.noise.component import NoiseComponent
+from gyrocal.noise.drift import Drift, ou_noise
+from gyrocal.noise.power_cycles import TurnOnBias
+from gyrocal.parameter import Described
 from gyrocal.recording.session import AXES, Array, Run, Session
-from gyrocal.simulation.campaigns import CAMPAIGNS, OFF_S, PAUSE_EVERY, PAUSE_S, TABLE_RATE_DPS, Planned, Swing
+from gyrocal.simulation.campaigns import (
+    CAMPAIGNS,
+    OFF_S,
+    PAUSE_EVERY,
+    PAUSE_S,
+    RIPPLE,
+    TABLE_RATE_DPS,
+    TRANSIENT,
+    Planned,
+    Swing,
+)
 from gyrocal.simulation.climate import ROOM_SD_C, Day
 
 TRUTH_FORMAT = "gyrocal-truth/1"
@@ -33,8 +49,6 @@ OU_TAU_S = 30.0
 TURN_ON_SD_DPS = 0.005
 SCALE_MEAN, SCALE_SD = 0.004, 0.0005
 BIAS_MEAN_DPS, BIAS_SD_DPS = -0.05, 0.04
-INNATE = ("scale", "bias", "turn_on_bias", "colored_noise")
-"""Effects that every simulated sensor has."""
 
 # The campaign whose baseline errs as the paper's Table 2 does (bias, and 78 deg/s times scale, within 30 % of 55, 35 and
 # 30 mdps at 2, 4 and 6 s): what each run draws. Measured by `gyrocal benchmark paper`.
@@ -60,34 +74,44 @@ class RunTruth:
 class Sensor:
     """What every simulated part has: how its scale and bias are spread, its turn-on bias and its drift."""
 
-    turn_on_sd_dps: float
-    ou_sd_dps: float
-    ou_tau_s: float
-    scale: float | None = None
-    bias_dps: float | None = None
-    """Given, not drawn."""
+    turn_on_bias: TurnOnBias
+    drift: Drift
+    given: Mapping[base.Role, float] = field(default_factory=dict)
+    """Scale (fraction) and bias (deg/s), where they are not drawn."""
 
     @staticmethod
     def of(
         wanted: Sequence[tuple[str, base.Values]], turn_on_sd_dps: float, rng: np.random.Generator
     ) -> tuple[Sensor, list[tuple[str, base.Values]]]:
         """The sensor that the wanted effects ask for, and the effects that are left to plant."""
-        own = {effect_id: base.effect(effect_id).draw(values, rng) for effect_id, values in wanted if effect_id in INNATE}
-        drift = own.get("colored_noise", {"sd_dps": OU_SD_DPS, "tau_s": OU_TAU_S})
-        sensor = Sensor(
-            own.get("turn_on_bias", {"sd_dps": turn_on_sd_dps})["sd_dps"], drift["sd_dps"], drift["tau_s"],
-            own.get("scale", {}).get("scale"), own.get("bias", {}).get("bias_dps"),
-        )  # fmt: skip
-        return sensor, [(effect_id, values) for effect_id, values in wanted if effect_id not in INNATE]
+        noise = AxisNoise(drift=Drift(OU_SD_DPS, OU_TAU_S), turn_on_bias=TurnOnBias(turn_on_sd_dps))
+        given: dict[base.Role, float] = {}
+        left = []
+        for effect_id, values in wanted:
+            kind = _kind(effect_id)
+            if isinstance(kind, NoiseComponent):
+                noise = noise.having(kind.with_values(kind.draw(values, rng)))
+            elif isinstance(kind, base.Effect) and kind.role is not None:
+                given[kind.role] = kind.draw(values, rng)[kind.linear[0]]
+            else:
+                left.append((effect_id, values))
+        assert noise.drift is not None
+        assert noise.turn_on_bias is not None
+        return Sensor(noise.turn_on_bias, noise.drift, given), left
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
         """Scale and bias of the three axes, [3] each."""
         scale = rng.normal(SCALE_MEAN, SCALE_SD, 3)
         bias_dps = rng.normal(BIAS_MEAN_DPS, BIAS_SD_DPS, 3)
         return (
-            scale if self.scale is None else np.full(3, self.scale),
-            bias_dps if self.bias_dps is None else np.full(3, self.bias_dps),
+            np.full(3, self.given[base.Role.SCALE]) if base.Role.SCALE in self.given else scale,
+            np.full(3, self.given[base.Role.BIAS]) if base.Role.BIAS in self.given else bias_dps,
         )
+
+
+def _kind(effect_id: str) -> Described:
+    """What goes by an id: a noise or an effect."""
+    return COMPONENTS.get(effect_id) or base.effect(effect_id)
 
 
 def simulate(
@@ -115,7 +139,7 @@ def simulate(
         raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}")
     if seconds is not None and not 2.0 / RATE_HZ <= seconds < np.inf:
         raise InputError(f"--seconds {seconds:g}: a run lasts two samples of 1/{RATE_HZ:g} s at least")
-    wanted = [base.parse(e) if isinstance(e, str) else (base.effect(e[0]).id, dict(e[1])) for e in effects]
+    wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: is there already; choose another name or remove it")
     if out is not None:
@@ -139,7 +163,7 @@ def simulate(
                 day.switch_off(plan[i - 1].power_on_s + plan[i - 1].seconds)
                 cycles = len({p.scenario for p in plan[:i] if p.day == planned.day})
                 day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
-            turn_on_dps = rng.normal(0.0, sensor.turn_on_sd_dps, 3)
+            turn_on_dps = np.array([sensor.turn_on_bias.draw_dps(rng) for _ in AXES])
             # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
             if vary or campaign == "table2":
                 scale, bias_dps = sensor.draw(rng)
@@ -154,8 +178,8 @@ def simulate(
         "format": TRUTH_FORMAT, "campaign": campaign, "seed": seed,
         "effects": sorted({e["id"] for t in truths for e in t.effects} | {i for i, _ in wanted}),
         "noise": {
-            "white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": sensor.ou_sd_dps, "ou_tau_s": sensor.ou_tau_s,
-            "turn_on_sd_dps": sensor.turn_on_sd_dps,
+            "white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": sensor.drift.sd_dps, "ou_tau_s": sensor.drift.tau_s,
+            "turn_on_sd_dps": sensor.turn_on_bias.sd_dps,
         },
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
@@ -181,8 +205,8 @@ def table2_draw(rng: np.random.Generator) -> list[tuple[str, dict[str, float]]]:
     a, b = rng.normal(0.0, RIPPLE_SD_DPS / TABLE_RATE_DPS, 2)
     tau_s = float(np.exp(rng.uniform(*LOG_TAU)))
     return [
-        ("table_ripple", {"amplitude_1": float(np.hypot(a, b)), "phase_1_deg": float(np.rad2deg(np.arctan2(-b, a)))}),
-        ("spin_up", {"A": float(rng.normal(0.0, TRANSIENT_SD_DPS / TABLE_RATE_DPS)), "tau_s": tau_s}),
+        (RIPPLE, {"amplitude_1": float(np.hypot(a, b)), "phase_1_deg": float(np.rad2deg(np.arctan2(-b, a)))}),
+        (TRANSIENT, {"A": float(rng.normal(0.0, TRANSIENT_SD_DPS / TABLE_RATE_DPS)), "tau_s": tau_s}),
     ]
 
 
@@ -224,14 +248,15 @@ def simulate_run(
     rate_dps = np.zeros((n, 3))
     rate_dps[:, axis] = bare.rate_dps
     y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
-    faults: list[tuple[base.Effect, base.Values]] = []
+    faults: list[tuple[ReadingFault, base.Values]] = []
     for effect_id, given in effects:
         kind = base.effect(effect_id)
         values = shared.get(effect_id) or kind.draw(given, rng)
         if kind.scope_in([bare]) == "session":
             shared[effect_id] = values
-        if kind.at_reading(values):
-            faults.append((kind, values))
+        fault = kind.fault_of(values)
+        if fault is not None:
+            faults.append((fault, values))
             truth.effects.append({"id": effect_id, "axis": "all", **values})
             continue
         axes = kind.axes(bare)
@@ -241,9 +266,9 @@ def simulate_run(
             if on == axis or np.any(term_dps):
                 truth.effects.append({"id": effect_id, "axis": AXES[on], **values})
     y_dps += rng.normal(0.0, WHITE_SD_DPS, (n, 3))
-    y_dps += ou_noise(n, 1 / RATE_HZ, sensor.ou_sd_dps, sensor.ou_tau_s, 3, rng)
-    for kind, values in faults:
-        y_dps = kind.distort(bare, y_dps, values, rng)
+    y_dps += sensor.drift.samples(n, 1 / RATE_HZ, 3, rng)
+    for fault, values in faults:
+        y_dps = fault.distort(bare, y_dps, values, rng)
     y_dps = np.clip(np.round(y_dps / LSB_DPS), -32768, 32767) * LSB_DPS + 0.0  # no minus zero
     return run_of(frame.with_columns(pl.Series(f"g{a}_dps", np.round(y_dps[:, i], 6)) for i, a in enumerate(AXES)))
 
@@ -258,16 +283,6 @@ def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]
         "rate_ref_dps": pl.Series(np.round(face_sign * rate_dps, 6) + 0.0),
         "table_angle_deg": pl.Series(np.round(angle_deg, 4) + 0.0),
     }
-
-
-def ou_noise(n: int, dt_s: float, sd: float, tau_s: float, columns: int, rng: np.random.Generator) -> Array:
-    """A stationary Ornstein-Uhlenbeck process, shape [n, columns]."""
-    from scipy.signal import lfilter
-
-    phi = np.exp(-dt_s / tau_s)
-    shocks = rng.normal(0.0, sd * np.sqrt(1 - phi**2), (n, columns))
-    shocks[0] = rng.normal(0.0, sd, columns)
-    return np.asarray(lfilter([1.0], [1.0, -phi], shocks, axis=0))
 
 
 def paper_windows(

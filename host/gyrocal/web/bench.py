@@ -16,7 +16,6 @@ from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
 from gyrocal.diagnosis.keep import keep
 from gyrocal.effects import base
-from gyrocal.error_model.model import BASE, RANDOM
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
@@ -151,8 +150,7 @@ class Bench:
         opened.save(path)
         firmware_project.create(folder, str(path), network, axis)
         shutil.copyfile(path, folder / "model.toml")
-        effects = [i for i in opened.ids if i not in BASE and i not in RANDOM]
-        return ExportView(folder, effects, self.verify(network, progress))
+        return ExportView(folder, opened.effect_ids, self.verify(network, progress))
 
     def report(
         self, folder: Path, source: str, toml: str, remark: str, bars: Sequence[Bar], floor_mdps: float,
@@ -232,8 +230,9 @@ class Bench:
 
 
 def _effects(model: Model) -> list[tuple[str, str, bool]]:
-    titles = {t.effect_id: t.effect_id if t.own else t.effect.title for t in model.terms}  # a formula's name is its id
-    return [(i, titles[i], i not in BASE and i not in RANDOM) for i in model.ids]
+    own = {t.effect_id for t in model.terms if t.own}  # a formula's name is its id
+    listed = {line.id: (line.id, line.id if line.id in own else line.kind.title, not line.inherent) for line in model.lines()}
+    return list(listed.values())
 
 
 def _remark(c: Comparison) -> str:

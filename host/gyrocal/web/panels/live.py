@@ -12,6 +12,7 @@ from nicegui import background_tasks, ui
 
 from gyrocal.device.monitor import doubtful
 from gyrocal.errors import InputError
+from gyrocal.simulation.campaigns import RIPPLE
 from gyrocal.web import charts
 from gyrocal.web.chips import chip, press
 from gyrocal.web.panels.start import HIDDEN
@@ -147,7 +148,7 @@ class LivePanel:
         connect.props("unelevated no-caps").classes("primary" if ports else "")
         ui.separator()
         ui.label("No board at hand? The firmware's own code, run on this machine:").classes("dim small")
-        hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense")
+        hidden = ui.select(HIDDEN, value=RIPPLE, label="hidden in it").props("outlined dense")
         speed = ui.select(SPEEDS, value="1", label="speed").props("outlined dense")
         start = ui.button(
             "Start a simulated device", icon="memory", on_click=lambda: self._simulate(hidden.value, speed.value), color=None

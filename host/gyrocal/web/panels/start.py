@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
+from gyrocal.effects.base import effects
 from gyrocal.errors import InputError
+from gyrocal.simulation.campaigns import RIPPLE
 from gyrocal.web.state import Topic
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
-HIDDEN = {
-    "table_ripple": "a ripple of the turntable",
-    "warmup": "a slow warm-up",
-    "vibration_tone": "a vibration",
-    "": "nothing at all",
-}
+HIDDEN = {kind.id: kind.offered_as for kind in effects().values() if kind.offered_as} | {"": "nothing at all"}
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
@@ -73,7 +70,7 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                 ui.label(
                     "A simulated sensor on a turntable, with something hidden in it that its model does not know:"
                 ).classes("dim small")
-                hidden = ui.select(HIDDEN, value="table_ripple", label="hidden in it").props("outlined dense")
+                hidden = ui.select(HIDDEN, value=RIPPLE, label="hidden in it").props("outlined dense")
                 ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
                     "unelevated no-caps"
                 ).classes("primary")

@@ -1,0 +1,44 @@
+"""The noise of one axis: white noise, drift, and what differs from power cycle to power cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from gyrocal.errors import InputError
+from gyrocal.noise.component import NoiseComponent
+from gyrocal.noise.drift import Drift
+from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
+
+COMPONENTS: dict[str, NoiseComponent] = {kind.id: kind for kind in (TurnOnBias(), Drift())}
+"""The components that go by an id, not fitted yet, in the order in which a model lists them."""
+
+
+@dataclass(frozen=True)
+class AxisNoise:
+    """What noise an axis has; None = none, or for the white level of one sample (deg/s): not known yet."""
+
+    white_sd_dps: float | None = None
+    drift: Drift | None = None
+    turn_on_bias: TurnOnBias | None = None
+    turn_on_scale: TurnOnScale | None = None
+
+    @property
+    def components(self) -> list[NoiseComponent]:
+        """The components that it has and that go by an id, in order."""
+        return [c for kind in COMPONENTS.values() if (c := getattr(self, kind.field_name)) is not None]
+
+    def having(self, component: NoiseComponent) -> AxisNoise:
+        """With a component added, or replaced."""
+        return replace(self, **{component.field_name: component})  # type: ignore[arg-type]
+
+    def without(self, component_id: str) -> AxisNoise:
+        """Without the component of this id."""
+        return replace(self, **{component(component_id).field_name: None})
+
+
+def component(component_id: str) -> NoiseComponent:
+    """One component by id, not fitted yet; InputError naming those there are."""
+    try:
+        return COMPONENTS[component_id]
+    except KeyError:
+        raise InputError(f"no noise {component_id!r}; there are {', '.join(COMPONENTS)}") from None

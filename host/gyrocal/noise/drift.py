@@ -1,0 +1,55 @@
+"""Drift: noise that wanders slowly, an Ornstein-Uhlenbeck process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.noise.component import NoiseComponent
+from gyrocal.parameter import NOT_NEGATIVE, POSITIVE, Parameter
+from gyrocal.recording.session import Array
+
+
+@dataclass(frozen=True)
+class Drift(NoiseComponent):
+    """Drift of spread ``sd_dps`` (deg/s) and correlation time ``tau_s`` (s), independent from run to run."""
+
+    id = "colored_noise"
+    title = "Colored noise (bias instability)"
+    cause = (
+        "Besides white noise the bias wanders slowly: flicker of the electronics, creep of the package. It is modelled as an "
+        "Ornstein-Uhlenbeck process, which for a long time constant is a random walk. Averaging longer does not remove it."
+    )
+    equation = "an Ornstein-Uhlenbeck process of spread sd_dps and correlation time tau_s"
+    looks_like = "any slow deterministic effect, which repeats from run to run where noise does not"
+    measure_next = "a long run at rest: the Allan deviation's floor is its size"
+    parameters = (
+        Parameter(
+            "sd_dps", "dps", (0.0005, 0.01), "MEMS gyroscopes' bias instability, 2-20 deg/h and more", 0.003, NOT_NEGATIVE
+        ),
+        Parameter("tau_s", "s", (5.0, 300.0), "where the Allan deviation turns up", 30.0, POSITIVE, sized=False),
+    )
+    field_name = "drift"
+
+    sd_dps: float | None = None
+    tau_s: float | None = None
+
+    def sample(self, n: int, dt_s: float, rng: np.random.Generator) -> Array:
+        return self.samples(n, dt_s, 1, rng)[:, 0]
+
+    def samples(self, n: int, dt_s: float, columns: int, rng: np.random.Generator) -> Array:
+        """Independent draws in several columns, shape [n, columns], deg/s."""
+        assert self.sd_dps is not None
+        assert self.tau_s is not None
+        return ou_noise(n, dt_s, self.sd_dps, self.tau_s, columns, rng)
+
+
+def ou_noise(n: int, dt_s: float, sd: float, tau_s: float, columns: int, rng: np.random.Generator) -> Array:
+    """A stationary Ornstein-Uhlenbeck process in each of several columns, shape [n, columns]."""
+    from scipy.signal import lfilter
+
+    phi = np.exp(-dt_s / tau_s)
+    shocks = rng.normal(0.0, sd * np.sqrt(1 - phi**2), (n, columns))
+    shocks[0] = rng.normal(0.0, sd, columns)
+    return np.asarray(lfilter([1.0], [1.0, -phi], shocks, axis=0))
