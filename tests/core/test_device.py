@@ -46,7 +46,7 @@ def test_up_then_down_makes_a_pair(bench: Path) -> None:
     assert cal[4].number("bias_dps") == pytest.approx(-5 * 0.00875, abs=5 * cal[4].number("bias_se_dps"))
     second = sentences(text, "RUN")[2]
     later = next(s for s in cal if s["seconds"] == "2")
-    assert later.t_us < second.t_us + 2_020_000  # at once, not at the run's end
+    assert later.t_us < second.t_us + 2_060_000  # in the samples that follow, not at the run's end
 
 
 def test_answers_wait_for_a_pair_of_equal_rate_about_one_axis(bench: Path) -> None:
@@ -217,9 +217,9 @@ def test_a_run_starts_by_itself_when_all_is_steady(bench: Path) -> None:
 @pytest.mark.parametrize(
     ("up", "down", "told"),
     [
-        (8914 + 263, -8914 + 263, {"net_range"}),  # a bias of 2.3 dps
-        (9360, -9360, {"net_range", "table_rate"}),  # a scale of 5 %
-        (8557, -8557, {"net_range", "table_rate"}),  # a table 4 % slow
+        (8914 + 263, -8914 + 263, set()),  # a bias of 2.3 dps
+        (9360, -9360, {"table_rate"}),  # a scale of 5 %
+        (8557, -8557, {"table_rate"}),  # a table 4 % slow
     ],
 )
 def test_a_run_starts_by_itself_at_whatever_steady_rate(bench: Path, up: int, down: int, told: set[str]) -> None:
