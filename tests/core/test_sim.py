@@ -86,8 +86,8 @@ def test_baseline_answers_are_the_closed_form(sim: Sim, tmp_path: Path, axis: in
     for s in said:
         halves = [(r["t_us"], r["counts"][:, 1 + axis].astype(np.int64)) for r in runs]
         want = closed_form(*halves, w, float(s["seconds"]), 145.0)
-        got = [s.number(name) for name in ("scale", "scale_se", "bias_dps", "bias_se_dps", "misfit")]
-        np.testing.assert_allclose(got, want[:5], rtol=6e-9, atol=1e-12)
+        got = [s.number(name) for name in ("scale", "bias_dps")]  # the errors: tests/parity/test_trust.py
+        np.testing.assert_allclose(got, [want[0], want[2]], rtol=6e-9, atol=1e-12)
         assert s["axis"] == "xyz"[axis]
         n = [int((r["t_us"] - r["t_us"][0] < float(s["seconds"]) * 1e6).sum()) for r in runs]
         assert int(s["last"]) - int(s["first"]) + 1 == n[1]

@@ -1,6 +1,7 @@
 #include "gc_estimator.h"
 
 #include "gc_error.h"
+#include "gc_math.h"
 
 #include <math.h>
 #include <string.h>
@@ -141,30 +142,10 @@ void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibrati
     }
 }
 
-/* exp(-x), x >= 0: the same bits on every CPU. */
-static double decay(double x) {
-    static const double inverse[] = {0.0, 1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5, 1.0 / 6, 1.0 / 7, 1.0 / 8};
-    if (x > 700.0) {
-        return 0.0;
-    }
-    unsigned halvings = 0;
-    for (; x > 0.0625; x *= 0.5) {
-        halvings++;
-    }
-    double sum = 1.0;
-    for (unsigned k = 8; k > 0u; k--) { /* what is left out is below 5e-17 */
-        sum = 1.0 - x * sum * inverse[k];
-    }
-    for (; halvings > 0u; halvings--) {
-        sum *= sum;
-    }
-    return sum;
-}
-
 /* o_next = phi o + noise: one rotation eliminates o. */
 static void move_drift(gc_estimator_t *e, uint64_t blocks) {
     const gc_calibration_t *calibration = e->calibration;
-    const double phi = decay((double)blocks * BLOCK_S / (double)calibration->ou_tau_s);
+    const double phi = gc_decay((double)blocks * BLOCK_S / (double)calibration->ou_tau_s);
     const double sigma = (double)calibration->ou_sd_dps * sqrt(1.0 - phi * phi);
     const double r = sqrt(e->triangle[0] * e->triangle[0] + phi * phi / (sigma * sigma));
     const double c = e->triangle[0] / r;
@@ -302,7 +283,7 @@ static void average(gc_average_t *all, double factor, double chi2, const double 
         all->least = chi2;
         memcpy(all->first, value, sizeof all->first);
     } else if (chi2 < all->least) {
-        const double shrink = decay(0.5 * (all->least - chi2));
+        const double shrink = gc_decay(0.5 * (all->least - chi2));
         all->least = chi2;
         all->weight *= shrink;
         all->chi2 *= shrink;
@@ -311,7 +292,7 @@ static void average(gc_average_t *all, double factor, double chi2, const double 
             all->sum_sq[i] *= shrink;
         }
     }
-    const double weight = chi2 > all->least ? factor * decay(0.5 * (chi2 - all->least)) : factor;
+    const double weight = chi2 > all->least ? factor * gc_decay(0.5 * (chi2 - all->least)) : factor;
     all->weight += weight;
     all->chi2 += weight * chi2;
     for (unsigned i = 0; i < 2u; i++) {

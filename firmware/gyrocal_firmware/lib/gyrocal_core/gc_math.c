@@ -1,5 +1,7 @@
 #include "gc_math.h"
 
+#include <math.h>
+
 #include <float.h>
 #include <stdint.h>
 #include <string.h>
@@ -100,4 +102,61 @@ float gc_sin_turn(float turns) {
 
 float gc_cos_turn(float turns) {
     return sin_quarters(turns, 1);
+}
+
+double gc_decay(double x) {
+    static const double inverse[] = {0.0, 1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5, 1.0 / 6, 1.0 / 7, 1.0 / 8};
+    if (x > 700.0) {
+        return 0.0;
+    }
+    unsigned halvings = 0;
+    for (; x > 0.0625; x *= 0.5) {
+        halvings++;
+    }
+    double sum = 1.0;
+    for (unsigned k = 8; k > 0u; k--) { /* what is left out is below 5e-17 */
+        sum = 1.0 - x * sum * inverse[k];
+    }
+    for (; halvings > 0u; halvings--) {
+        sum *= sum;
+    }
+    return sum;
+}
+
+double gc_log(double x) {
+    double factor = 2.0;
+    for (unsigned roots = 0; roots < 14u && (x > 1.1 || x < 0.9); roots++) { /* enough for every finite x */
+        x = sqrt(x);
+        factor *= 2.0;
+    }
+    const double z = (x - 1.0) / (x + 1.0); /* at most 0.053 */
+    const double square = z * z;
+    double sum = 0.0;
+    for (unsigned k = 7; k > 0u; k--) {
+        sum = sum * square + 1.0 / (double)(2u * k - 1u);
+    }
+    return factor * z * sum;
+}
+
+void gc_cos_sin(double angle, double *cosine, double *sine) {
+    unsigned doublings = 0;
+    for (; fabs(angle) > 0.1; angle *= 0.5) {
+        doublings++;
+    }
+    double term = angle;
+    double s = angle;
+    double versine = 0.0; /* 1 - cosine, which keeps its digits where the angle is small */
+    double even = 1.0;
+    for (unsigned k = 1; k <= 7u; k++) {
+        even *= -angle * angle / (double)((2u * k - 1u) * 2u * k);
+        versine -= even;
+        term *= -angle * angle / (double)(2u * k * (2u * k + 1u));
+        s += term;
+    }
+    while (doublings-- > 0u) {
+        s = 2.0 * s * (1.0 - versine);
+        versine = 2.0 * versine * (2.0 - versine);
+    }
+    *cosine = 1.0 - versine;
+    *sine = s;
 }

@@ -1,6 +1,7 @@
 #include "gc_trust.h"
 
 #include "gc_error.h"
+#include "gc_math.h"
 
 #include <float.h>
 #include <math.h>
@@ -41,12 +42,10 @@ typedef struct {
 
 static void begin_shapes(shapes_t *s, double w_dps) {
     const double angle = RADIANS_A_DEGREE * fabs(w_dps) * BLOCK_S;
-    s->cosine = cos(0.5 * angle);
-    s->sine = sin(0.5 * angle);
-    s->cosine_step = cos(angle);
-    s->sine_step = sin(angle);
+    gc_cos_sin(0.5 * angle, &s->cosine, &s->sine);
+    gc_cos_sin(angle, &s->cosine_step, &s->sine_step);
     for (size_t i = 0; i < TAUS; i++) {
-        s->decay[i] = exp(-0.5 * BLOCK_S / transient_tau_s[i]);
+        s->decay[i] = gc_decay(0.5 * BLOCK_S / transient_tau_s[i]);
         s->decay_step[i] = s->decay[i] * s->decay[i];
     }
     s->ripple_dps = RIPPLE * fabs(w_dps) / sqrt(2.0);
@@ -86,7 +85,7 @@ static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e) {
     double origin_dps = 0.0;
     bool begun = false;
     double phi = 1.0; /* of the drift since the block before */
-    const double phi_step = exp(-BLOCK_S / DRIFT_TAU_S);
+    const double phi_step = gc_decay(BLOCK_S / DRIFT_TAU_S);
     shapes_t shapes;
     begin_shapes(&shapes, e->w_dps);
     memset(gram, 0, sizeof *gram);
@@ -149,7 +148,7 @@ static void weigh(gram_t g, double det, size_t decay, double size, double origin
     h->u_dps = u_dps + origin_dps;
     h->variance = variance + standing;
     h->chi2 = fmax(y - one_y * u_dps, 0.0);
-    h->log_evidence = -0.5 * (h->chi2 + log(det * pivot * one));
+    h->log_evidence = -0.5 * (h->chi2 + gc_log(det * pivot * one));
 }
 
 /* The hypotheses without or with ripple twice a turn. */
@@ -227,7 +226,7 @@ static under_t under(const gc_hypothesis_t *h, unsigned n) {
     }
     double weight[GC_TRANSIENTS];
     for (unsigned i = 0; i < n; i++) {
-        weight[i] = exp(h[i].log_evidence - top);
+        weight[i] = gc_decay(top - h[i].log_evidence);
         total += weight[i];
         mean += weight[i] * h[i].u_dps;
     }
@@ -236,7 +235,7 @@ static under_t under(const gc_hypothesis_t *h, unsigned n) {
         const double off = h[i].u_dps - mean;
         variance += weight[i] * (h[i].variance + off * off);
     }
-    return (under_t){top + log(total / (double)n), mean, variance / total};
+    return (under_t){top + gc_log(total / (double)n), mean, variance / total};
 }
 
 /* Chi-square per degree of freedom that the likeliest hypothesis leaves, at least 1: Birge's ratio. */
@@ -272,13 +271,13 @@ static combined_t combine(const gc_evidence_t *evidence) {
             {(u.mean - v.mean) / span, (a->w_dps * v.mean - b->w_dps * u.mean) / span},
             {(var_u + var_v) / (span * span), (b->w_dps * b->w_dps * var_u + a->w_dps * a->w_dps * var_v) / (span * span)},
         };
-        log_weight[effects] = u.log_evidence + v.log_evidence + acting * log(PRESENT) + (3.0 - acting) * log(1.0 - PRESENT);
+        log_weight[effects] = u.log_evidence + v.log_evidence + acting * gc_log(PRESENT) + (3.0 - acting) * gc_log(1.0 - PRESENT);
         top = fmax(top, log_weight[effects]);
         first += n;
     }
     combined_t all = {{0.0, 0.0}, {0.0, 0.0}};
     for (unsigned i = 0; i < effects; i++) {
-        log_weight[i] = exp(log_weight[i] - top);
+        log_weight[i] = gc_decay(top - log_weight[i]);
         total += log_weight[i];
     }
     for (unsigned j = 0; j < 2u; j++) {
@@ -316,7 +315,7 @@ static double chi2_at(const gc_face_evidence_t *e, double u_dps) {
         const gc_hypothesis_t *h = &e->hypothesis[i];
         const double off = u_dps - h->u_dps;
         const double more = off * off / h->variance;
-        const double at = h->log_evidence - 0.5 * (more + log(h->variance));
+        const double at = h->log_evidence - 0.5 * (more + gc_log(h->variance));
         if (at > best) {
             best = at;
             chi2 = h->chi2 + more;
