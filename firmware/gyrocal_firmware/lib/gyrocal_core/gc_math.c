@@ -104,38 +104,54 @@ float gc_cos_turn(float turns) {
     return sin_quarters(turns, 1);
 }
 
+/* ln 2 in two parts; n times the first is exact */
+#define LN2_HIGH 0.693147180369123816490
+#define LN2_LOW 1.90821492927058770002e-10
+
+/* 2^n for -1022 <= n <= 1023 */
+static double power_of_two(int n) {
+    const uint64_t bits = (uint64_t)(n + 1023) << 52;
+    double value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 double gc_decay(double x) {
-    static const double inverse[] = {0.0, 1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5, 1.0 / 6, 1.0 / 7, 1.0 / 8};
+    static const double inverse[] = {1.0,     1.0 / 2,  1.0 / 3,  1.0 / 4,  1.0 / 5,  1.0 / 6, 1.0 / 7,
+                                     1.0 / 8, 1.0 / 9, 1.0 / 10, 1.0 / 11, 1.0 / 12, 1.0 / 13};
     if (x > 700.0) {
         return 0.0;
     }
-    unsigned halvings = 0;
-    for (; x > 0.0625; x *= 0.5) {
-        halvings++;
-    }
+    /* exp(-x) = 2^-n exp(-r), |r| <= ln(2)/2 */
+    const int n = (int)(x * 1.4426950408889634 + 0.5);
+    const double r = (x - (double)n * LN2_HIGH) - (double)n * LN2_LOW;
     double sum = 1.0;
-    for (unsigned k = 8; k > 0u; k--) { /* what is left out is below 5e-17 */
-        sum = 1.0 - x * sum * inverse[k];
+    for (unsigned k = 13; k > 0u; k--) { /* what is left out is below 5e-18 */
+        sum = 1.0 - r * sum * inverse[k - 1u];
     }
-    for (; halvings > 0u; halvings--) {
-        sum *= sum;
-    }
-    return sum;
+    return sum * power_of_two(-n);
 }
 
 double gc_log(double x) {
-    double factor = 2.0;
-    for (unsigned roots = 0; roots < 14u && (x > 1.1 || x < 0.9); roots++) { /* enough for every finite x */
-        x = sqrt(x);
-        factor *= 2.0;
+    static const double inverse[] = {1.0,      1.0 / 3,  1.0 / 5,  1.0 / 7,  1.0 / 9,
+                                     1.0 / 11, 1.0 / 13, 1.0 / 15, 1.0 / 17, 1.0 / 19};
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    int n = (int)(bits >> 52) - 1023;
+    double m; /* 1 <= m < 2 */
+    bits = (bits & 0xFFFFFFFFFFFFFu) | (uint64_t)1023 << 52;
+    memcpy(&m, &bits, sizeof m);
+    if (m > 1.4142135623730951) {
+        m *= 0.5;
+        n++;
     }
-    const double z = (x - 1.0) / (x + 1.0); /* at most 0.053 */
+    const double z = (m - 1.0) / (m + 1.0); /* at most 0.172 */
     const double square = z * z;
     double sum = 0.0;
-    for (unsigned k = 7; k > 0u; k--) {
-        sum = sum * square + 1.0 / (double)(2u * k - 1u);
+    for (unsigned k = 10; k > 0u; k--) {
+        sum = sum * square + inverse[k - 1u];
     }
-    return factor * z * sum;
+    return (double)n * LN2_HIGH + ((double)n * LN2_LOW + 2.0 * z * sum);
 }
 
 void gc_cos_sin(double angle, double *cosine, double *sine) {

@@ -17,11 +17,12 @@
 #define SMALLEST_SD_DPS 1e-6
 #define DISAGREES 3.5 /* expected error over the one that an answer claims */
 
+#define TAUS GC_TRANSIENT_TAUS
+
 static const double spin_up[] = {0.0011, 0.0047};
-static const double transient_tau_s[] = {0.6, 1.15, 2.2, 4.2, 8.0};
+static const double transient_tau_s[TAUS] = {0.6, 1.15, 2.2, 4.2, 8.0};
 
 #define SIZES (sizeof spin_up / sizeof spin_up[0])
-#define TAUS (sizeof transient_tau_s / sizeof transient_tau_s[0])
 
 /* Columns of a block: four waves, a decay for each time constant, 1, the reading. */
 #define WAVES 4u
@@ -33,14 +34,7 @@ typedef double gram_t[COLUMNS][COLUMNS]; /* its lower triangle */
 
 typedef char gc_columns_fit[Y + 1u == COLUMNS ? 1 : -1];
 
-/* Waves and decays at the middle of a block, and what takes them to the next block. */
-typedef struct {
-    double cosine, sine, decay[TAUS];
-    double cosine_step, sine_step, decay_step[TAUS];
-    double ripple_dps;
-} shapes_t;
-
-static void begin_shapes(shapes_t *s, double w_dps) {
+static void begin_shapes(gc_shapes_t *s, double w_dps) {
     const double angle = RADIANS_A_DEGREE * fabs(w_dps) * BLOCK_S;
     gc_cos_sin(0.5 * angle, &s->cosine, &s->sine);
     gc_cos_sin(angle, &s->cosine_step, &s->sine_step);
@@ -51,7 +45,7 @@ static void begin_shapes(shapes_t *s, double w_dps) {
     s->ripple_dps = RIPPLE * fabs(w_dps) / sqrt(2.0);
 }
 
-static void next_shapes(shapes_t *s) {
+static void next_shapes(gc_shapes_t *s) {
     const double cosine = s->cosine * s->cosine_step - s->sine * s->sine_step;
     s->sine = s->sine * s->cosine_step + s->cosine * s->sine_step;
     s->cosine = cosine;
@@ -60,7 +54,7 @@ static void next_shapes(shapes_t *s) {
     }
 }
 
-static void columns_of(const shapes_t *s, double y_dps, double *x) {
+static void columns_of(const gc_shapes_t *s, double y_dps, double *x) {
     const double twice = 2.0 * s->ripple_dps * s->cosine;
     x[0] = s->ripple_dps * s->cosine;
     x[1] = s->ripple_dps * s->sine;
@@ -73,52 +67,58 @@ static void columns_of(const shapes_t *s, double y_dps, double *x) {
     x[Y] = y_dps;
 }
 
-/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift. */
-static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e) {
+static void begin_whitening(gc_evidence_t *evidence, const gc_face_evidence_t *e) {
+    gc_whitener_t *w = &evidence->whitener;
+    memset(evidence->gram, 0, sizeof evidence->gram);
+    memset(w, 0, sizeof *w);
+    w->spread = DRIFT_SD_DPS * DRIFT_SD_DPS;
+    w->phi = 1.0;
+    begin_shapes(&w->shapes, e->w_dps);
+}
+
+/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift: a part of the blocks. */
+static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned part) {
     const gc_face_t *face = e->face;
     const double lsb_dps = evidence->lsb_dps;
     const double step = lsb_dps * lsb_dps / 12.0;
     const double variance = fmax(evidence->white_dps2, fmax(step, SMALLEST_SD_DPS * SMALLEST_SD_DPS));
-    gram_t *gram = &evidence->gram;
-    double drift[COLUMNS] = {0.0};
-    double spread = DRIFT_SD_DPS * DRIFT_SD_DPS;
-    double origin_dps = 0.0;
-    bool begun = false;
-    double phi = 1.0; /* of the drift since the block before */
     const double phi_step = gc_decay(BLOCK_S / DRIFT_TAU_S);
-    shapes_t shapes;
-    begin_shapes(&shapes, e->w_dps);
-    memset(gram, 0, sizeof *gram);
-    for (unsigned k = 0; k < evidence->seen; k++, next_shapes(&shapes), phi *= phi_step) {
+    gram_t *gram = &evidence->gram;
+    gc_whitener_t *w = &evidence->whitener;
+    if (part == 0u) {
+        begin_whitening(evidence, e);
+    }
+    const unsigned end = (part + 1u) * evidence->seen / GC_WHITEN_PARTS;
+    for (unsigned k = part * evidence->seen / GC_WHITEN_PARTS; k < end; k++, next_shapes(&w->shapes), w->phi *= phi_step) {
         if (!gc_face_has(face, k)) {
             continue;
         }
         const double n = (double)face->block[k].n;
         const double y_dps = lsb_dps * ((double)face->block[k].sum / n);
-        if (!begun) {
-            begun = true;
-            origin_dps = y_dps;
+        if (!w->begun) {
+            w->begun = true;
+            w->origin_dps = y_dps;
         } else {
             for (size_t j = 0; j < COLUMNS; j++) {
-                drift[j] *= phi;
+                w->drift[j] *= w->phi;
             }
-            spread = phi * phi * spread + DRIFT_SD_DPS * DRIFT_SD_DPS * (1.0 - phi * phi);
+            w->spread = w->phi * w->phi * w->spread + DRIFT_SD_DPS * DRIFT_SD_DPS * (1.0 - w->phi * w->phi);
         }
-        phi = 1.0;
+        w->phi = 1.0;
         double x[COLUMNS];
-        columns_of(&shapes, y_dps - origin_dps, x);
-        const double precision = 1.0 / (spread + variance / n);
+        columns_of(&w->shapes, y_dps - w->origin_dps, x);
+        const double precision = 1.0 / (w->spread + variance / n);
         for (size_t i = 0; i < COLUMNS; i++) {
-            x[i] -= drift[i];
-            drift[i] += spread * precision * x[i];
+            x[i] -= w->drift[i];
+            w->drift[i] += w->spread * precision * x[i];
             const double weighted = precision * x[i];
             for (size_t j = 0; j <= i; j++) {
                 (*gram)[i][j] += weighted * x[j];
             }
         }
-        spread *= variance / n * precision;
+        w->spread *= variance / n * precision;
     }
-    e->origin_dps = origin_dps + lsb_dps * face->origin - e->w_dps;
+    e->origin_dps = w->origin_dps + lsb_dps * face->origin - e->w_dps;
 }
 
 /* Integrates out wave j, whose prior is standard normal; returns the determinant's factor. */
@@ -196,17 +196,6 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
     return evidence->of[0].blocks > 0u && evidence->of[1].blocks > 0u && evidence->white_dps2 >= 0.0 ? GC_OK : GC_E_TOO_SHORT;
 }
 
-bool gc_evidence_go_on(gc_evidence_t *evidence) {
-    gc_face_evidence_t *e = &evidence->of[evidence->parts / 3u];
-    const unsigned part = evidence->parts % 3u;
-    if (part == 0u) {
-        whiten(evidence, e);
-    } else {
-        weigh_all(evidence, e, part == 2u);
-    }
-    return ++evidence->parts == GC_EVIDENCE_PARTS;
-}
-
 /* ---- averages over hypotheses ---- */
 
 typedef struct {
@@ -247,17 +236,13 @@ static double excess(const gc_face_evidence_t *e) {
     return fmax(1.0, e->hypothesis[best].chi2 / (e->blocks > 1u ? (double)(e->blocks - 1u) : 1.0));
 }
 
-typedef struct {
-    double mean[2]; /* scale, bias */
-    double variance[2];
-} combined_t;
-
-static combined_t combine(const gc_evidence_t *evidence) {
+static void average(gc_evidence_t *evidence) {
     const gc_face_evidence_t *a = &evidence->of[0];
     const gc_face_evidence_t *b = &evidence->of[1];
     const double span = a->w_dps - b->w_dps;
     const double excess_a = excess(a), excess_b = excess(b);
-    combined_t each[8];
+    const double log_odds = gc_log(PRESENT / (1.0 - PRESENT));
+    gc_posterior_t each[8];
     double log_weight[8];
     double top = -DBL_MAX, total = 0.0;
     unsigned effects = 0;
@@ -267,38 +252,50 @@ static combined_t combine(const gc_evidence_t *evidence) {
         const under_t v = under(b->hypothesis + first, n);
         const double var_u = u.variance * excess_a, var_v = v.variance * excess_b;
         const double acting = (double)((effects & 1u) + (effects >> 1 & 1u) + (effects >> 2 & 1u));
-        each[effects] = (combined_t){
+        each[effects] = (gc_posterior_t){
             {(u.mean - v.mean) / span, (a->w_dps * v.mean - b->w_dps * u.mean) / span},
             {(var_u + var_v) / (span * span), (b->w_dps * b->w_dps * var_u + a->w_dps * a->w_dps * var_v) / (span * span)},
         };
-        log_weight[effects] = u.log_evidence + v.log_evidence + acting * gc_log(PRESENT) + (3.0 - acting) * gc_log(1.0 - PRESENT);
+        log_weight[effects] = u.log_evidence + v.log_evidence + acting * log_odds;
         top = fmax(top, log_weight[effects]);
         first += n;
     }
-    combined_t all = {{0.0, 0.0}, {0.0, 0.0}};
+    gc_posterior_t *all = &evidence->average;
+    memset(all, 0, sizeof *all);
     for (unsigned i = 0; i < effects; i++) {
         log_weight[i] = gc_decay(top - log_weight[i]);
         total += log_weight[i];
     }
     for (unsigned j = 0; j < 2u; j++) {
         for (unsigned i = 0; i < effects; i++) {
-            all.mean[j] += log_weight[i] / total * each[i].mean[j];
+            all->mean[j] += log_weight[i] / total * each[i].mean[j];
         }
         for (unsigned i = 0; i < effects; i++) {
-            const double off = each[i].mean[j] - all.mean[j];
-            all.variance[j] += log_weight[i] / total * (each[i].variance[j] + off * off);
+            const double off = each[i].mean[j] - all->mean[j];
+            all->variance[j] += log_weight[i] / total * (each[i].variance[j] + off * off);
         }
     }
-    return all;
+}
+
+bool gc_evidence_go_on(gc_evidence_t *evidence) {
+    const unsigned part = evidence->parts % GC_FACE_PARTS;
+    if (evidence->parts + 1u == GC_EVIDENCE_PARTS) {
+        average(evidence);
+    } else if (part < GC_WHITEN_PARTS) {
+        whiten(evidence, &evidence->of[evidence->parts / GC_FACE_PARTS], part);
+    } else {
+        weigh_all(evidence, &evidence->of[evidence->parts / GC_FACE_PARTS], part > GC_WHITEN_PARTS);
+    }
+    return ++evidence->parts == GC_EVIDENCE_PARTS;
 }
 
 /* The roots of an answer's expected squared errors. */
 static void errors_of(const gc_evidence_t *evidence, const gc_answer_t *answer, double *scale_se, double *bias_se_dps) {
-    const combined_t all = combine(evidence);
-    const double scale_off = answer->scale - all.mean[0];
-    const double bias_off = answer->bias_dps - all.mean[1];
-    *scale_se = sqrt(all.variance[0] + scale_off * scale_off);
-    *bias_se_dps = sqrt(all.variance[1] + bias_off * bias_off);
+    const gc_posterior_t *all = &evidence->average;
+    const double scale_off = answer->scale - all->mean[0];
+    const double bias_off = answer->bias_dps - all->mean[1];
+    *scale_se = sqrt(all->variance[0] + scale_off * scale_off);
+    *bias_se_dps = sqrt(all->variance[1] + bias_off * bias_off);
 }
 
 void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {

@@ -28,7 +28,27 @@ typedef struct {
 
 /* A block's columns: four waves, five decays, 1, the reading. */
 #define GC_EVIDENCE_COLUMNS 11u
-#define GC_EVIDENCE_PARTS 6u
+#define GC_TRANSIENT_TAUS 5u
+#define GC_WHITEN_PARTS 3u
+#define GC_FACE_PARTS (GC_WHITEN_PARTS + 2u)
+#define GC_EVIDENCE_PARTS (2u * GC_FACE_PARTS + 1u) /* the last one averages */
+
+/* Waves and decays at the middle of a block, and what takes them to the next block. */
+typedef struct {
+    double cosine, sine, decay[GC_TRANSIENT_TAUS];
+    double cosine_step, sine_step, decay_step[GC_TRANSIENT_TAUS];
+    double ripple_dps;
+} gc_shapes_t;
+
+/* A Kalman filter of the drift in each column, before the next block. */
+typedef struct {
+    gc_shapes_t shapes;
+    double drift[GC_EVIDENCE_COLUMNS];
+    double spread;
+    double origin_dps; /* the first block's mean */
+    double phi;        /* of the drift since the block before */
+    bool begun;
+} gc_whitener_t;
 
 typedef struct {
     const gc_face_t *face;
@@ -38,13 +58,21 @@ typedef struct {
     gc_hypothesis_t hypothesis[GC_HYPOTHESES];
 } gc_face_evidence_t;
 
+/* Scale and bias (dps), averaged over the hypotheses. */
+typedef struct {
+    double mean[2];
+    double variance[2];
+} gc_posterior_t;
+
 typedef struct {
     gc_face_evidence_t of[2];
+    gc_posterior_t average;
     unsigned seen;   /* blocks of each face */
     double lsb_dps;
     double white_dps2; /* variance of a sample */
     unsigned parts;    /* that are done */
-    double gram[GC_EVIDENCE_COLUMNS][GC_EVIDENCE_COLUMNS]; /* its lower triangle, between two parts */
+    gc_whitener_t whitener; /* between two parts, as is the lower triangle of: */
+    double gram[GC_EVIDENCE_COLUMNS][GC_EVIDENCE_COLUMNS];
 } gc_evidence_t;
 
 /* The evidence in the first `blocks` blocks of two faces of one sample rate at true rates w_a and w_b. The faces must outlive
