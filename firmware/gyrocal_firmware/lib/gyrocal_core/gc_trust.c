@@ -198,20 +198,14 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
 
 /* ---- averages over hypotheses ---- */
 
-typedef struct {
-    double log_evidence;
-    double mean;
-    double variance;
-} under_t;
-
 /* What a face says if some effects act: hypotheses first to first + n - 1. */
-static under_t under(const gc_hypothesis_t *h, unsigned n) {
+static gc_under_t under(const gc_hypothesis_t *h, unsigned n) {
     double top = -DBL_MAX, total = 0.0, mean = 0.0, variance = 0.0;
     for (unsigned i = 0; i < n; i++) {
         top = fmax(top, h[i].log_evidence);
     }
     if (n == 1u) {
-        return (under_t){top, h[0].u_dps, h[0].variance};
+        return (gc_under_t){top, h[0].u_dps, h[0].variance};
     }
     double weight[GC_TRANSIENTS];
     for (unsigned i = 0; i < n; i++) {
@@ -224,7 +218,7 @@ static under_t under(const gc_hypothesis_t *h, unsigned n) {
         const double off = h[i].u_dps - mean;
         variance += weight[i] * (h[i].variance + off * off);
     }
-    return (under_t){top + gc_log(total / (double)n), mean, variance / total};
+    return (gc_under_t){top + gc_log(total / (double)n), mean, variance / total};
 }
 
 /* Chi-square per degree of freedom that the likeliest hypothesis leaves, at least 1: Birge's ratio. */
@@ -236,20 +230,26 @@ static double excess(const gc_face_evidence_t *e) {
     return fmax(1.0, e->hypothesis[best].chi2 / (e->blocks > 1u ? (double)(e->blocks - 1u) : 1.0));
 }
 
-static void average(gc_evidence_t *evidence) {
+static void average_face(gc_face_evidence_t *e) {
+    unsigned first = 0;
+    for (unsigned acting = 0; acting < GC_ACTINGS; acting++) {
+        const unsigned n = acting % 2u == 0u ? 1u : GC_TRANSIENTS;
+        e->under[acting] = under(e->hypothesis + first, n);
+        first += n;
+    }
+}
+
+static void merge_faces(gc_evidence_t *evidence) {
     const gc_face_evidence_t *a = &evidence->of[0];
     const gc_face_evidence_t *b = &evidence->of[1];
     const double span = a->w_dps - b->w_dps;
     const double excess_a = excess(a), excess_b = excess(b);
     const double log_odds = gc_log(PRESENT / (1.0 - PRESENT));
-    gc_posterior_t each[8];
-    double log_weight[8];
+    gc_posterior_t each[GC_ACTINGS];
+    double log_weight[GC_ACTINGS];
     double top = -DBL_MAX, total = 0.0;
-    unsigned effects = 0;
-    for (unsigned first = 0; first < GC_HYPOTHESES; effects++) {
-        const unsigned n = effects % 2u == 0u ? 1u : GC_TRANSIENTS;
-        const under_t u = under(a->hypothesis + first, n);
-        const under_t v = under(b->hypothesis + first, n);
+    for (unsigned effects = 0; effects < GC_ACTINGS; effects++) {
+        const gc_under_t u = a->under[effects], v = b->under[effects];
         const double var_u = u.variance * excess_a, var_v = v.variance * excess_b;
         const double acting = (double)((effects & 1u) + (effects >> 1 & 1u) + (effects >> 2 & 1u));
         each[effects] = (gc_posterior_t){
@@ -258,19 +258,18 @@ static void average(gc_evidence_t *evidence) {
         };
         log_weight[effects] = u.log_evidence + v.log_evidence + acting * log_odds;
         top = fmax(top, log_weight[effects]);
-        first += n;
     }
     gc_posterior_t *all = &evidence->average;
     memset(all, 0, sizeof *all);
-    for (unsigned i = 0; i < effects; i++) {
+    for (unsigned i = 0; i < GC_ACTINGS; i++) {
         log_weight[i] = gc_decay(top - log_weight[i]);
         total += log_weight[i];
     }
     for (unsigned j = 0; j < 2u; j++) {
-        for (unsigned i = 0; i < effects; i++) {
+        for (unsigned i = 0; i < GC_ACTINGS; i++) {
             all->mean[j] += log_weight[i] / total * each[i].mean[j];
         }
-        for (unsigned i = 0; i < effects; i++) {
+        for (unsigned i = 0; i < GC_ACTINGS; i++) {
             const double off = each[i].mean[j] - all->mean[j];
             all->variance[j] += log_weight[i] / total * (each[i].variance[j] + off * off);
         }
@@ -280,11 +279,13 @@ static void average(gc_evidence_t *evidence) {
 bool gc_evidence_go_on(gc_evidence_t *evidence) {
     const unsigned part = evidence->parts % GC_FACE_PARTS;
     if (evidence->parts + 1u == GC_EVIDENCE_PARTS) {
-        average(evidence);
+        merge_faces(evidence);
     } else if (part < GC_WHITEN_PARTS) {
         whiten(evidence, &evidence->of[evidence->parts / GC_FACE_PARTS], part);
-    } else {
+    } else if (part < GC_WHITEN_PARTS + 2u) {
         weigh_all(evidence, &evidence->of[evidence->parts / GC_FACE_PARTS], part > GC_WHITEN_PARTS);
+    } else {
+        average_face(&evidence->of[evidence->parts / GC_FACE_PARTS]);
     }
     return ++evidence->parts == GC_EVIDENCE_PARTS;
 }

@@ -26,12 +26,21 @@ typedef struct {
     double log_evidence;
 } gc_hypothesis_t;
 
+/* What a face says if certain effects act, averaged over its transients. */
+typedef struct {
+    double log_evidence;
+    double mean;
+    double variance;
+} gc_under_t;
+
+#define GC_ACTINGS 8u /* of ripple twice a turn, once a turn, a transient: each acts or does not */
+
 /* A block's columns: four waves, five decays, 1, the reading. */
 #define GC_EVIDENCE_COLUMNS 11u
 #define GC_TRANSIENT_TAUS 5u
 #define GC_WHITEN_PARTS 3u
-#define GC_FACE_PARTS (GC_WHITEN_PARTS + 2u)
-#define GC_EVIDENCE_PARTS (2u * GC_FACE_PARTS + 1u) /* the last one averages */
+#define GC_FACE_PARTS (GC_WHITEN_PARTS + 3u) /* two weigh hypotheses, one averages them */
+#define GC_EVIDENCE_PARTS (2u * GC_FACE_PARTS + 1u) /* the last one merges the faces */
 
 /* Waves and decays at the middle of a block, and what takes them to the next block. */
 typedef struct {
@@ -56,6 +65,7 @@ typedef struct {
     double origin_dps; /* of its readings, less w */
     unsigned blocks;   /* that count */
     gc_hypothesis_t hypothesis[GC_HYPOTHESES];
+    gc_under_t under[GC_ACTINGS];
 } gc_face_evidence_t;
 
 /* Scale and bias (dps), averaged over the hypotheses. */
