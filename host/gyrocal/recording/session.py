@@ -19,7 +19,7 @@ import polars as pl
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, first_line
 from gyrocal.files import new_folder, replace_text
 
 FORMAT = "gyrocal-session/1"
@@ -386,7 +386,7 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
         try:
             return check_table(pl.read_parquet(path), label), ""
         except (OSError, pl.exceptions.PolarsError) as error:
-            raise InputError(f"{label}: not a readable Parquet file: {_first_line(error)}") from None
+            raise InputError(f"{label}: not a readable Parquet file: {first_line(error)}") from None
     try:
         content = path.read_bytes()
         first, _, body = content.partition(b"\n")
@@ -394,7 +394,7 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
     except UnicodeDecodeError:
         raise InputError(f"{label}: row 1: not text in UTF-8; save the table as CSV in UTF-8") from None
     except OSError as error:
-        raise InputError(f"{label}: {_first_line(error)}") from None
+        raise InputError(f"{label}: {first_line(error)}") from None
     _check_columns(header, label)
     body, damage = _without_unfinished(body, len(header))
     if body.translate(None, NUMBERS):  # anything but numbers: name the row, before the fast reader meets it
@@ -405,7 +405,7 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
         table = pl.read_csv(body, has_header=False, new_columns=header, schema_overrides=[pl.Float64] * len(header))
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         _find_bad_row(path, label, len(header))
-        raise InputError(f"{label}: {_first_line(error)}") from None
+        raise InputError(f"{label}: {first_line(error)}") from None
     if table[header[-1]].null_count():
         _find_bad_row(path, label, len(header))
     return check_table(table, label), damage
@@ -454,7 +454,7 @@ def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
     try:
         table = table.select(pl.col(known).cast(pl.Float64))
     except pl.exceptions.PolarsError as error:
-        raise InputError(f"{label}: {_first_line(error)}") from None
+        raise InputError(f"{label}: {first_line(error)}") from None
     if table.height < 2:
         raise InputError(f"{label}: row {table.height + 1}: a run needs two samples at least")
     for name in known:
@@ -515,11 +515,6 @@ def _is_number(cell: str) -> bool:
         return not cell.strip() or (cell.encode().translate(None, NUMBERS) == b"" and isinstance(float(cell), float))
     except ValueError:
         return False
-
-
-def _first_line(error: BaseException) -> str:
-    text = str(error).strip() or type(error).__name__
-    return text.splitlines()[0]
 
 
 def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
