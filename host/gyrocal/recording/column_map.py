@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gyrocal.errors import InputError
-from gyrocal.recording.session import AXES, OPTIONAL, REQUIRED
+from gyrocal.recording.session import AXES
+from gyrocal.recording.table import OPTIONAL, REQUIRED
 
 TARGETS = (*REQUIRED, *OPTIONAL)
 STANDARD_GRAVITY = 9.80665

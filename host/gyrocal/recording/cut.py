@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.errors import InputError, first_line
-from gyrocal.recording.session import RunEntry
+from gyrocal.recording.header import RunEntry
 
 _META_NAMES = {"rate": "table_rate_dps", "turn": "turn_deg"}
 

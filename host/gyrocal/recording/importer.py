@@ -12,19 +12,10 @@ import polars as pl
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling, mapping_of
 from gyrocal.recording.cut import Cut, Edge, check_names_differ, with_meta
-from gyrocal.recording.session import (
-    OPTIONAL,
-    REQUIRED,
-    Array,
-    Run,
-    Session,
-    check_table,
-    read_header,
-    run_entry,
-    write_header,
-    write_table,
-)
+from gyrocal.recording.header import read_header, write_header
+from gyrocal.recording.session import Array, Run, Session, run_entry
 from gyrocal.recording.source import Source, read_source
+from gyrocal.recording.table import OPTIONAL, REQUIRED, check_table, write_table
 from gyrocal.warning import Warning
 
 

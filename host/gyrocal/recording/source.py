@@ -18,7 +18,8 @@ import polars as pl
 
 from gyrocal.errors import InputError, first_line
 from gyrocal.recording.column_map import ColumnMap
-from gyrocal.recording.session import OPTIONAL, Array
+from gyrocal.recording.session import Array
+from gyrocal.recording.table import OPTIONAL
 
 HEADER_SEARCH_LINES = 200
 QUOTES = " \t\"'"
