@@ -10,7 +10,7 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.inference.design import SLOW_S
-from gyrocal.inference.fit import AxisFit
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array

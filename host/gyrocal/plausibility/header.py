@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from gyrocal.recording.session import RunEntry, Session, SessionFile
+from gyrocal.recording.header import RunEntry, SessionFile
+from gyrocal.recording.session import Session
 from gyrocal.warning import Warning
 
 

@@ -426,7 +426,7 @@ def _number(text: Any, otherwise: float) -> float:
 
 def _scenario(folder: Any, run: Wanted | None) -> str:
     """The power cycle that a new run belongs to: the last one, or a new one where that has such a run already."""
-    from gyrocal.recording.session import read_header
+    from gyrocal.recording.header import read_header
 
     if not (folder / "session.toml").is_file():
         return "s000"
