@@ -1,4 +1,4 @@
-"""The test of whiteness: have the residuals more power than noise in a band of frequencies?"""
+"""The test of whiteness: whether the residuals have more power than the noise in a band of frequencies."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from gyrocal.recording.session import Array
 from gyrocal.variables.frequency import Frequency
 
 HANN_NEIGHBOURS = 1.95
-"""Neighbouring values of a periodogram under a Hann window share their noise: so many count as one."""
+"""Neighbouring values of a periodogram with a Hann window are correlated: this many count as one independent value."""
 HIGHEST = 0.49
-"""Of the block rate: the highest frequency that block means show."""
+"""Highest frequency that block means show, as a fraction of the block rate."""
 LEAST_PERIODS = 2.5
-"""Of the lowest frequency that a run shows within its length."""
+"""Number of periods of the lowest tested frequency within the length of a run."""
 
 
 @dataclass(frozen=True)
 class Periodogram:
-    """Of runs sampled alike, at each frequency [f]: over all runs the sums of power over noise and of power beyond noise."""
+    """Sums over runs with the same sampling, at each frequency [f].
+
+    ``ratio`` sums power divided by the expected noise, ``beyond`` sums power minus the expected noise (dps^2).
+    """
 
     frequency_hz: Array
     ratio: Array
@@ -35,10 +38,11 @@ class Periodogram:
 
 
 def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
-    """Residuals with more power in a band of frequencies than white noise and drift have there.
+    """Find a band of frequencies in which the residuals have more power than white noise and drift.
 
-    Periodograms (Hann) of the block means' residuals are held against their expectation under the fitted noise. What is slower
-    than ``SLOW_S`` is drift and not judged; nor are samples, which a sensor's low-pass makes anything but white.
+    The periodograms (Hann window) of the residual block means are compared with their expectation under the fitted noise.
+    Variations slower than ``SLOW_S`` are drift and are not tested. Samples are not tested either, because a sensor's low-pass
+    filter makes their noise coloured.
     """
     from scipy.stats import gamma
 
@@ -65,7 +69,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
 
 
 def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
-    """Of the runs ``index``, which are sampled alike; None where they are too short or uneven."""
+    """The periodogram of the runs ``index``, which have the same sampling; None if they are too short or uneven."""
     from scipy.signal.windows import hann
 
     p = len(fit.design.layout.fixed)
@@ -89,7 +93,7 @@ def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
 
 
 def _expected(noise: Noise, window: Array, step_s: float, samples: float) -> Array:
-    """Expectation of the tapered periodogram: the exact transform of the noise's autocovariance times the window's."""
+    """Expectation of the tapered periodogram: the transform of the noise's autocovariance times that of the window."""
     from scipy.signal import fftconvolve
 
     m = window.size

@@ -100,7 +100,7 @@ def read_source(
     damage = ""
     for number, line in enumerate(lines[first:], start=first + 1):
         cells = _split(line, separator)
-        if number == len(lines) and len(cells) < len(columns) and number > first + 1:
+        if number == len(lines) and len(cells) < len(columns) and number > first + 2:
             damage = f"row {number} was not written to its end ({len(cells)} cells of {len(columns)}) and is left out"
             break
         if len(cells) != len(columns):
