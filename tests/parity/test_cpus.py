@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gyrocal.core import cpus
-from gyrocal.core.library import CoreNetwork
+from gyrocal.core.networks import CoreNetwork
 from gyrocal_firmware import CORE
 
 WINDOWS = """/* The windows of the test. */
