@@ -65,7 +65,7 @@ def _uneven(fitted: AxisFit) -> bool:
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:
         return False
-    free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # the size that this run shows, without shrinkage towards the common size
+    free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # a run's size without shrinkage
     runs = range(len(fitted.design.blocks))
     square = [float(np.sum(fitted.run_coefficients(i, fitted.solution.beta, free)[own] ** 2)) for i in runs]
     return float(np.median(square)) < POLICY.even**2 * float(np.mean(square))
