@@ -1,7 +1,7 @@
 """Whitened normal equations of block means for white noise plus a slow Ornstein-Uhlenbeck drift.
 
-Ordinary least squares mistakes drift for an effect in a third to a half of all sessions without one. Generalised least squares
-with this covariance does not. The cost is O(n), because only a tridiagonal system is solved. If drift is slow compared with the
+Ordinary least squares mistakes drift for an effect (docs/method.md). Generalised least squares with this covariance does not.
+The cost is O(n), because only a tridiagonal system is solved. If drift is slow compared with the
 white noise, it can be taken as constant within short cells of time. The cost of another noise level is then proportional to the
 number of cells.
 """
