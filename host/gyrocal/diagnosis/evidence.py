@@ -13,12 +13,8 @@ from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
-from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.likelihood_ratio import likelihood_ratio
-from gyrocal.inference.nonlinear import refine
+from gyrocal.inference.fit import AxisFit, choose_variant, finish, likelihood_ratio, refine
 from gyrocal.inference.reml import Spreads
-from gyrocal.inference.standard_errors import finish
-from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -69,8 +65,7 @@ def _uneven(fitted: AxisFit) -> bool:
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:
         return False
-    # The size that this run shows, without shrinkage towards the common size
-    free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)
+    free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # a run's size without shrinkage
     runs = range(len(fitted.design.blocks))
     square = [float(np.sum(fitted.run_coefficients(i, fitted.solution.beta, free)[own] ** 2)) for i in runs]
     return float(np.median(square)) < POLICY.even**2 * float(np.mean(square))

@@ -41,7 +41,7 @@ from gyrocal.variables.terms import hinges
 Progress = Callable[[str], None]
 
 RATE_UNIT_DPS = 100.0
-"""In products of terms with the rate, so that coefficients are in deg/s."""
+"""Products of terms with the rate are divided by this rate, so that their coefficients are in deg/s."""
 
 
 @dataclass(frozen=True)

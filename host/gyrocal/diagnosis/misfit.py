@@ -53,7 +53,7 @@ def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
 
 
 BEYOND_NOISE = (_line, _bump, _not_white, _code)
-"""The tests of an axis beside the probes of its variables; each has its share of the alarm."""
+"""The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
 def _outliers(fitted: Fit, axis: str) -> Finding | None:
