@@ -37,6 +37,8 @@ INFORMATIVE = 0.05
 AGREE_DPS, AGREE = 0.3, 0.02
 """Runs that differ by less than this (and this fraction of their rate) are taken to agree on a line."""
 MOST_POINTS = 80
+POINTS_ALONG = 0.7
+"""Part of gravity that must lie along an axis for the accelerometer to say which way it points."""
 
 
 @dataclass(frozen=True)
@@ -275,11 +277,10 @@ def _pole(sign: float) -> str:
 
 
 def _upwards(run: Run) -> float:
-    """+1 where the run's axis points up by its accelerometer, -1 down, 0 where neither."""
+    """+1 where the run's axis points up by its accelerometer, -1 down, 0 where neither or gravity turns about it."""
     assert run.acc_g is not None
-    mean = np.nanmean(run.acc_g, axis=0)
-    along = float(mean[run.axis_index]) / max(float(np.linalg.norm(mean)), 1e-12)
-    return float(np.sign(along)) if abs(along) > 0.7 else 0.0
+    along = float(np.nanmean(run.acc_g[:, run.axis_index])) / max(float(np.nanmedian(np.linalg.norm(run.acc_g, axis=1))), 1e-12)
+    return float(np.sign(along)) if abs(along) > POINTS_ALONG else 0.0
 
 
 def sizes(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
