@@ -156,7 +156,8 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     for other in (a for a in AXES if a != axis):
         swapped = [s for s in where(lambda s: abs(s.value) < FOLLOWS_NOT) if _follows(found[axis, other], s.run)]
         if swapped:
-            return _told(means, "axes_swapped", axis, swapped, informed, partial(_swapped_text, other))
+            follows = float(np.median([s.value for s in found[axis, other].slopes]))
+            return _told(means, "axes_swapped", axis, swapped, informed, partial(_swapped_text, other, follows))
     flipped = where(lambda s: abs(s.value + 1) < SIGN_WITHIN)
     if flipped and len(flipped) == len(informed):
         return _told(means, "sign_flipped", axis, flipped, informed, _flipped_text)
@@ -220,9 +221,9 @@ def _rad_reference(s: Slope, axis: str) -> str:
     )
 
 
-def _swapped_text(other: str, s: Slope, axis: str) -> str:
+def _swapped_text(other: str, follows: float, s: Slope, axis: str) -> str:
     return (
-        f"the table turns about {axis}, but {axis} follows its rate with {s.value:.3f} and {other} follows it. "
+        f"the table turns about {axis}, but {axis} follows its rate with {s.value:.3f} and {other} with {follows:.3f}. "
         f'Set axis = "{other}" in session.toml, or exchange the columns when importing'
     )
 
