@@ -1,4 +1,4 @@
-"""How an effect or a noise is described: its words, and its parameters with their units, sizes and bounds."""
+"""The description of an effect or a noise component: its texts, and its parameters with units, sizes and bounds."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ ANY = (-np.inf, np.inf)
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter: its unit, the typical range of its magnitude, and where that range is from.
+    """A parameter with its unit, the typical range of its magnitude, and the source of that range.
 
-    ``bounds`` (inclusive) are those of the values that a model file may hold. ``search`` is the range in which a fit looks for
-    a nonlinear parameter; by default it is three times wider than ``typical`` at either end.
+    ``bounds`` (inclusive) limit the values that a model file may hold. ``search`` is the range in which a fit searches a
+    nonlinear parameter. By default it extends from a third of the smallest to three times the largest typical value.
     """
 
     name: str
@@ -31,20 +31,20 @@ class Parameter:
     typical: tuple[float, float]
     source: str
     default: float | None = None
-    """What the simulator plants when no value is given; None = drawn anew for each run (a phase)."""
+    """The value that the simulator plants by default; None = drawn anew for each run (a phase)."""
     bounds: tuple[float, float] = ANY
     search: tuple[float, float] | None = None
     sized: bool = True
-    """Whether a value far above ``typical`` is out of the physical range. Phases, times and frequencies have no such limit."""
+    """True if a value far above ``typical`` is not physical. Phases, times and frequencies have no such limit."""
 
     @property
     def search_range(self) -> tuple[float, float]:
-        """Where a nonlinear parameter is searched, (low, high)."""
+        """The range in which a nonlinear parameter is searched, (low, high)."""
         low, high = self.typical
         return self.search or (low / 3, high * 3)
 
     def refusal(self, value: float) -> str | None:
-        """Why a model file may not hold ``value``; None if it may."""
+        """The reason why a model file may not hold ``value``, in words; None if it may."""
         low, high = self.bounds
         if low <= value <= high:
             return None
@@ -52,9 +52,9 @@ class Parameter:
 
 
 class Described(ABC):
-    """Something with an id that makes a reading differ from the true rate: an effect or a noise.
+    """The description of an effect or a noise component, which makes a reading differ from the true rate.
 
-    The commands, the model file and the documentation name it by ``id``; the other texts make its page.
+    The commands, the model file and the documentation refer to it by ``id``. The other texts appear on its page.
     """
 
     id: ClassVar[str]
@@ -66,7 +66,7 @@ class Described(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
 
     def parameter(self, name: str) -> Parameter:
-        """The parameter of this name; InputError naming those there are."""
+        """The parameter of this name. Raises InputError, which lists the known names, if there is none."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -74,7 +74,7 @@ class Described(ABC):
         raise InputError(f"effect {self.id} has no parameter {name!r}; it has {known}")
 
     def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
-        """All parameters for one run: those given, else the default, else drawn (a phase: uniform)."""
+        """All parameters for one run: given values, else defaults, else random values (uniform phases)."""
         drawn: Values = {}
         for parameter in self.parameters:
             if parameter.name in values:

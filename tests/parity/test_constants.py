@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gyrocal.calibration import calibrate, estimator, header, network, trust, uncertainty
-from gyrocal.device import monitor, port, simulated, wire
+from gyrocal.device import monitor, port, rows, wire
 from gyrocal.recording import session
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware/gyrocal_firmware"
@@ -67,9 +67,9 @@ CONSTANTS = {
     "longest line, bytes": (wire.MAX_LINE, ("GC_WIRE_MAX",)),
     "most fields of a sentence": (wire.MAX_FIELDS, ("GC_WIRE_MAX_FIELDS",)),
     "baud": (port.BAUD, ("BAUD",)),
-    "one count of acceleration, g": (simulated.LSB_G, ("GC_LSM6DSO_LSB_G", "lsb_g")),
-    "one count of temperature, degC": (1 / simulated.COUNTS_PER_C, ("GC_LSM6DSO_LSB_C", "lsb_c")),
-    "temperature at zero counts, degC": (simulated.ZERO_C, ("GC_LSM6DSO_ZERO_C", "zero_c")),
+    "one count of acceleration, g": (rows.LSB_G, ("GC_LSM6DSO_LSB_G", "lsb_g")),
+    "one count of temperature, degC": (1 / rows.COUNTS_PER_C, ("GC_LSM6DSO_LSB_C", "lsb_c")),
+    "temperature at zero counts, degC": (rows.ZERO_C, ("GC_LSM6DSO_ZERO_C", "zero_c")),
 }
 
 
@@ -102,8 +102,8 @@ def test_the_misfit_s_limit_is_the_device_s(seconds: float) -> None:
 
 
 def test_the_simulated_part_has_the_driver_s_ranges() -> None:
-    rows = re.findall(r"\{(\d+\.0), (0\.0\d+), 0x[0-9A-F]{2}\}", "".join(p.read_text(encoding="utf-8") for p in FILES))
-    assert {float(scale): float(lsb) for scale, lsb in rows} == simulated.LSB_DPS
+    ranges = re.findall(r"\{(\d+\.0), (0\.0\d+), 0x[0-9A-F]{2}\}", "".join(p.read_text(encoding="utf-8") for p in FILES))
+    assert {float(scale): float(lsb) for scale, lsb in ranges} == rows.LSB_DPS
 
 
 def test_a_constant_that_is_gone_is_missed() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from gyrocal.calibration import limit
 from gyrocal.calibration.network import FLAT, STAGES_S, FaceAnswers, FaceNetwork, Prior, merge
-from gyrocal.core.library import CoreFaceNetwork
+from gyrocal.core.networks import CoreFaceNetwork
 from gyrocal.core.verify import TOLERANCE, counts, held_to, verify
 from gyrocal.errors import InputError
 from gyrocal.simulation.simulate import LSB_DPS, paper_windows

@@ -1,4 +1,4 @@
-"""What is missing: where a model fails, which effect would mend it, and a formula where no effect does.
+"""Diagnosis: where a model fails, which effect explains the failure, and a formula where no effect does.
 
-It imports ``inference`` and what lies below it.
+This folder imports ``inference`` and the folders below it.
 """

@@ -1,4 +1,4 @@
-"""Add an effect to a model, and say what the error was before and after."""
+"""Add an effect to a model and compare the error before and after."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ Progress = Callable[[str], None]
 
 
 class Added(NamedTuple):
-    """Both comparisons, held out and with one floor; the model with its parameters fitted on all data."""
+    """The result of :func:`add`.
+
+    Both comparisons use held-out data and the same noise floor. The parameters of ``model`` are fitted to all data.
+    """
 
     before: Comparison
     after: Comparison
@@ -37,9 +40,12 @@ def add(
     session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
     progress: Progress | None = None,
 ) -> Added:  # fmt: skip
-    """Add an effect (its id, or a formula) on every axis where it can be measured and improves the fit.
+    """Add an effect on every axis where it can be measured and improves the fit.
 
-    A noise that is named instead is added on every axis of the model.
+    ``effect_id`` is the id of an effect, the id of a noise component, or a formula. A noise component is added on every axis
+    of the model. Where no axis proves the effect, ``add`` uses the axis with the largest gain and explains this in
+    ``before.note``. ``only_day`` restricts the held-out data to one day. Raises InputError for an unknown id, a formula that
+    cannot be parsed, or a day that cannot be left out.
     """
     start = Model.open(model)
     before = compare(session, start, only_day=only_day, progress=progress)
@@ -68,18 +74,18 @@ def add(
 
 
 def _chosen(judged: dict[str, Candidate]) -> list[str]:
-    """The axes on which the effect is proven; else the one where it gains most, so that the person sees whether it helps."""
+    """The axes on which the effect is proven, or else the axis with the largest gain, so that the user can judge it."""
     measurable = {a: c for a, c in judged.items() if c.decision != "not_measurable"}
-    looks = len(base.effects()) * len(judged)  # it was asked for by name, but on which axis it is has to be as sure
+    looks = len(base.effects()) * len(judged)  # the user chose the effect, but the choice of axis needs the same certainty
     sure = [a for a, c in measurable.items() if proven(c, looks)]
     return sure or sorted((a for a, c in measurable.items() if c.values), key=lambda a: measurable[a].chance)[:1]
 
 
 def _reason(session: Session, model: Model, effect: Effect, axes: list[str]) -> str:
-    """Why an effect is added on no axis."""
+    """The reason why an effect is not added on any axis, in words."""
     lacking = next((effect.missing(session.runs, AXES.index(a)) for a in axes), None)
     if all(model.term(effect.id, a) is not None for a in axes):
-        return "the model has it on every axis already"
+        return "the model already has it on every axis"
     if lacking is not None:
         return f"the session lacks {lacking}"
-    return f"nothing of it can be seen in this session; {effect.measure_next}"
+    return f"this session does not show it; to measure it: {effect.measure_next}"

@@ -15,7 +15,13 @@ Decision = Literal["add", "suggest", "reject", "not_measurable"]
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect on one axis, judged."""
+    """One effect on one axis, with its evidence and the decision.
+
+    ``values`` and ``se`` are in the units of the effect's parameters. ``gain`` and ``gain_se`` are the held-out gain in
+    log-likelihood and its standard error; they are None where nothing can be held out. ``chance`` is the probability that
+    noise alone gains as much. ``signal`` [blocks] is the fitted term without the part that the model already explains, and
+    ``unit_gains`` [units] are the gains of the held-out units.
+    """
 
     effect: Effect
     axis: str
@@ -33,7 +39,7 @@ class Candidate:
     signal: Array | None = field(default=None, repr=False)
     unit_gains: Array | None = field(default=None, repr=False)
     enough: bool = False
-    """Explains at least a tenth of the excess error, as far as that is known."""
+    """True if the candidate explains at least ``Policy.explained`` of the excess error, as far as this is known."""
 
     def to_json(self) -> dict[str, Any]:
         units = {p.name: p.unit for p in self.effect.parameters}

@@ -1,8 +1,8 @@
-"""The model held against the measurements: how much error is left beyond the noise, and where it shows.
+"""Compare a model with the measurements: how much error exceeds the noise, and where it appears.
 
-``rms`` is of held-out samples. ``floor`` is what noise alone would leave: white noise and quantisation as the scatter within a
-tenth of a second shows them (lines taken out), drift, and the turn-on bias, which no model can know beforehand. ``excess`` is
-what is left over: ``sqrt(max(0, rms^2 - floor^2))``; it is what a missing effect adds.
+``rms`` is computed from held-out samples. ``floor`` is the rms that noise alone would leave. It consists of white noise and
+quantisation (the scatter within a tenth of a second, without spectral lines), drift, and the turn-on bias, which no model can
+predict. ``excess`` is the remainder, ``sqrt(max(0, rms^2 - floor^2))``. A missing effect increases the excess.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from gyrocal.diagnosis.misfit import find_misfit
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import Fit, fit
+from gyrocal.inference.fit import fit
+from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import each, one_thread
@@ -32,20 +33,20 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Comparison:
-    """What ``compare`` found. ``fit`` holds the model fitted on all data."""
+    """The result of :func:`compare`. ``fit`` holds the model fitted to all data; levels are in deg/s."""
 
     fit: Fit
     pooled: Level
     per_axis: dict[str, Level]
     where: list[Finding]
     held_out: str
-    """What was left out in turn: ``day``, ``scenario``, ``run``, ``time`` or, where nothing could be, ``none``."""
+    """The unit that was left out in turn: ``day``, ``scenario``, ``run`` or ``time``; ``none`` if no unit could be left out."""
     spectra: dict[str, Spectrum] = field(repr=False)
     white_power: dict[str, float] = field(repr=False)
-    """Mean square of white noise and quantisation, dps^2, by axis: the floor's fast part."""
+    """Mean square of white noise and quantisation by axis, dps^2. This is the fast part of the floor."""
 
     note: str = ""
-    """What a person should know of how it came about."""
+    """A remark for the user about how this comparison was made; empty if there is none."""
     warnings: list[Warning] = field(default_factory=list)
 
     @property
@@ -55,13 +56,13 @@ class Comparison:
 
     @property
     def judged(self) -> list[str]:
-        """The axes that can be judged: no blocking warning stands against them."""
+        """The axes without a blocking warning. Only these are judged."""
         blocked = plausibility.blocked(self.warnings, AXES)
         return [axis for axis in self.per_axis if axis not in blocked]
 
     @property
     def implausible(self) -> bool:
-        """Does a blocking warning stand against the session's own axis?"""
+        """True if a blocking warning applies to the session's own axis."""
         return any(w.blocks(self.fit.session.axis) for w in self.warnings)
 
     @property
@@ -93,7 +94,11 @@ class Comparison:
 
 @dataclass(frozen=True)
 class _Measured:
-    """One axis: sums of squares and counts [3, 2] of held-out samples, spectrum of the residual, power of the white noise."""
+    """Measurements on one axis.
+
+    ``squares`` [3, 2] holds sums of squares (dps^2) and counts of held-out samples, ``spectrum`` is that of the residual, and
+    ``white_power`` is the mean square of the white noise (dps^2).
+    """
 
     squares: Array
     spectrum: Spectrum
@@ -108,7 +113,9 @@ def compare(
 ) -> Comparison:  # fmt: skip
     """Fit a model to a session, judge it on held-out data, and find where it fails.
 
-    ``floor_from``: the richer model's floors by axis (``Comparison.floors``), for both when two models are compared.
+    ``floor_from`` gives the floor of each axis in deg/s (``Comparison.floors`` of the richer model), so that two models can be
+    compared over the same floor. ``only_day`` restricts the held-out data to one day. Raises InputError if the model has no
+    term on any axis, or if the day cannot be left out.
     """
     opened = Model.open(model)
     warnings = plausibility.check(session, opened)
@@ -152,7 +159,7 @@ def _held_out(session: Session, folds: list[heldout.Fold]) -> str:
 
 
 def with_floor_of(before: Comparison, after: Comparison) -> Comparison:
-    """The poorer model's comparison with the richer one's floor."""
+    """The comparison of the poorer model, with its excess computed over the floor of the richer model."""
 
     def level(old: Level, floor: float) -> Level:
         if old.rms_dps is None:

@@ -11,13 +11,14 @@ import numpy as np
 from gyrocal.diagnosis.compare import Comparison
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
-from gyrocal.inference.fit import AxisFit, fit_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.noise_search import fit_noise
 from gyrocal.recording.session import AXES, Array, Run
 
 
 @dataclass(frozen=True)
 class MeanSquares:
-    """Mean square of held-out residuals, dps^2, and of what is left of them about the mean of each power cycle."""
+    """Mean squares of held-out residuals, dps^2: of the residuals themselves, and about the mean of each power cycle."""
 
     all: float
     within_cycles: float
@@ -25,7 +26,7 @@ class MeanSquares:
 
 @dataclass(frozen=True)
 class Current:
-    """One axis of a comparison: its fit, and the folds in which candidates and model are held out."""
+    """One axis of a comparison, with its fit and with the folds that are used for the model and for every candidate."""
 
     comparison: Comparison
     axis: str
@@ -37,7 +38,7 @@ class Current:
 
     @property
     def index(self) -> int:
-        """The axis as a number, 0 to 2."""
+        """The axis as an index from 0 to 2."""
         return AXES.index(self.axis)
 
     @property
@@ -55,22 +56,22 @@ class Current:
 
     @cached_property
     def mean_squares(self) -> MeanSquares:
-        """Of the model's own held-out residuals."""
+        """Mean squares of the model's own held-out residuals."""
         return self.mean_squares_of(self.fit)
 
     def of_samples(self) -> Current:
-        """The same model fitted to samples, for effects that are faster than a block."""
+        """The same model fitted to samples instead of block means, for effects that are faster than a block."""
         design = self.fit.design
         samples = design.over(by_sample(self.comparison.fit.blocks), cell_s=design.cell_s or BLOCK_S)
         return replace(self, fit=fit_noise(samples, start=self.fit))
 
     def predictions(self, fitted: AxisFit) -> Iterator[heldout.Prediction]:
-        """Another fit's held-out samples on this axis; in sample where nothing can be held out."""
+        """The predictions of another fit on this axis: of held-out samples, or in sample if nothing can be held out."""
         alone = self.comparison.fit.on(self.axis, fitted)
         return heldout.predictions(alone, self.folds) if self.folds else heldout.fitted(alone)
 
     def mean_squares_of(self, fitted: AxisFit) -> MeanSquares:
-        """Of another fit's held-out residuals."""
+        """Mean squares of another fit's held-out residuals."""
         sums: dict[str, Array] = {}
         for p in heldout.predictions(self.comparison.fit.on(self.axis, fitted), self.folds):
             residual = p.residual_dps

@@ -1,4 +1,4 @@
-"""Which candidates are added, suggested or rejected."""
+"""The decision on each candidate: add, suggest or reject."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gyrocal.variables.reading import Reading
 
 
 def with_q_values(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Benjamini-Hochberg q-values over everything that could be measured."""
+    """Give each measurable candidate its q-value, the false-discovery rate by Benjamini and Hochberg."""
     tested = [i for i, c in enumerate(candidates) if c.decision != "not_measurable"]
     order = sorted(tested, key=lambda i: candidates[i].chance)
     q, smallest = {}, 1.0
@@ -24,7 +24,7 @@ def with_q_values(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
-    """Say of each candidate, whose q-value is known, whether to add, to suggest or to reject it."""
+    """Decide for each candidate, whose q-value must be known, whether to add, suggest or reject it."""
     tested = sum(c.decision != "not_measurable" for c in candidates)
     out = []
     for c in candidates:
@@ -36,7 +36,7 @@ def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Cand
 
 
 def _meets(c: Candidate, comparison: Comparison) -> bool:
-    """Does the candidate explain a substantial part of this axis's strongest finding, or most of the excess?"""
+    """True if the candidate explains a substantial part of this axis's strongest finding, or most of the excess."""
     if c.effect.fault_of(c.values) or (c.explained or 0.0) > POLICY.main_cause:
         return True
     gains = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != Reading.name]
@@ -44,7 +44,7 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
 
 
 def proven(c: Candidate, tested: int) -> bool:
-    """Is a candidate beyond chance among so many that were tested, and better on data that its fit never saw?"""
+    """True if a candidate is significant among all that were tested and improves the prediction of held-out data."""
     better = c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
     if c.effect.fault_of(c.values):
         better = better or (c.gain is not None and c.gain >= -POLICY.reading_loss)
@@ -52,9 +52,9 @@ def proven(c: Candidate, tested: int) -> bool:
 
 
 def in_range(candidate: Candidate) -> bool:
-    """Is every linear parameter at most ``Policy.range_factor`` times its typical size?
+    """True if every linear parameter is at most ``Policy.range_factor`` times its typical size.
 
-    A fault of the reading has no size of its own.
+    A fault of the reading has no linear parameter and always passes.
     """
     if candidate.effect.fault_of(candidate.values):
         return True

@@ -1,9 +1,10 @@
-"""Which physical effect is the model missing, with evidence on data the fit never saw.
+"""Diagnose which physical effect a model is missing, with evidence from held-out data.
 
-There are two tiers. *suggest*: the effect improves the fit beyond chance, by the false-discovery rate over all candidates
-(Benjamini-Hochberg). *add*: moreover its predictions of held-out runs are better beyond their error, its parameters are in
-physical range, and it explains enough of the excess error. Candidates whose signal is the same on this session form a group,
-and the measurement that parts them is named instead of a cause. The thresholds are in ``gyrocal/policy.py``.
+There are two levels of evidence. An effect is *suggested* if it improves the fit significantly, judged by the false-discovery
+rate over all candidates (Benjamini and Hochberg). It is to be *added* if it also predicts held-out runs significantly better,
+its parameters are in physical range, and it explains enough of the excess error. Candidates whose signals overlap in this
+session form a group. For a group, the diagnosis names the measurement that separates its members instead of a cause. The
+thresholds are in ``gyrocal/policy.py``.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Candidates best first, and the verdict: add, ambiguous, unknown, adequate or implausible."""
+    """The candidates, best first, and the verdict: add, ambiguous, unknown, adequate or implausible."""
 
     verdict: str
     candidates: list[Candidate]
@@ -62,7 +63,11 @@ def diagnose(
     formulas: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Rank every effect of the library, and the ``formulas`` given, on every axis as the one that the model lacks."""
+    """Rank every effect of the library and every given formula, on every axis, as the effect that the model is missing.
+
+    Raises InputError for a model that :func:`gyrocal.diagnosis.compare.compare` refuses and for a formula that cannot be
+    parsed.
+    """
     own = [effect_or_formula(text) for text in formulas]
     comparison = compare(session, model, progress=progress)
 
@@ -77,7 +82,7 @@ def diagnose(
 
 
 def _verdict(comparison: Comparison, judged: Sequence[Candidate]) -> str:
-    """The verdict on candidates that are best first."""
+    """The verdict on candidates that are sorted best first."""
     if comparison.implausible:
         return "implausible"
     if judged and judged[0].decision == "add":
@@ -86,13 +91,13 @@ def _verdict(comparison: Comparison, judged: Sequence[Candidate]) -> str:
 
 
 def _unknown(comparison: Comparison) -> dict[str, Any]:
-    """What the strongest finding says of something that no effect explains."""
+    """The strongest finding as a description of a misfit that no effect explains."""
     first = comparison.where[0]
     return {"axis": first.axis, "against": first.against, "shape": first.note, "amplitude_dps": first.amplitude_dps}
 
 
 def _candidates(current: Current, own: Sequence[Effect], progress: Progress | None) -> list[Candidate]:
-    """Every effect that the model lacks on one axis, judged."""
+    """Judge every effect that the model does not have on one axis."""
     present = {t.effect_id for t in current.fit.terms}
     out = []
     for effect in [*base.effects().values(), *own]:

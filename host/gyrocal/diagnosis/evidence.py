@@ -1,4 +1,4 @@
-"""The evidence for one candidate: what it gains in sample, on held-out data, and of the excess."""
+"""The evidence for one candidate: its gain in sample, its gain on held-out data, and the part of the excess it explains."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gyrocal.recording.session import Array
 
 
 def judge(current: Current, effect: Effect) -> Candidate:
-    """Fit one candidate beside the model, noise and all; measure what it gains in and out of sample."""
+    """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data."""
     fault = None if effect.fault is None else effect.fault.detect(current.runs, current.index)
     if fault is not None:
         return judge_reading(current, effect, fault)
@@ -53,32 +53,32 @@ def judge(current: Current, effect: Effect) -> Candidate:
 
 
 def _parameters(current: AxisFit, fitted: AxisFit, effect: Effect) -> int:
-    """How many parameters the candidate has: coefficients, spreads and nonlinear ones."""
+    """The number of parameters of the candidate: coefficients, spreads and nonlinear parameters."""
     coefficients = len(fitted.design.layout.fixed) - len(current.design.layout.fixed)
     spreads = fitted.design.layout.n_groups - current.design.layout.n_groups
     return coefficients + spreads + len(effect.nonlinear)
 
 
 def _uneven(fitted: AxisFit) -> bool:
-    """Is a wave that should have one size in all runs only in some of them?"""
+    """True if a wave that should have the same size in all runs appears only in some of them."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:
         return False
-    free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # of a run's own size, not drawn to that of all
+    free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # a run's size without shrinkage
     runs = range(len(fitted.design.blocks))
     square = [float(np.sum(fitted.run_coefficients(i, fitted.solution.beta, free)[own] ** 2)) for i in runs]
     return float(np.median(square)) < POLICY.even**2 * float(np.mean(square))
 
 
 def _without_mean(term: Term) -> bool:
-    """Is nothing left of what an effect should do alike in all runs?"""
+    """True if an effect that should have a common mean over the runs has none that differs from zero."""
     mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.used(term.values) if n in term.values]
     return all(size < POLICY.mean_errors * se for size, se in mean)
 
 
 def _measurable(tried: AxisFit) -> bool:
-    """Does anything of the candidate's columns stand out of the model's own?"""
+    """True if the candidate's columns are not a combination of the model's own columns."""
     layout, mine = tried.design.layout, len(tried.design.terms) - 1
     own = [1 + len(layout.fixed) + j for j, (i, _) in enumerate(layout.run) if i == mine]
     shared = [1 + j for j, (i, _) in enumerate(layout.fixed) if i == mine]
@@ -94,9 +94,10 @@ def _measurable(tried: AxisFit) -> bool:
 
 
 def _signal(fitted: AxisFit) -> Array:
-    """The candidate's fitted part at every block, shared model columns projected out, shape [blocks].
+    """The candidate's fitted term at every block, orthogonal to the model's shared columns, shape [blocks].
 
-    Each block is weighted by its number of samples, so that the sum of squares is that over all samples.
+    Each block is scaled by the square root of its number of samples, so that the sum of squares (dps^2) is that over all
+    samples.
     """
     mine = len(fitted.design.terms) - 1
     layout = fitted.design.layout

@@ -1,4 +1,4 @@
-"""How much of the excess error a candidate explains."""
+"""The part of the excess error that a candidate explains."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal.diagnosis.current import Current
-from gyrocal.inference.fit import AxisFit
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 
 @dataclass(frozen=True)
 class Explained:
-    """``part``: 1 - (excess after / excess before)^2, None where there is no excess; ``enough``: is that what a name takes?"""
+    """``part`` is 1 - (excess after / excess before)^2, or None without an excess; ``enough`` is True if it is sufficient."""
 
     part: float | None
     enough: bool
 
 
 def explained(current: Current, fitted: AxisFit, signal: Array) -> Explained:
-    """How much of the excess a candidate takes away on this axis, held out, the floor the richer model's in both.
+    """The part of the excess on this axis that a candidate removes, on held-out data and over the richer model's floor.
 
-    A few power cycles say little of the spread of their offsets, so the floor has an error of its own, and the offset of a
-    held-out cycle moves its excess by more than a small effect does. ``enough`` grants both. It asks whether the candidate's
-    own power, or the fall of the excess, is ``Policy.explained`` of what is left beyond ``Policy.floor_errors`` standard errors
-    of the floor; or whether its power is as much of that within power cycles, their offsets left out of both.
+    A few power cycles determine the spread of their offsets poorly. The floor therefore has a standard error, and the offset
+    of a held-out power cycle can change the excess by more than a small effect does. ``enough`` allows for both. It is True
+    if the candidate's own power, or the decrease of the excess, is at least ``Policy.explained`` of the excess beyond
+    ``Policy.floor_errors`` standard errors of the floor. It is also True if the candidate's power reaches that part within
+    power cycles, where their offsets are removed from both.
     """
     if not current.folds:
         return Explained(None, False)
@@ -50,8 +51,8 @@ def explained(current: Current, fitted: AxisFit, signal: Array) -> Explained:
 
 
 def _within_cycles(fitted: AxisFit, signal: Array) -> float:
-    """Sum of squares of a signal [blocks], as ``evidence`` gives it, about its mean in each power cycle."""
-    if not signal.size:  # a fault of the reading has none
+    """Sum of squares (dps^2) of a signal [blocks], as ``evidence`` computes it, about its mean in each power cycle."""
+    if not signal.size:  # a fault of the reading has no signal
         return 0.0
     weight = np.sqrt(np.concatenate([b.n for b in fitted.design.blocks]))
     cycle = np.repeat(np.unique(fitted.design.scenarios, return_inverse=True)[1], fitted.design.n_blocks)
@@ -60,7 +61,7 @@ def _within_cycles(fitted: AxisFit, signal: Array) -> float:
 
 
 def _floor_errors(fitted: AxisFit) -> tuple[float, float]:
-    """Standard errors of the floor's squares, dps^2: so many power cycles, so much time for drift to turn over."""
+    """Standard error of the squared floor, dps^2, from the number of power cycles and of correlation times of the drift."""
     cycles = len(np.unique(fitted.design.scenarios))
     seconds = sum(b.run.duration_s for b in fitted.design.blocks)
     turns = len(fitted.design.blocks) + seconds / (2 * fitted.noise.ou_tau_s)

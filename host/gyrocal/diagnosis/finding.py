@@ -1,4 +1,4 @@
-"""What a test of the residual finds."""
+"""The result of one test of the residual."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from gyrocal.variables.shapes import Shape
 
 @dataclass(frozen=True)
 class Finding:
-    """A misfit on one axis, against one variable.
+    """A misfit on one axis that depends on one variable.
 
-    ``chance``: that noise alone does as much; ``strength``: signal to noise, in sigma; ``shape``: what was fitted,
-    where a probe found it.
+    ``chance`` is the probability that noise alone produces as much. ``strength`` is the signal-to-noise ratio in standard
+    deviations. ``shape`` is the fitted shape if a probe made the finding.
     """
 
     axis: str

@@ -1,16 +1,16 @@
-"""What a candidate gains on data that its fit never saw."""
+"""The gain of a candidate on held-out data."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import AxisFit
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.recording.session import Array
 
 
 def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) -> Array:
-    """Gain in predictive log-likelihood of each held-out scenario (run, time block), shape [units]."""
+    """Gain in predictive log-likelihood of each held-out unit (power cycle, run or block of time), shape [units]."""
     gains: list[float] = []
     for before, after in zip(heldout.steps(current, folds), heldout.steps(fitted, folds), strict=True):
         gains += [after.gain[name] - before.gain[name] for name in before.gain]
@@ -18,6 +18,6 @@ def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) 
 
 
 def total(gains: Array) -> tuple[float | None, float | None]:
-    """Sum of gains [units] and its standard error; None where there are too few of them."""
+    """Sum of the gains [units] and its standard error; None where there are too few units."""
     error = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
     return (float(np.sum(gains)) if gains.size else None), error

@@ -1,9 +1,9 @@
-"""An effect of one's own for what the library does not explain: a formula found in the data.
+"""Find a formula in the data for a misfit that no effect of the library explains.
 
-For the variable that a diagnosis calls unknown, two kinds of formula are tried: a sum of a few smooth terms out of a small
-library, and a piecewise-linear curve (a linear spline). Which terms belong in it is decided stepwise by Schwarz's criterion
-(BIC) on the generalised least squares of all of them at once, at the noise that is left beside all of them; which formula is
-kept, by the held-out likelihood that decides on every other effect too.
+Two kinds of formula are tried in the variable that the diagnosis calls unknown: a sum of a few smooth terms from a small
+library, and a piecewise-linear curve (a linear spline). All terms are fitted together by generalised least squares, with the
+noise that remains beside all of them. Stepwise selection by Schwarz's criterion (BIC) decides which terms stay. The held-out
+likelihood decides which formula is kept, as it does for every other effect.
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import AxisFit, carry_spreads, choose_variant, finish, fit_noise, refine, with_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.nonlinear import refine
+from gyrocal.inference.standard_errors import finish
+from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import one_thread
@@ -37,12 +41,12 @@ from gyrocal.variables.terms import hinges
 Progress = Callable[[str], None]
 
 RATE_UNIT_DPS = 100.0
-"""In products of terms with the rate, so that coefficients are in deg/s."""
+"""Products of terms with the rate are divided by this rate, so that their coefficients are in deg/s."""
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A formula for an axis, with the held-out gain in log-likelihood that speaks for it (None: nothing could be left out)."""
+    """A formula for an axis, with its held-out gain in log-likelihood (None if nothing could be left out)."""
 
     formula: str
     axis: str
@@ -61,11 +65,14 @@ class Proposal:
 
 @one_thread
 def propose(diagnosis: Diagnosis, name: str = "custom", progress: Progress | None = None) -> Proposal:
-    """The formula that explains best what a diagnosis calls unknown. InputError where it is not, or where no formula helps."""
+    """The formula that best explains what a diagnosis calls unknown.
+
+    Raises InputError if the verdict is not ``unknown``, or if no formula improves the fit.
+    """
     comparison = diagnosis.comparison
     if diagnosis.best is not None:
         named = diagnosis.best.effect.id
-        raise InputError(f"{named} explains it: `gyrocal add {named}` first, then keep what is left unknown")
+        raise InputError(f"{named} explains it: run `gyrocal add {named}` first, then `gyrocal keep` for what is still unknown")
     if not comparison.where:
         raise InputError("nothing to keep: the model is adequate")
     axis = comparison.where[0].axis
@@ -83,7 +90,7 @@ def propose(diagnosis: Diagnosis, name: str = "custom", progress: Progress | Non
 
 
 class Kept(NamedTuple):
-    """The formula, and what adding it did: both comparisons, the model with its parameters fitted on all data."""
+    """The formula and the result of adding it: both comparisons, and the model with its parameters fitted to all data."""
 
     proposal: Proposal
     before: Comparison
@@ -97,10 +104,12 @@ def keep(
 ) -> Kept:  # fmt: skip
     """Diagnose, propose a formula for what is unknown, and add it.
 
-    With ``file`` the formula goes into a Python file, an effect to be edited, and the model names it; else into the model.
+    With ``file``, the formula is written to a Python file as an effect that the user can edit, and the model refers to it by
+    its id. Without ``file``, the formula is stored in the model. Raises InputError where :func:`propose` does, if the model
+    already has an effect of this name, or if ``file`` cannot be created.
     """
     start = Model.open(model)
-    FormulaEffect("k*t", name)  # is the name free?
+    FormulaEffect("k*t", name)  # raises if the name is not free
     if name in start.ids:
         raise InputError(f"the model has an effect {name!r} already; give this one another --name")
     if file is not None and (file.exists() or file.suffix != ".py" or not file.absolute().parent.is_dir()):
@@ -115,7 +124,7 @@ def keep(
 
 
 def effect_file(proposal: Proposal, name: str) -> str:
-    """The proposal as an effect of its own, for a folder given by ``--effects``."""
+    """The Python source of the proposal as an effect, for a folder given by ``--effects``."""
     title = "".join(part.capitalize() for part in name.split("_"))
     formula = proposal.formula.partition(":")[2].strip()
     against = proposal.against.replace("_", " ")
@@ -139,7 +148,7 @@ class {title}(FormulaEffect):
 def _formulas(
     comparison: Comparison, axis: str, findings: Sequence[Finding], progress: Progress | None
 ) -> list[str]:  # fmt: skip
-    """Formulas in the variable that these findings are against."""
+    """Formulas in the variable that these findings depend on."""
     each_run = [f.shape for f in findings if isinstance(f.shape, ShapeOfEachRun)]
     if each_run:
         return type(each_run[0]).formula(each_run)
@@ -171,7 +180,10 @@ def _values(session: Session, axis: str, symbol: str) -> Array:
 
 
 def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
-    """The terms that BIC keeps, in their order: forward, and back where a later one makes an earlier one needless."""
+    """The terms that BIC keeps, in their order.
+
+    The selection goes forward, and it removes an earlier term if a later one makes it unnecessary.
+    """
     library = FormulaEffect(" + ".join(f"k{i}*{t}" for i, t in enumerate(terms)), "library")
     design = current.design.changed([*current.design.terms, Term.of(library, axis, dict.fromkeys(library.linear, 0.0))])
     rich = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
@@ -184,7 +196,7 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
     price = float(np.log(design.n_blocks.sum()))
 
     def score(chosen: Sequence[int]) -> float:
-        """Twice the log-likelihood that these columns gain, less BIC's price."""
+        """Twice the log-likelihood that these columns gain, minus the penalty of BIC."""
         index = [*base, *chosen]
         part = pull[index]
         return float(part @ np.linalg.lstsq(information[np.ix_(index, index)], part, rcond=None)[0]) - price * len(chosen)
@@ -202,7 +214,7 @@ def select(current: AxisFit, axis: str, terms: Sequence[str]) -> list[str]:
 
 
 def _proposal(comparison: Comparison, axis: str, against: str, effect: FormulaEffect) -> Proposal:
-    """A formula fitted beside the model, with its held-out gain."""
+    """A formula fitted together with the model, with its held-out gain."""
     current = comparison.fit.axes[axis]
     fitted = finish(refine(choose_variant(current, Term.of(effect, axis))))
     gains = held_out_gain(current, fitted, heldout.folds(comparison.fit))
@@ -212,7 +224,7 @@ def _proposal(comparison: Comparison, axis: str, against: str, effect: FormulaEf
 
 
 def _simplest_of_the_best(tried: Sequence[Proposal]) -> Proposal:
-    """The fewest parameters among those whose held-out gain is the best's within a standard error of the difference."""
+    """The proposal with the fewest parameters among those within one standard error of the best held-out gain."""
     best = max(tried, key=lambda p: -np.inf if p.gain is None else p.gain)
 
     def as_good(p: Proposal) -> bool:

@@ -11,8 +11,9 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import beside
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import LEAST_WHITE_DPS, Fit
+from gyrocal.inference.fitted import Fit
 from gyrocal.inference.heldout import Prediction
+from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers
@@ -21,7 +22,7 @@ from gyrocal.recording.session import AXES, Array
 
 @dataclass(frozen=True)
 class Level:
-    """rms of held-out residuals, what noise alone leaves of it, and the excess; deg/s. None where nothing can be held out."""
+    """rms of held-out residuals, noise floor and excess, in deg/s; rms and excess are None if nothing can be held out."""
 
     rms_dps: float | None
     floor_dps: float
@@ -32,7 +33,7 @@ class Level:
 
 
 def level_of(squares: Array, floor: float) -> Level:
-    """The level of sums of squares and counts [axes, 2], as :func:`squares_of` gives them, over a floor in deg/s."""
+    """The level computed from sums of squares and counts [axes, 2] of :func:`squares_of` and a floor in deg/s."""
     total, samples = squares.sum(axis=0)
     if samples == 0:
         return Level(None, floor, None)
@@ -41,7 +42,7 @@ def level_of(squares: Array, floor: float) -> Level:
 
 
 def squares_of(held: Iterable[Prediction]) -> Array:
-    """Of each axis the sum of squared residuals, dps^2, and the number of samples, shape [3, 2]."""
+    """The sum of squared residuals (dps^2) and the number of samples of each axis, shape [3, 2]."""
     out = np.zeros((len(AXES), 2))
     for p in held:
         out[p.axis] += float(np.sum(p.residual_dps**2)), p.modelled_dps.size
@@ -51,7 +52,8 @@ def squares_of(held: Iterable[Prediction]) -> Array:
 def floor_dps(fitted: Fit, axis: str, where: Sequence[Finding], white_power: float) -> float:
     """The rms that white noise, quantisation, drift and turn-on bias predict, deg/s.
 
-    Where probes found something, drift and turn-on bias are those that are left beside it: else they would swallow it.
+    Where probes found a misfit, drift and turn-on bias are those of the fit that contains the probes' shapes. Otherwise they
+    would absorb the misfit.
     """
     current = fitted.axes[axis]
     shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
@@ -61,7 +63,7 @@ def floor_dps(fitted: Fit, axis: str, where: Sequence[Finding], white_power: flo
 
 
 def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
-    """Residuals in sample of each run [n], deg/s, single readings that stand out brought back."""
+    """In-sample residuals of each run [n] by file, deg/s. Outliers are moved back to their neighbours."""
     out = {}
     for p in heldout.fitted(fitted.on(axis)):
         residual = p.residual_dps
@@ -72,7 +74,7 @@ def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
 
 
 def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:
-    """Mean square of one sample's noise, dps^2: the scatter of residuals within blocks, lines taken out."""
+    """Mean square of the noise of one sample, dps^2: the scatter of residuals within blocks, without spectral lines."""
     total, count = 0.0, 0
     for b in fitted.blocks:
         if b.run.index not in by_run or b.within_n == 0:
@@ -80,6 +82,6 @@ def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spec
         grouped = by_run[b.run.index][b.start[:, None] + np.arange(int(b.n[0]))]
         total += float(((grouped - grouped.mean(axis=1, keepdims=True)) ** 2).sum())
         count += b.within_n
-    if count < POLICY.least_scatter:  # a sample a block: the fit's own white level
+    if count < POLICY.least_scatter:  # each block is one sample: use the white level of the fit
         return fitted.axes[axis].noise.white_sd_dps ** 2
     return max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)

@@ -1,4 +1,4 @@
-"""Where a model fails: every test of the residual, on every axis."""
+"""Find where a model fails by running every test of the residual on every axis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.readings import reading_fault, single_readings
 from gyrocal.diagnosis.whiteness import too_much_power
-from gyrocal.inference.fit import Fit
+from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES
@@ -22,7 +22,7 @@ Progress = Callable[[str], None]
 
 
 def _line(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
-    """A line of the residual's spectrum."""
+    """Test for a line in the residual's spectrum."""
     peak = spectrum.peak()
     if peak is None or peak.chance >= alarm:
         return None
@@ -33,7 +33,7 @@ def _line(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
 
 
 def _bump(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
-    """A bump of the residual's spectrum."""
+    """Test for a bump in the residual's spectrum."""
     bump = spectrum.bump()
     if bump is None or bump.chance >= alarm:
         return None
@@ -42,22 +42,22 @@ def _bump(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
 
 
 def _not_white(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
-    """More power than noise in a band of frequencies."""
+    """Test for more power than noise in a band of frequencies."""
     return too_much_power(fitted.axes[axis], axis, alarm)
 
 
 def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
-    """A bit of the reading that does not toggle."""
+    """Test for a bit of the reading that does not toggle."""
     steps_dps = (fault.step_dps(values) for fault, values in fitted.model.faults(axis))
     return reading_fault(fitted.session, axis, alarm, max(steps_dps, default=0.0))
 
 
 BEYOND_NOISE = (_line, _bump, _not_white, _code)
-"""The tests of an axis beside the probes of its variables; each has its share of the alarm."""
+"""The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
 def _outliers(fitted: Fit, axis: str) -> Finding | None:
-    """Single readings that stand out, where the model does not know of them. Noise makes none, so they have no share."""
+    """Outliers that the model does not explain. Noise does not produce them, so this test has no share of the alarm rate."""
     known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
     return None if known else single_readings(fitted.session, axis)
 
@@ -65,9 +65,10 @@ def _outliers(fitted: Fit, axis: str) -> Finding | None:
 def find_misfit(
     fitted: Fit, spectra: dict[str, Spectrum], axes: Sequence[str], progress: Progress | None = None,
 ) -> list[Finding]:  # fmt: skip
-    """What every test finds on each of the ``axes``, strongest first.
+    """The findings of every test on each of the ``axes``, strongest first.
 
-    A test finds something where noise alone would with less than the test's share of ``Policy.misfit_alarm``.
+    A test reports a finding if the probability that noise alone produces it is below the test's share of
+    ``Policy.misfit_alarm``.
     """
     if sum(b.t_s.size for b in fitted.blocks) < POLICY.least_blocks:
         return []

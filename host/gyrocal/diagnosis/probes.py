@@ -1,7 +1,7 @@
-"""Probes: tests that ask *against what* a model fails, without naming a cause.
+"""Probes: tests that find the variable on which a misfit depends, without naming a cause.
 
-A probe fits one shape of a variable (``variables/``) beside the model, noise and all, and judges the size of its coefficients
-against their covariance.
+A probe fits one shape of a variable (``variables/``) together with the model and the noise. It then tests the fitted
+coefficients against their covariance.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import Design
-from gyrocal.inference.fit import AxisFit, carry_spreads, fit_noise, likelihood_ratio, with_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.likelihood_ratio import likelihood_ratio
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Session
@@ -22,24 +24,24 @@ from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps
 
 
 def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
-    """The model fitted with shapes beside it: the noise that is left when what probes found is taken out."""
+    """The model fitted together with shapes: the noise that remains when the probes' findings are removed."""
     terms = [Term(f"probe_{i}", axis, dict.fromkeys(s.linear, 0.0), own=s) for i, s in enumerate(shapes)]
     design = current.design.changed([*current.design.terms, *terms])
     return fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
 
 
 def of_session(session: Session, axis: int) -> list[tuple[str, list[Shape]]]:
-    """The shapes that a session allows on one axis, by the variable that they hold the residual against."""
+    """The shapes that a session allows on one axis, each with the variable that it depends on."""
     if all(r.rate_is_mean for r in session.runs):
         return []
     return [(name, variable(session.runs).shapes(axis)) for name, variable in variables().items()]
 
 
 def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float) -> Finding | None:
-    """Fit a shape beside the model and judge it. None where the session cannot tell it from the model's own terms.
+    """Fit a shape together with the model and judge it. None if the session cannot separate it from the model's own terms.
 
-    Judged first with no drift at all, which only a wave that is nowhere can survive; what passes is judged again with drift and
-    spreads estimated together with the probe.
+    The first judgement assumes no drift, which makes every shape look more significant, so it rejects only shapes that are
+    certainly absent. A shape that passes is judged again with drift and spreads estimated together with the probe.
     """
     from scipy.stats import chi2
 
@@ -55,7 +57,7 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
     statistic = _wald(with_noise(design, white, current.spreads), columns)
     chance = float(chi2.sf(statistic, len(columns)))
     if chance < alarm:
-        # Wald's statistic trusts a noise that the probe may just have emptied; the likelihood ratio does not
+        # the probe may have reduced the noise estimate, on which Wald's statistic depends; the likelihood ratio does not
         fitted = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
         statistic, chance = likelihood_ratio(current, fitted, len(columns))
     fit = with_noise(design, current.noise, current.spreads)
@@ -66,7 +68,7 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
 
 
 def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, shape: ShapeOfEachRun) -> Finding | None:
-    """A shape whose size differs from run to run: judged by the likelihood that its spread gains."""
+    """Judge a shape whose size differs from run to run by the likelihood that its spread gains."""
     from scipy.stats import chi2
 
     start = with_noise(design, current.noise, carry_spreads(current, design))

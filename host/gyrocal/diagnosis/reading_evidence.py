@@ -1,4 +1,4 @@
-"""The evidence for a fault of the reading: how much better held-out readings are met."""
+"""The evidence for a fault of the reading: the improvement in the prediction of held-out readings."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from gyrocal.diagnosis.readings import SHEPPARD
 from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import Detected
 from gyrocal.error_model.model import Term
-from gyrocal.inference.fit import AxisFit, carry_spreads, fit_noise, with_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 
 
 @dataclass(frozen=True)
 class RunPower:
-    """Sum of squares of one run's residuals, dps^2, and how many they are."""
+    """Sum of squares of one run's residuals, dps^2, and their number."""
 
     squares: float
     samples: int
 
 
 def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidate:
-    """Judge a fault that the effect found in the readings' own values."""
+    """Judge a fault that the effect detected in the values of the readings."""
     term = Term(effect.id, current.axis, fault.values, fault.se)
     old = current.fit.design
     design = old.over(current.comparison.fit.blocks, [*old.terms, term])
@@ -38,28 +39,29 @@ def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidat
     return Candidate(
         effect, current.axis, "reject", fault.values, fault.se, gain=gain, gain_se=gain_se, chance=fault.chance, parameters=1,
         next_measurement=effect.measure_next, unit_gains=gains, explained=explained(current, fitted, np.zeros(0)).part,
-        enough=True,  # seen in the codes themselves; it need not leave an error over the floor
+        enough=True,  # the codes show it, so it need not raise the error above the floor
     )  # fmt: skip
 
 
 def _rounding_power(current: Current) -> float:
-    """Mean square, dps^2, that rounding to the readings' own steps leaves: no prediction is better."""
+    """Mean square of the rounding to the readings' own steps, dps^2, which is a lower bound for any prediction."""
     steps = [run.step_dps[current.index] for run in current.comparison.fit.session.runs]
     return float(min((s for s in steps if s > 0), default=0.0)) ** 2 * SHEPPARD
 
 
 def _power_gain(before: RunPower, after: RunPower, noise: float) -> float:
-    """Gain in log-likelihood as a run's power falls, over noise of mean square ``noise``, dps^2.
+    """Gain in log-likelihood when the power of a run decreases, at a noise of mean square ``noise``, dps^2.
 
-    The excess counts as noise of its own: ``samples/2·log(1 + change/noise)``, which for small changes is the Gaussian gain at
-    known noise, and never exceeds what so many readings of a finite range and step can tell.
+    The excess is treated as additional noise: the gain is ``samples/2·log(1 + change/noise)``. For small changes this equals
+    the Gaussian gain at known noise. For large changes it grows only logarithmically, as readings of finite range and step
+    carry limited information.
     """
     change = (before.squares - after.squares) / (before.samples * noise)
     return 0.5 * before.samples * float(np.copysign(np.log1p(abs(change)), change))
 
 
 def _run_powers(current: Current, fitted: AxisFit) -> dict[str, RunPower]:
-    """The power of each run's held-out residuals by file; in sample where nothing can be held out."""
+    """The power of each run's held-out residuals by file. The residuals are in sample if nothing can be held out."""
     powers: dict[str, RunPower] = {}
     for p in current.predictions(fitted):
         old = powers.get(p.run.file, RunPower(0.0, 0))

@@ -6,22 +6,23 @@ import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import residual_dps
-from gyrocal.inference.fit import LEAST_WHITE_DPS
+from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.variables.reading import Reading
 
 BITS = 16
-"""Of a reading's code."""
+"""Number of bits in the code of a reading."""
 SHEPPARD = 1 / 12
 """Variance, counts^2, that rounding to whole counts adds."""
 
 
 def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: float = 0.0) -> Finding | None:
-    """Bits of the raw code that noise should toggle and that do not: a byte put together wrongly, a stuck bit.
+    """Find bits of the raw code that noise should toggle but that do not, as after a wrongly assembled byte or a stuck bit.
 
-    ``known_step_dps``: the step that the model knows of, below which nothing is looked for.
+    ``alarm`` is the allowed probability of a false alarm. ``known_step_dps`` is the quantization step of the model in deg/s;
+    bits below ``Policy.known_step`` of it are not tested. Returns None without ``lsb_dps`` or without a finding.
     """
     from scipy.stats import norm
 
@@ -36,10 +37,10 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
         if 2**bit * session.lsb_dps < POLICY.known_step * known_step_dps:
             continue
         ones = float(np.mean((codes >> bit) & 1))
-        if 2**bit <= noise:  # noise alone toggles it
+        if 2**bit <= noise:  # noise alone toggles this bit
             z = abs(ones - 0.5) * 2 * np.sqrt(codes.size) / 2**bit
             chance = min(1.0, 2 * float(norm.sf(z)) * BITS) if abs(ones - 0.5) > POLICY.toggling else 1.0
-        else:  # runs at different rates should, as a coin falls
+        else:  # runs at different rates should show both states with equal probability
             places = np.unique(mean_codes >> bit).size
             stuck = ones in (0.0, 1.0)
             chance = min(1.0, BITS * min(0.5 ** (places - 1), _never(readings, session.lsb_dps, bit, ones))) if stuck else 1.0
@@ -51,9 +52,9 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
 
 
 def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> float:
-    """The chance that a bit of the code keeps its state in all readings, by the noise about each run's mean.
+    """The probability that a bit of the code keeps its state in all readings, given the noise about each run's mean.
 
-    Of noise below a count the codes do not tell enough: such a run says nothing.
+    A run whose noise is below one count is left out, because its codes do not determine the noise.
     """
     from scipy.stats import norm
 
@@ -71,7 +72,7 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
 
 
 def single_readings(session: Session, axis: str) -> Finding | None:
-    """Single readings that stand far out of their neighbours, where they add enough to the noise's power."""
+    """Outliers, if they add at least ``Policy.outlier_power`` to the power of the noise. None otherwise."""
     i = AXES.index(axis)
     steady = [r for r in session.runs if not r.rate_is_mean]
     if not steady:

@@ -14,7 +14,10 @@ from gyrocal.recording.session import AXES
 
 
 def residual_table(comparison: Comparison) -> pl.DataFrame:
-    """Held-out predictions (in sample where nothing can be held out): file, t_s, axis, measured_dps, modelled_dps."""
+    """Held-out predictions as a table with the columns file, t_s, axis, measured_dps and modelled_dps.
+
+    The predictions are in sample if nothing can be held out.
+    """
     fitted = comparison.fit
     folds = heldout.folds(fitted) if comparison.held_out != "none" else []
     source = heldout.predictions(fitted, folds) if folds else heldout.fitted(fitted)
@@ -32,7 +35,10 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
 
 
 def write_residuals(comparison: Comparison, path: Path) -> None:
-    """:func:`residual_table` as Parquet or CSV, by the name's ending, whole or not at all."""
+    """Write :func:`residual_table` as Parquet or CSV, according to the file name's ending.
+
+    The file is replaced only when it is complete. Raises InputError if it cannot be written.
+    """
     frame = residual_table(comparison)
     try:
         with replacing(path) as partial:

@@ -1,4 +1,4 @@
-"""Candidates that a session cannot tell from each other."""
+"""Groups of candidates that a session cannot tell apart."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from gyrocal.recording.session import Array
 
 
 def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Give each candidate to be added its group: those that this session cannot tell from it.
+    """Give each candidate with decision ``add`` its group: the candidates that this session cannot tell from it.
 
-    Their shapes overlap, and their held-out gains do not differ beyond their error. Of two with the very same shape the one
-    with more parameters yields, unless it pays for them. A candidate that only just failed to pass still counts as a rival of
-    one that passed.
+    The signals of the members overlap, and their held-out gains do not differ significantly. Of two candidates with the same
+    shape, the simpler one is preferred unless the other gains enough for each further parameter. A candidate that reached only
+    ``suggest`` is still a rival of one that reached ``add``.
     """
     passed = [c for c in candidates if c.decision in ("add", "suggest")]
 
@@ -37,7 +37,7 @@ def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:
             continue
         if same and c.parameters != rival.parameters:
             if rival.parameters < c.parameters and rival.decision == "add":
-                return replace(c, decision="suggest", group=())  # the simpler one says the same
+                return replace(c, decision="suggest", group=())  # the simpler candidate has the same shape
             continue
         group.append(rival)
     group.sort(key=lambda x: -(x.gain or 0.0))
@@ -45,14 +45,14 @@ def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:
 
 
 def _price(c: Candidate, other: Candidate) -> float:
-    """Held-out log-likelihood by which a candidate must beat another of the same shape."""
+    """The held-out log-likelihood by which a candidate must exceed another of the same shape."""
     if c.parameters == other.parameters:
         return POLICY.noisy_columns * (c.gain or 0.0)
     return POLICY.parameter_gain * max(0, c.parameters - other.parameters)
 
 
 def _cosine(a: Array | None, b: Array | None) -> float:
-    """Cosine similarity of two signals [blocks], its sign left out; 0 where they are not comparable."""
+    """Absolute cosine similarity of two signals [blocks]; 0 if they are not comparable."""
     if a is None or b is None or a.shape != b.shape:
         return 0.0
     norm = float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -60,7 +60,7 @@ def _cosine(a: Array | None, b: Array | None) -> float:
 
 
 def _as_good(c: Candidate, other: Candidate, price: float) -> bool:
-    """Is the other's held-out gain at least as large, within the error of the difference or the ``price``?"""
+    """True if the other's held-out gain is as large, within the standard error of the difference or the ``price``."""
     if c.unit_gains is None or other.unit_gains is None or c.unit_gains.shape != other.unit_gains.shape:
         return False
     difference = c.unit_gains - other.unit_gains

@@ -1,4 +1,4 @@
-"""The test of whiteness: have the residuals more power than noise in a band of frequencies?"""
+"""The test of whiteness: whether the residuals have more power than the noise in a band of frequencies."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.inference.design import SLOW_S
-from gyrocal.inference.fit import AxisFit
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 from gyrocal.variables.frequency import Frequency
 
 HANN_NEIGHBOURS = 1.95
-"""Neighbouring values of a periodogram under a Hann window share their noise: so many count as one."""
+"""Neighbouring values of a periodogram with a Hann window are correlated: this many count as one independent value."""
 HIGHEST = 0.49
-"""Of the block rate: the highest frequency that block means show."""
+"""Highest frequency that block means show, as a fraction of the block rate."""
 LEAST_PERIODS = 2.5
-"""Of the lowest frequency that a run shows within its length."""
+"""Number of periods of the lowest tested frequency within the length of a run."""
 
 
 @dataclass(frozen=True)
 class Periodogram:
-    """Of runs sampled alike, at each frequency [f]: over all runs the sums of power over noise and of power beyond noise."""
+    """Sums over runs with the same sampling, at each frequency [f].
+
+    ``ratio`` sums power divided by the expected noise, ``beyond`` sums power minus the expected noise (dps^2).
+    """
 
     frequency_hz: Array
     ratio: Array
@@ -35,10 +38,11 @@ class Periodogram:
 
 
 def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
-    """Residuals with more power in a band of frequencies than white noise and drift have there.
+    """Find a band of frequencies in which the residuals have more power than white noise and drift.
 
-    Periodograms (Hann) of the block means' residuals are held against their expectation under the fitted noise. What is slower
-    than ``SLOW_S`` is drift and not judged; nor are samples, which a sensor's low-pass makes anything but white.
+    The periodograms (Hann window) of the residual block means are compared with their expectation under the fitted noise.
+    Variations slower than ``SLOW_S`` are drift and are not tested. Samples are not tested either, because a sensor's low-pass
+    filter makes their noise coloured.
     """
     from scipy.stats import gamma
 
@@ -65,7 +69,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
 
 
 def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
-    """Of the runs ``index``, which are sampled alike; None where they are too short or uneven."""
+    """The periodogram of the runs ``index``, which have the same sampling; None if they are too short, slow or uneven."""
     from scipy.signal.windows import hann
 
     p = len(fit.design.layout.fixed)
@@ -85,11 +89,13 @@ def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
     ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
     frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
     use = (frequency > max(1 / SLOW_S, LEAST_PERIODS / (m * step_s))) & (frequency < HIGHEST / step_s)
+    if not use.any():  # blocks so slow that all of it counts as drift
+        return None
     return Periodogram(frequency[use], ratio.sum(axis=0)[use], beyond.sum(axis=0)[use], len(index))
 
 
 def _expected(noise: Noise, window: Array, step_s: float, samples: float) -> Array:
-    """Expectation of the tapered periodogram: the exact transform of the noise's autocovariance times the window's."""
+    """Expectation of the tapered periodogram: the transform of the noise's autocovariance times that of the window."""
     from scipy.signal import fftconvolve
 
     m = window.size

@@ -1,4 +1,4 @@
-"""Physical effects, one file each; ``base.py`` says what an effect is, ``quantities.py`` derives what several of them need.
+"""Physical effects, one file for each. ``base.py`` defines what an effect is, ``quantities.py`` derives shared quantities.
 
-It imports ``recording`` and ``noise``.
+This folder imports ``recording`` and ``noise``.
 """

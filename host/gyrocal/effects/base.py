@@ -1,7 +1,7 @@
-"""What a physical effect is: one subclass of :class:`Effect` in a file of its own in this folder.
+"""The base class of physical effects. Each effect is one subclass of :class:`Effect` in its own file in this folder.
 
-An effect adds a term to the reading of one axis. Its linear parameters multiply *columns*, its nonlinear parameters shape
-them. From that alone the fit, the simulator, the device's tables and the documentation are made.
+An effect adds a term to the reading of one axis. Its linear parameters multiply *columns*, and its nonlinear parameters shape
+them. The fit, the simulator, the device's tables and the documentation are all derived from this description.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class Role(Enum):
-    """The part that an effect plays in eq. (4), where that part is more than one term among others."""
+    """A special role of an effect in eq. (4): it is the scale or the bias."""
 
     SCALE = auto()
     BIAS = auto()
@@ -45,10 +45,10 @@ class Role(Enum):
 
 @dataclass(frozen=True)
 class Law:
-    """What the term must be at given values, as a formula in the variables of :mod:`gyrocal.error_model.formula`.
+    """The expected term at given values, as a formula in the variables of :mod:`gyrocal.error_model.formula`.
 
-    ``degree``: by which power the term grows with the true rate; ``even``: whether it keeps its sign when the rate turns round.
-    ``reads`` is None where no such formula can say it (a slope of a column, say).
+    The term is proportional to the true rate to the power ``degree``. ``even`` is True if the term keeps its sign when the
+    rate changes its sign. ``reads`` is None if no formula can express the term (for example, the slope of a column).
     """
 
     values: Values
@@ -59,7 +59,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Case:
-    """A planted size, and what a fit must find of it: ``recovers`` on ``axis`` in a simulated ``campaign``."""
+    """Planted values, and the parameters ``recovers`` that a fit must find on ``axis`` in a simulated ``campaign``."""
 
     values: Values
     recovers: tuple[str, ...]
@@ -71,9 +71,9 @@ class Effect(Described):
     """A physical effect on one axis of the gyroscope.
 
     ``linear`` names the parameters that multiply columns, ``nonlinear`` those that shape them. *Values* map parameter names
-    to numbers; which linear names are present says which columns are in use (``k1`` alone, or ``k1`` and ``k2``).
+    to numbers. The linear names that are present determine the columns in use (``k1`` alone, or ``k1`` and ``k2``).
 
-    This class is a deterministic effect, the same in all runs (``scope`` is ``session``). Other kinds are its subclasses:
+    This class is a deterministic effect that is the same in all runs (``scope`` is ``session``). Other kinds are subclasses:
     :class:`OfEachRun`, :class:`gyrocal.effects.wave.Wave` and :class:`gyrocal.effects.reading_fault.ReadingFault`.
     """
 
@@ -81,34 +81,34 @@ class Effect(Described):
     nonlinear: ClassVar[tuple[str, ...]] = ()
     scope: ClassVar[Literal["session", "run"]] = "session"
     common_mean: ClassVar[bool] = False
-    """Where coefficients differ from run to run: whether they do so about a common mean, or about zero."""
+    """True if coefficients that differ from run to run do so about a common mean, False if about zero."""
     role: ClassVar[Role | None] = None
     on_device: ClassVar[bool] = False
     fast: ClassVar[bool] = False
-    """Varies from sample to sample: fitted on samples, not on block means."""
+    """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
     offered_as: ClassVar[str] = ""
-    """How a demonstration that hides this effect names it in its menu; empty where none offers it."""
+    """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
     law: ClassVar[Law | None] = None
     cases: ClassVar[tuple[Case, ...]] = ()
 
     @abstractmethod
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficient."""
+        """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficients."""
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        """What the recording lacks for this effect to be measured, in words; None if nothing."""
+        """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""
         return None
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        """Values to start the fit from, each tried: the structure (which linear names) and a grid of the nonlinear ones."""
+        """Start values of the fit, all of which are tried: the linear names in use and a grid of the nonlinear parameters."""
         return [dict.fromkeys(self.linear, 0.0)]
 
     def scope_in(self, runs: Sequence[Run]) -> str:
-        """The scope on these runs: a wave of known phase, say, is the same in all."""
+        """The scope for these runs. For example, a wave of known phase is the same in all runs."""
         return self.scope
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
-        """How many independent shapes :meth:`variants` has chosen from: the price of having looked."""
+        """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
         return len(self.variants(runs, axis))
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
@@ -117,11 +117,11 @@ class Effect(Described):
 
     @property
     def fault(self) -> ReadingFault | None:
-        """The fault of the reading that goes by the same id."""
+        """The fault of the reading with the same id; None if there is none."""
         return None
 
     def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
-        """The fault of the reading that these values describe; None where they describe a term of the reading."""
+        """The fault of the reading that these values describe; None if they describe a term of the reading."""
         return None
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
@@ -129,19 +129,19 @@ class Effect(Described):
         return tuple(name for name in self.linear if name in values)
 
     def structure(self, values: Mapping[str, float]) -> Values:
-        """What of fitted values a fit begins with: the nonlinear ones, and the names of the linear ones in use."""
+        """The start of another fit from fitted values: the nonlinear values, and the linear names in use set to zero."""
         return dict.fromkeys(self.used(values), 0.0) | {n: values[n] for n in self.nonlinear if n in values}
 
     def coefficients(self, values: Mapping[str, float]) -> Array:
-        """Linear coefficients [k] from values; their mean over runs where these differ."""
+        """Linear coefficients [k] from values; the mean over runs if the runs differ."""
         return np.array([values[name] for name in self.used(values)])
 
     def named(self, coefficients: Array, values: Mapping[str, float]) -> Values:
-        """Named linear parameters from coefficients [k]; ``values`` tells which are in use."""
+        """Named linear parameters from coefficients [k]; ``values`` determines which are in use."""
         return dict(zip(self.used(values), map(float, coefficients), strict=True))
 
     def spread(self, values: Mapping[str, float]) -> Array:
-        """Standard deviation over the runs of each coefficient, shape [k]; zero for effects that all runs share."""
+        """Standard deviation of each coefficient over the runs, shape [k]; zero if the effect is the same in all runs."""
         return np.array([values.get(f"{name}_sd", 0.0) for name in self.used(values)])
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
@@ -149,26 +149,26 @@ class Effect(Described):
         return {f"{name}_sd": float(sd) for name, sd in zip(self.used(values), spread, strict=True)}
 
     def groups(self, values: Mapping[str, float]) -> list[int]:
-        """For each column the number of the spread that it shares with others (a cosine and its sine)."""
+        """The index of each column's spread. Columns that share a spread have the same index (a cosine and its sine)."""
         return list(range(len(self.used(values))))
 
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
-        """For each column the arguments that ``effects/<id>.c`` takes (``on_device`` effects only)."""
+        """The arguments of ``effects/<id>.c`` for each column (only for effects with ``on_device``)."""
         return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))
 
     def axes(self, run: Run) -> tuple[int, ...]:
-        """The axes that the simulator plants the effect on when none is named."""
+        """The axes on which the simulator plants the effect by default."""
         return (run.axis_index,)
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """What the effect adds to the reading of one axis, shape [n], deg/s."""
+        """The term that the effect adds to the reading of one axis, shape [n], deg/s."""
         return self.columns(run, axis, values) @ self.coefficients(values)
 
 
 class OfEachRun(Effect):
-    """An effect whose coefficients are of another size in each run.
+    """An effect whose coefficients differ from run to run.
 
-    They are spread (``NAME_sd``) about a common mean, or about zero where ``common_mean`` is False.
+    They vary with the standard deviation ``NAME_sd`` about a common mean, or about zero if ``common_mean`` is False.
     """
 
     scope = "run"
@@ -176,7 +176,7 @@ class OfEachRun(Effect):
 
 @cache
 def effects() -> dict[str, Effect]:
-    """Every built-in effect by id: one for each file of this folder."""
+    """Every known effect by id: the built-in ones, one for each file of this folder, and those added by :func:`load`."""
     package = importlib.import_module("gyrocal.effects")
     found: dict[str, Effect] = {}
     for info in pkgutil.iter_modules(package.__path__):
@@ -186,7 +186,7 @@ def effects() -> dict[str, Effect]:
 
 
 def _defined_in(module: ModuleType) -> list[Effect]:
-    """One of each effect that a module defines; a class that is abstract or private is a part of others."""
+    """One instance of each effect that a module defines. Abstract and private classes are only bases of others."""
     return [
         item()
         for item in vars(module).values()
@@ -196,9 +196,10 @@ def _defined_in(module: ModuleType) -> list[Effect]:
 
 
 def load(folder: Path) -> list[str]:
-    """Take users' own effects from the Python files of a folder (code: only when asked for); the ids that came.
+    """Load the user's own effects from the Python files of a folder and return their ids.
 
-    They are equal to the built-in ones everywhere from then on.
+    This executes the files, so call it only if the user asked for it. The loaded effects are then treated like built-in ones.
+    Raises InputError if the folder does not exist, a file fails, or no file defines an effect.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder of effects")
@@ -221,7 +222,7 @@ def load(folder: Path) -> list[str]:
 
 
 def effect(effect_id: str) -> Effect:
-    """One effect by id; InputError naming those there are."""
+    """One effect by id. Raises InputError, which lists the known ids, if there is none."""
     try:
         return effects()[effect_id]
     except KeyError:
@@ -229,12 +230,15 @@ def effect(effect_id: str) -> Effect:
 
 
 def with_role(role: Role) -> Effect:
-    """The effect that plays this part in eq. (4)."""
+    """The effect with this role in eq. (4)."""
     return next(kind for kind in effects().values() if kind.role is role)
 
 
 def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Values]:
-    """``ID[:name=value[,name=value...]]`` as on the command line; ``find`` gives what goes by an id."""
+    """Parse ``ID[:name=value[,name=value...]]`` of the command line into an id and values.
+
+    ``find`` returns the effect or noise with an id. Raises InputError for an unknown id or name, or an invalid number.
+    """
     effect_id, _, rest = text.partition(":")
     kind = find(effect_id.strip())
     values: Values = {}
@@ -256,7 +260,7 @@ def elapsed_s(run: Run) -> Array:
 
 
 def table_angle_rad(run: Run) -> Array:
-    """Angle of the table, shape [n], rad: from the file, else integrated from the table's rate, starting at zero."""
+    """Angle of the table, shape [n], rad, from the file, or else integrated from the table's rate, starting at zero."""
     angle = run.column("table_angle_deg")
     if angle is not None:
         return np.deg2rad(angle)

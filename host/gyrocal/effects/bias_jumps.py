@@ -1,4 +1,4 @@
-"""The bias jumps."""
+"""Jumps of the bias, and outliers."""
 
 from __future__ import annotations
 
@@ -13,21 +13,24 @@ from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array, Run
 
 MOST = 4
-"""Jumps a run that are told apart."""
+"""Largest number of jumps per run."""
 WINDOW_S = 5.0
 STANDS_OUT = 6.0
-"""Standard errors by which the means before and after must differ: over all moments of a session noise does not reach it."""
+"""Standard errors by which the means before and after must differ. Noise does not reach this over all times of a session."""
 
 
 def jumps(run: Run, axis: int) -> list[int]:
-    """Rows at which the mean of the next seconds differs from that of the last, the clearest first, in their order."""
+    """Rows, in order, at which the mean of the following seconds differs from that of the preceding seconds.
+
+    At most ``MOST`` rows are returned, the most significant ones.
+    """
     if run.rate_is_mean:
         return []
     y = run.gyro_dps[:, axis].copy()
     if axis == run.axis_index:
         y -= run.rate_dps
         swing = run.rate_dps - run.rate_dps.mean()
-        y -= swing * (swing @ y) / max(swing @ swing, 1e-300)  # its scale is no jump
+        y -= swing * (swing @ y) / max(swing @ swing, 1e-300)  # a scale error is not a jump
     width = round(_window_s(run) * run.sample_rate_hz)
     if width < 4 or y.size < 4 * width:
         return []
@@ -49,7 +52,7 @@ def _window_s(run: Run) -> float:
 
 
 def outliers_of(run: Run, axis: int) -> Array:
-    """By how much single readings stand out, shape [n], deg/s; zero for all others."""
+    """Deviation of each outlier from its neighbours, shape [n], deg/s; zero for all other readings."""
     out = np.zeros(len(run))
     if not run.rate_is_mean:
         about = run.rate_dps if axis == run.axis_index else 0.0
@@ -62,20 +65,20 @@ class BiasJumps(OfEachRun):
     id = "bias_jumps"
     title = "Jumps of the bias"
     cause = (
-        "The bias steps to a new value from one sample to the next and stays there: a trapped charge or a stress "
-        "in the package lets go, a knock moves the mount, or the chip's own calibration changes a trim. Single "
-        "readings far off (outliers) are bits lost on the bus."
+        "The bias steps to a new value between two samples and stays there. A trapped charge or a stress in the "
+        "package is released, a knock moves the mount, or the chip's own calibration changes a trim value. Single "
+        "readings far from their neighbours (outliers) come from bits that are lost on the bus."
     )
-    equation = "±size_dps from each of n moments on"
-    looks_like = "drift and colored_noise, once averaged; turn_on_bias, where it jumps between runs"
+    equation = "±size_dps from each of n times on"
+    looks_like = "drift and colored_noise in averaged data; turn_on_bias if the bias jumps between runs"
     measure_next = (
-        "the same recording again: jumps come at other moments; look for knocks in the accelerometer at the same time"
+        "repeat the recording, in which jumps occur at other times, and look for knocks in the accelerometer data"
     )
     parameters = (
         Parameter("n", "jumps a run", (1.0, 5.0), "rare: parts that jump more often are faulty", 1.0),
         Parameter("size_dps", "dps", (0.01, 0.2), "consumer MEMS gyroscopes' random telegraph steps", 0.05),
-        Parameter("first", "fraction of the run", (0.2, 0.8), "the first jump's moment: any"),
-        Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps: a bad bus", 0.0),
+        Parameter("first", "fraction of the run", (0.2, 0.8), "time of the first jump, which can be any"),
+        Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps on a bad bus", 0.0),
     )
     linear = ("size_dps",)
 
@@ -91,7 +94,7 @@ class BiasJumps(OfEachRun):
         return self.fault if values.get("outliers", 0.0) > 0 else None
 
     def structure(self, values: Mapping[str, float]) -> Values:
-        """How often it jumps is counted, not fitted; single readings are looked for anew."""
+        """The start of another fit is empty: jumps are counted, not fitted, and outliers are detected again."""
         return {} if self.fault_of(values) else super().structure(values) | {"n": values.get("n", 0.0)}
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
@@ -99,13 +102,13 @@ class BiasJumps(OfEachRun):
         return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
-        """Each jump was picked from all moments."""
+        """The number of times from which the jumps were chosen."""
         steady = [r for r in runs if not r.rate_is_mean]
         moments = sum(round(r.duration_s / _window_s(r)) for r in steady)
         return max(1, moments) ** min(20, sum(len(jumps(r, axis)) for r in steady))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """One step for each jump that stands out in this run, at most MOST; nothing (zeros) where there is none."""
+        """One step function for each jump in this run, shape [n, MOST]; unused columns are zero."""
         out = np.zeros((len(run), MOST))
         for k, row in enumerate(jumps(run, axis)):
             out[row:, k] = 1.0
@@ -127,7 +130,7 @@ class BiasJumps(OfEachRun):
         return {"size_dps": float(spread[0])}
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """Jumps evenly spaced from the first to the end of the run, there and back; which way first is drawn."""
+        """Alternating jumps, evenly spaced from the first jump to the end of the run. The first direction is random."""
         n = round(values["n"])
         at_s = run.duration_s * np.linspace(values["first"], 1.0, n, endpoint=False)
         jumps_so_far = np.searchsorted(at_s, elapsed_s(run), side="right")
@@ -135,13 +138,13 @@ class BiasJumps(OfEachRun):
 
 
 class _SingleReadings(ReadingFault):
-    """Single readings far off: the part of the effect that is a fault of the reading."""
+    """Outliers: the part of the effect that is a fault of the reading."""
 
     id, title, cause, equation = BiasJumps.id, BiasJumps.title, BiasJumps.cause, BiasJumps.equation
     looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Readings that stand far out of their neighbours, two at least."""
+        """Detect outliers, at least two."""
         from scipy.stats import norm
 
         apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
@@ -157,7 +160,7 @@ class _SingleReadings(ReadingFault):
         return modelled_dps + outliers_of(run, axis)
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """Single readings off by ``size_dps``, either way, on the run's own axis."""
+        """Readings with single deviations of ``size_dps`` of either sign on the run's own axis."""
         out = y_dps.copy()
         rows = np.flatnonzero(rng.random(len(run)) < values["outliers"])
         out[rows, run.axis_index] += values["size_dps"] * rng.choice((-1.0, 1.0), rows.size)

@@ -1,4 +1,4 @@
-"""The bias moves with temperature."""
+"""Dependence of the bias on temperature."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class BiasTemperature(Effect):
     )
     equation = "k1_dps_per_c·(T-25) + k2_dps_per_c2·(T-25)^2 + k3_dps_per_c3·(T-25)^3"
     looks_like = (
-        "warmup and drift, where the part warms up in the same way after each power-on; turn_on_bias, where the "
+        "warmup and drift, if the part warms up in the same way after each power-on; turn_on_bias, if the "
         "room differs"
     )
     measure_next = (
-        "the part at rest over a wide range of temperature, warming and cooling: only temperature comes back to "
-        "where it was"
+        "the part at rest over a wide range of temperature, warming and cooling, because only the temperature returns to "
+        "its earlier value"
     )
     parameters = (
         Parameter("k1_dps_per_c", "dps/degC", (0.001, 0.03), "LSM6DSO datasheet, table 2: +-0.010 dps/degC", 0.01),

@@ -1,4 +1,4 @@
-"""The sensor sits off the axis of rotation, and the centripetal acceleration leaks in."""
+"""Centripetal acceleration of a sensor that is not on the axis of rotation."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ class Centripetal(Effect):
     id = "centripetal"
     title = "Centripetal acceleration"
     cause = (
-        "Off the table's axis the sensor is pulled inwards by w^2 times its distance, and its sensitivity to "
-        "acceleration turns that into a rate, on any of its axes. At 0.1 m and 150 dps that is 0.07 g. The error "
-        "grows with the square of the rate, alike in both directions; so does what a table's vibration leaves when "
-        "the sensor rectifies it."
+        "A sensor off the table's axis is accelerated inwards by w^2 times its distance. Its sensitivity to "
+        "acceleration turns this into a rate on any of its axes. At 0.1 m and 150 dps the acceleration is 0.07 g. The "
+        "error grows with the square of the rate and has the same sign in both directions. Vibration of the table that "
+        "the sensor rectifies behaves in the same way."
     )
-    equation = "k·w^2, with w the table's rate, about whichever axis"
+    equation = "k·w^2, where w is the table's rate about any axis"
     looks_like = (
-        "scale_asymmetry, where there is only rest and one speed; bias, at one speed; g_sensitivity, if "
+        "scale_asymmetry, if there are only rest and one speed; bias, at one speed; g_sensitivity, if "
         "acceleration is recorded"
     )
     measure_next = (
-        "three different speeds, rest among them; or move the sensor onto the axis of rotation and see it vanish"
+        "three different speeds including rest, or a run with the sensor on the axis of rotation, where the effect vanishes"
     )
     parameters = (
         Parameter("k", "1/dps", (1e-8, 1e-6), "0.01-0.1 dps/g at 0.03-0.3 m from the axis: 3.1e-5·(dps/g)·m", 1e-6),

@@ -1,4 +1,4 @@
-"""The recorder's clock runs fast or slow."""
+"""Rate error of the recorder's clock."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ class ClockError(Effect):
     id = "clock_error"
     title = "Error of the clock"
     cause = (
-        "The clock that stamps the samples runs fast or slow against the table's, so the reading and the "
-        "reference slide apart as the run goes on. It is often a chip's own oscillator, off by a percent, when "
-        "time is made by counting its samples. At constant rate nothing shows; an angle integrated with that "
-        "clock is wrong all the same."
+        "The clock that stamps the samples runs fast or slow compared with the table's clock, so the reading and the "
+        "reference drift apart during a run. If time is computed by counting samples, the clock is the chip's own "
+        "oscillator, which may be wrong by a percent. The error does not show at a constant rate, but an angle "
+        "integrated with that clock is wrong."
     )
     equation = "e·t·dw/dt"
-    looks_like = "lag (constant over the run); scale, where only the net angle of a turn is known"
+    looks_like = "lag (constant over the run); scale, if only the net angle of a turn is known"
     measure_next = (
-        "swing the table for some minutes with its encoder as rate_ref_dps; or compare the recorder's clock with "
+        "swing the table for some minutes and record its encoder as rate_ref_dps, or compare the recorder's clock with "
         "a watch over an hour"
     )
     parameters = (

@@ -1,4 +1,4 @@
-"""The bias runs away steadily within a power cycle."""
+"""Linear drift of the bias within a power cycle."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class Drift(Effect):
     id = "drift"
     title = "Drift of the bias"
     cause = (
-        "The bias moves at a steady pace from power-on, alike in each power cycle: slow charging of the sense "
-        "electrodes, or a warm-up that takes much longer than the recording. Noise wanders too, but another way "
-        "each time."
+        "The bias changes linearly from power-on, in the same way in each power cycle. Causes are slow charging of the sense "
+        "electrodes, or a warm-up that takes much longer than the recording. Noise also wanders, but "
+        "differently each time."
     )
     equation = "k_dps_per_s·p"
     looks_like = (
-        "warmup (dies away where drift goes on); bias_temperature while the part warms up; colored_noise in a "
+        "warmup (decays, whereas drift continues); bias_temperature while the part warms up; colored_noise in a "
         "single run"
     )
     measure_next = "one run at rest of ten minutes or more from power-on: a warm-up flattens, a drift does not"

@@ -1,4 +1,4 @@
-"""The Earth turns."""
+"""The rotation of the Earth."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ class EarthRate(Effect):
     id = "earth_rate"
     title = "The Earth's rate"
     cause = (
-        "A gyroscope reads its rotation against the stars, and the laboratory turns with the Earth, 15.04 degrees "
-        "an hour. About a vertical axis that is 4.18 mdps times the sine of the latitude, plus face up, minus "
-        "face down. It is no error, and known: computed from latitude_deg, never fitted."
+        "A gyroscope reads its rotation relative to the stars, and the laboratory rotates with the Earth by 15.04 degrees "
+        "per hour. About a vertical axis this is 4.18 mdps times the sine of the latitude, positive face up and negative "
+        "face down. It is not an error. It is computed from latitude_deg and never fitted."
     )
     equation = "±15.041067 deg/h·sin(latitude), + face up, - face down, about the table's vertical axis"
-    looks_like = "g_sensitivity of 0.004 dps/g, or bias where only one face is up"
-    measure_next = "give latitude_deg in session.toml: a map is enough, 1 degree changes it by 0.07 mdps at most"
+    looks_like = "g_sensitivity of 0.004 dps/g, or bias if only one face is up"
+    measure_next = "give latitude_deg in session.toml; a map is enough, as 1 degree changes the rate by 0.07 mdps at most"
     parameters = (
         Parameter(
-            "latitude_deg", "deg", (0.0, 90.0), "where the table stands; north is positive", 45.0, (-90.0, 90.0), sized=False
+            "latitude_deg", "deg", (0.0, 90.0), "latitude of the table; north is positive", 45.0, (-90.0, 90.0), sized=False
         ),
     )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return "latitude_deg in session.toml: it is computed from that, never fitted"
+        return "latitude_deg in session.toml, from which it is computed; it is never fitted"
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return np.zeros((len(run), 0))
@@ -40,9 +40,9 @@ class EarthRate(Effect):
 
 
 def known_dps(run: Run, axis: int, latitude_deg: float) -> Array:
-    """The Earth's rate about an axis of the sensor, shape [n], deg/s; ``latitude_deg`` north positive.
+    """The Earth's rate about an axis of the sensor, shape [n], deg/s; ``latitude_deg`` is positive in the north.
 
-    Zero for the axes in the table's plane: their part goes round with the table and depends on its unknown heading.
+    It is zero for the axes in the table's plane, because their component rotates with the table's unknown heading.
     """
     vertical_dps = EARTH_DPS * np.sin(np.deg2rad(latitude_deg)) * run.face_sign
     return np.full(len(run), vertical_dps if axis == run.axis_index else 0.0)

@@ -1,4 +1,4 @@
-"""Gravity and acceleration leak into the rate."""
+"""Sensitivity of the rate to gravity and acceleration."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class GSensitivity(Effect):
     id = "g_sensitivity"
     title = "Sensitivity to gravity and acceleration"
     cause = (
-        "Acceleration bends the suspension of the vibrating mass, and the electrodes take part of the "
-        "displacement for a rate. Turning the part over changes gravity by 2 g, so the bias face up is not the "
-        "bias face down; on a tilted table the error goes round once a turn."
+        "Acceleration bends the suspension of the vibrating mass, and the electrodes read part of the "
+        "displacement as a rate. Turning the part over changes gravity by 2 g, so the bias differs between face up "
+        "and face down. On a tilted table the error repeats once per turn."
     )
     equation = "gx_dps_per_g·ax + gy_dps_per_g·ay + gz_dps_per_g·az"
     looks_like = (
-        "scale, where the table turns one way and the face alone is turned over (0.1 dps/g passes for 0.13 % at "
+        "scale, if the table turns one way and only the face changes (0.1 dps/g looks like 0.13 % at "
         "78 dps); misalignment at one rate; table_ripple on a tilted table"
     )
     measure_next = (
@@ -54,10 +54,10 @@ class GSensitivity(Effect):
         measured = bool(runs) and all(r.acc_g is not None for r in runs)
         if measured and self._moving(runs):
             return None
-        return "ax_g, ay_g and az_g columns in every run, and two poses: turn the part over"
+        return "ax_g, ay_g and az_g columns in every run, and two poses (turn the part over)"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        """Every choice of components that move by more than an accelerometer's noise."""
+        """Every combination of the components that change by more than an accelerometer's noise."""
         names = self._moving(runs) or list(self.linear)
         return [dict.fromkeys(chosen, 0.0) for k in range(1, len(names) + 1) for chosen in combinations(names, k)]
 
@@ -71,7 +71,7 @@ class GSensitivity(Effect):
         return [(float(COMPONENTS[name]),) for name in self.used(values)]
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
-        """Components whose mean over a tenth of a run differs by more than noise from run to run or within one."""
+        """Components whose mean over a tenth of a run changes by more than the noise between or within runs."""
         means = [
             part.mean(axis=0)
             for r in runs

@@ -1,4 +1,4 @@
-"""The reading comes late."""
+"""Delay of the reading."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ class Lag(Effect):
     id = "lag"
     title = "Lag of the reading"
     cause = (
-        "The reading is of a moment ago: the chip's low-pass filter, the wait until it is polled and the "
-        "transport each take milliseconds, and the reference's clock may be off. While the rate changes, the "
-        "reading trails it; at constant rate nothing shows. For a rate that is slow against tau_s a delay and a "
-        "first-order lag are the same."
+        "The chip's low-pass filter, the wait until the chip is polled and the transport each delay the reading by "
+        "milliseconds, and the reference's clock may have an offset. The reading lags behind a changing rate. A "
+        "constant rate does not show the delay. If the rate changes slowly compared with tau_s, a delay and a "
+        "first-order lag are equivalent."
     )
     equation = "-tau_s·dw/dt"
     looks_like = "clock_error within a short run (it grows with time, a lag does not)"
-    measure_next = "swing the table, or let it start and stop, for a minute, with its encoder recorded as rate_ref_dps"
+    measure_next = "swing the table, or start and stop it, for a minute, and record its encoder as rate_ref_dps"
     parameters = (
         Parameter(
             "tau_s",

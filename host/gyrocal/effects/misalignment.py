@@ -1,4 +1,4 @@
-"""An axis sees part of the rotation about another."""
+"""Cross-axis sensitivity: an axis reads part of the rotation about another axis."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ class Misalignment(Effect):
     id = "misalignment"
     title = "Misalignment of the axes"
     cause = (
-        "The sensing axes are not at right angles to each other, or the chip does not sit square on its board or "
-        "on the table: each axis reads a small part of a rotation about another. It is a fixed fraction of the "
-        "table's rate, on the axes that should read nothing. One term an axis the table turns about makes the "
-        "off-diagonal elements of the calibration matrix."
+        "The sensing axes are not exactly at right angles, or the chip is not mounted square on its board or "
+        "on the table. Each axis then reads a fixed fraction of a rotation about another axis. The error shows on the "
+        "axes that should read zero. The terms of all axes form the off-diagonal elements of the calibration matrix."
     )
-    equation = "m·w, with w the rate about another axis (m_x, m_y, m_z where the session turns about several)"
-    looks_like = "g_sensitivity of that axis, where face and direction of rotation are turned over together"
+    equation = "m·w, where w is the rate about another axis (m_x, m_y, m_z if the session turns about several)"
+    looks_like = "g_sensitivity of that axis, if face and direction of rotation are always changed together"
     measure_next = "both directions of the table with the same face up, or a second rate"
     parameters = tuple(
         Parameter(
@@ -53,6 +52,6 @@ class Misalignment(Effect):
         return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
 
     def _others(self, runs: Sequence[Run], axis: int) -> list[str]:
-        """The other axes that the table turns about."""
+        """The other axes about which the table turns."""
         turning = {r.axis for r in runs if r.axis_index != axis and not r.rate_is_mean and np.any(r.rate_dps)}
         return sorted(turning)

@@ -1,6 +1,6 @@
-"""What effects depend on: temperature and its slope, time since power-on, acceleration, the true rate and its slope.
+"""Quantities on which effects depend: temperature, time since power-on, acceleration and true rate, and slopes of these.
 
-Not an effect. A quantity that a run lacks is None; cells that are missing within a column are interpolated.
+This file defines no effect. A quantity that a run does not have is None. Missing cells within a column are interpolated.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from gyrocal.effects.base import elapsed_s
 from gyrocal.recording.session import Array, Run
 
 REFERENCE_C = 25.0
-"""Bias and scale are stated at this temperature."""
+"""Reference temperature of bias and scale."""
 
 TURNING = "a run in which the table turns about this axis at a known rate"
 TURNING_AT_ALL = "a run in which the table turns at a known rate"
@@ -22,20 +22,20 @@ MOVING_TEMPERATURE = "a temp_c column in every run, moving by 1 degC or more ove
 
 LEAST_RANGE_C = 1.0
 TEMPERATURE_WINDOW_S = 10.0
-"""Shortest time over which the slope of the temperature is taken: heat moves through a package in seconds."""
+"""Shortest time over which the slope of the temperature is computed, s. Heat passes through a package in seconds."""
 RATE_WINDOW_S = 0.2
-"""Time over which the slope of the true rate is taken: encoders are noisy, tables slow."""
+"""Time over which the slope of the true rate is computed, s. Encoders are noisy, and tables change their rate slowly."""
 LEAST_ACCELERATION_DPS_S = 0.5
-"""A reference that changes less (rms) is a constant rate with an encoder's noise."""
+"""A reference that changes by less than this (rms, deg/s) counts as a constant rate with encoder noise."""
 
 
 def rate_about(run: Run, axis: int) -> Array:
-    """True rate about an axis, shape [n], deg/s: zero for the axes that are not the table's."""
+    """True rate about an axis, shape [n], deg/s; zero for axes other than the table's."""
     return run.rate_dps if axis == run.axis_index else np.zeros(len(run))
 
 
 def turns(runs: Sequence[Run], axis: int) -> bool:
-    """Whether the table turns about this axis at a rate known at each moment."""
+    """True if the table turns about this axis and its rate is known at each sample."""
     return any(r.axis_index == axis and not r.rate_is_mean and bool(np.any(r.rate_dps)) for r in runs)
 
 
@@ -63,7 +63,7 @@ def acceleration_g(run: Run) -> Array | None:
 
 
 def temperature_moves(runs: Sequence[Run]) -> bool:
-    """Whether every run has a thermometer and the temperature moves by 1 degC or more over all of them."""
+    """True if every run has a thermometer and the temperature changes by 1 degC or more over all runs."""
     if not runs or any(r.temp_c is None for r in runs):
         return False
     means = np.concatenate([temperature_by_second(r)[1] for r in runs])
@@ -82,8 +82,8 @@ def temperature_by_second(run: Run) -> tuple[Array, Array]:
 def temperature_slope_c_s(run: Run) -> Array:
     """Rate of change of the temperature, shape [n], degC/s; zero without a thermometer or where the run is too short.
 
-    The slope of a parabola fitted to means of a second, over 10 s; over longer where the thermometer's noise and steps
-    would make more than a tenth of the run's mean slope: a line's slope over L points has variance 12·sd^2/L^3.
+    A parabola is fitted to one-second means over 10 s. The window is longer if the noise and steps of the thermometer would
+    exceed a tenth of the run's mean slope; the slope of a line over L points has the variance 12·sd^2/L^3.
     """
     if run.temp_c is None:
         return np.zeros(len(run))
@@ -110,12 +110,12 @@ def rate_slope_dps_s(run: Run, axis: int) -> Array:
 
 
 def rate_varies(runs: Sequence[Run], axis: int) -> bool:
-    """Whether the true rate about this axis changes within some run."""
+    """True if the true rate about this axis changes within at least one run."""
     return any(float(np.sqrt(np.mean(rate_slope_dps_s(r, axis) ** 2))) > LEAST_ACCELERATION_DPS_S for r in runs)
 
 
 def slope(values: Array, t_s: Array, points: float) -> Array:
-    """Slope of a parabola fitted to ``points`` neighbours (Savitzky and Golay), shape [n]; times may jitter."""
+    """Slope of a parabola fitted to ``points`` neighbours (Savitzky and Golay), shape [n]. The times may jitter."""
     from scipy.signal import savgol_filter
 
     size = values.size
@@ -130,13 +130,13 @@ def _filled(values: Array, t_s: Array) -> Array:
 
 
 def white_sd_dps(runs: Sequence[Run], axis: int) -> float:
-    """One sample's noise as successive differences show it, deg/s."""
+    """Standard deviation of one sample's noise, from successive differences, deg/s."""
     total = sum(float(np.sum(np.diff(r.gyro_dps[:, axis]) ** 2)) for r in runs)
     return float(np.sqrt(total / (2 * sum(len(r) - 1 for r in runs)))) or 1e-9
 
 
 def grid_dps(readings: Sequence[Array]) -> float:
-    """The step that all readings [n] are whole multiples of: the smallest gap between values that occur, deg/s."""
+    """The step of which all readings [n] are whole multiples: the smallest gap between occurring values, deg/s."""
     values = np.unique(np.round(np.concatenate(readings), 7))
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-6]

@@ -1,4 +1,4 @@
-"""Steps of the reading that are coarser than the session says."""
+"""Steps of the reading that are coarser than the session states."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ class Quantization(ReadingFault):
     id = "quantization"
     title = "Coarse steps"
     cause = (
-        "The readings sit on a grid that is coarser than one count should be: the chip is set to a larger range "
-        "than thought, low bits are lost in a conversion or a shift, or the log was written with few digits. "
-        "Where noise is smaller than a step, averaging no longer helps."
+        "The readings lie on a grid that is coarser than one count. The chip is set to a larger range than "
+        "expected, low bits are lost in a conversion or a shift, or the log was written with too few digits. "
+        "If the noise is smaller than a step, averaging does not reduce the error."
     )
     equation = "lsb_dps·round(y/lsb_dps) - y"
     looks_like = (
-        "white noise of lsb_dps/√12, as long as the noise is larger than a step; a stuck bit, which leaves a step out"
+        "white noise of lsb_dps/√12, if the noise is larger than a step; a stuck bit, which omits steps"
     )
     measure_next = (
-        "a histogram of the readings at rest: read the range register back and compare its count with the grid"
+        "a histogram of the readings at rest; read the range register back and compare its count with the grid"
     )
     parameters = (
         Parameter(
@@ -38,16 +38,16 @@ class Quantization(ReadingFault):
     )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if all(r.lsb_dps is not None for r in runs) else "lsb_dps in session.toml: what one count should be"
+        return None if all(r.lsb_dps is not None for r in runs) else "lsb_dps in session.toml, the size of one count"
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """The grid that all readings of the axis sit on, if it is coarser than the count that the session states."""
+        """The grid on which all readings of the axis lie, if it is coarser than the count that the session states."""
         stated = [r.lsb_dps for r in runs if r.lsb_dps is not None]
         if len(stated) < len(runs):
             return None
         count_dps = min(stated)
         own = grid_dps([r.gyro_dps[:, axis] for r in runs])
-        if not (np.isfinite(own) and np.isfinite(count_dps)):  # readings that never change
+        if not (np.isfinite(own) and np.isfinite(count_dps)):  # constant readings
             return None
         factor = round(own / count_dps)
         if factor < 2 or abs(own / count_dps - factor) > 0.01 * factor:
@@ -56,7 +56,7 @@ class Quantization(ReadingFault):
         return Detected({"lsb_dps": own}, {}, float(max(1e-300, float(factor) ** -min(samples, 300))))
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        """The mean of a noisy rate that is rounded: noise of half a step and more hides the grid (dither)."""
+        """The mean of a noisy rate after rounding, shape [n], deg/s. Noise above half a step hides the grid (dither)."""
         step = values["lsb_dps"]
         own_sd = np.sqrt(max(white_sd_dps**2 - step**2 / 12, (0.05 * step) ** 2))
         turn = 2 * np.pi * modelled_dps / step

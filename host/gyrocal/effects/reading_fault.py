@@ -1,4 +1,4 @@
-"""Faults of the reading: what happens to a number after it was sensed."""
+"""Faults of the reading: errors that occur after the rate was sensed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gyrocal.effects.base import Array, Effect, Mask, Run, Values
 
 @dataclass(frozen=True)
 class Detected:
-    """A fault that was found: its values and their standard errors, and the chance that a sound reading looks so."""
+    """A detected fault: its values, their standard errors, and the probability that sound readings look the same."""
 
     values: Values
     se: Values
@@ -25,7 +25,7 @@ class ReadingFault(Effect):
     """A fault of the reading. It has no columns: :meth:`detect` finds it, :meth:`distort` plants it."""
 
     clips: ClassVar[bool] = False
-    """Whether readings stay at a limit that this fault knows."""
+    """True if this fault describes readings that stay at a limit."""
 
     def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
         return self
@@ -42,24 +42,24 @@ class ReadingFault(Effect):
 
     @abstractmethod
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """The fault as the readings of one axis show it; None where they do not."""
+        """The fault as detected in the readings of one axis; None if they do not show it."""
 
     @abstractmethod
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """Readings [n, 3] with the fault, deg/s, from those without, for the simulator."""
+        """Readings [n, 3] with the fault, deg/s, from sound readings [n, 3], for the simulator."""
 
     @abstractmethod
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        """What such a sensor is expected to read [n] where the model says ``modelled_dps`` [n], deg/s."""
+        """The expected reading [n] of a sensor with this fault at the modelled rate ``modelled_dps`` [n], deg/s."""
 
     def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
-        """The samples [n] that still say something of the rate; None = all."""
+        """Mask [n] of the samples that still carry information about the rate; None = all."""
         return None
 
     def step_dps(self, values: Mapping[str, float]) -> float:
-        """The grid on which this fault puts the readings, deg/s; 0 = none."""
+        """The step of the grid on which this fault puts the readings, deg/s; 0 = no grid."""
         return 0.0
 
     def throws_out(self, values: Mapping[str, float]) -> bool:
-        """Whether this fault throws single readings far out."""
+        """True if this fault produces outliers."""
         return False

@@ -1,4 +1,4 @@
-"""Samples that are repeated, dropped or late."""
+"""Repeated, dropped or late samples."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gyrocal.recording.session import Array, Run
 
 
 def stale(run: Run) -> Mask:
-    """Which neighbours are equal on all three axes, shape [n - 1]."""
+    """Mask of neighbours that are equal on all three axes, shape [n - 1]."""
     same: Mask = (run.gyro_dps[1:] == run.gyro_dps[:-1]).all(axis=1)
     return same
 
@@ -21,22 +21,22 @@ class SamplingFault(ReadingFault):
     id = "sampling_fault"
     title = "Repeated or lost samples"
     cause = (
-        "The host asks for data before the chip has a new sample and gets the old one again on all axes, or comes "
-        "too late and loses one; a busy bus or a blocked task does the same. Noise between neighbours is then no "
-        "longer independent, and standard errors that count samples are too small."
+        "The host reads before the chip has a new sample and gets the old one again on all axes, or it reads "
+        "too late and loses one. A busy bus or a blocked task has the same result. The noise of neighbours is then "
+        "not independent, and standard errors that count samples are too small."
     )
     equation = "y(i) = y(i-1) for a fraction of the samples"
     looks_like = (
-        "a low-pass filter, which makes neighbours alike but never equal; quantization, where equal neighbours "
+        "a low-pass filter, which makes neighbours similar but not equal; quantization, where equal neighbours "
         "are common on one axis"
     )
     measure_next = (
-        "record the chip's data-ready flag or use its FIFO; count neighbours that are equal on all three axes"
+        "record the chip's data-ready flag or use its FIFO, and count neighbours that are equal on all three axes"
     )
     parameters = (Parameter("fraction", "fraction", (0.001, 0.1), "hosts that poll by their own timer", 0.05),)
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """More neighbours equal on all three axes at once than axes that are equal independently of one another allow."""
+        """Detect more neighbours that are equal on all three axes than independent axes would produce by chance."""
         from scipy.stats import binom
 
         pairs = sum(len(r) - 1 for r in runs)
@@ -49,14 +49,14 @@ class SamplingFault(ReadingFault):
         return Detected({"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance)
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        """A stale reading is the one before it, noise and all."""
+        """A stale reading equals the previous reading including its noise."""
         out = modelled_dps.copy()
         old = np.flatnonzero(stale(run))
         out[old + 1] = run.gyro_dps[old, axis]
         return out
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
-        """The readings [n, 3] with this fault, deg/s: a stale sample is the last fresh one, on all axes at once."""
+        """Readings [n, 3] with this fault, deg/s. A stale sample repeats the last fresh one on all axes."""
         stale = rng.random(len(run)) < values["fraction"]
         stale[0] = False
         fresh = np.maximum.accumulate(np.where(stale, 0, np.arange(len(run))))

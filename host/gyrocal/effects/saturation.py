@@ -1,4 +1,4 @@
-"""The rate exceeds what the sensor can show."""
+"""Clipping of rates beyond the sensor's full scale."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
 BELOW = 3.0
-"""Spreads of the noise below the largest reading that are looked at."""
+"""Width of the examined range below the largest reading, in standard deviations of the noise."""
 
 
 class Saturation(ReadingFault):
     id = "saturation"
     title = "Clipping at full scale"
     cause = (
-        "The rate, with its noise and vibration, goes beyond the range that the chip is set to, and the reading "
-        "stays at the limit. Near the limit only the peaks are cut, so the mean falls short a little: a scale "
-        "error of the fastest run alone."
+        "The rate with its noise and vibration exceeds the range of the chip, and the reading stays at the limit. "
+        "Near the limit only the peaks are cut, so the mean is slightly too small. This looks like a scale error of "
+        "the fastest run alone."
     )
     equation = "min(max(y, -full_scale_dps), full_scale_dps) - y"
     looks_like = "scale_nonlinearity, which bends gradually from the middle of the range"
@@ -35,13 +35,13 @@ class Saturation(ReadingFault):
     clips = True
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Readings heaped at the largest value that occurs, more than noise would put there."""
+        """Detect more readings at exactly the largest value than noise would produce."""
         readings = np.concatenate([r.gyro_dps[:, axis] for r in runs])
         size = np.abs(readings)
         limit = float(size.max())
         heaped = int(np.count_nonzero(size > limit - 1e-6))
         below = int(np.count_nonzero(size > limit - BELOW * white_sd_dps(runs, axis))) - heaped
-        # of n readings within a spread of the largest, noise leaves but one or two at exactly the largest
+        # noise leaves only one or two of the readings near the largest value at exactly that value
         if heaped < 10 or heaped <= below / 2 or heaped > 0.8 * readings.size:
             return None
         return Detected({"full_scale_dps": limit}, {}, float(np.exp(-min(heaped, 500))))
@@ -50,7 +50,7 @@ class Saturation(ReadingFault):
         return np.abs(run.gyro_dps[:, axis]) < values["full_scale_dps"] - 1e-6
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        """The mean of a Gaussian reading that is cut at both limits."""
+        """The mean of a Gaussian reading that is clipped at both limits, shape [n], deg/s."""
         from scipy.stats import norm
 
         limit = values["full_scale_dps"]

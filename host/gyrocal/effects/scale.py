@@ -13,12 +13,12 @@ class Scale(Effect):
     id = "scale"
     title = "Scale error"
     cause = (
-        "The sensitivity printed in the datasheet is a nominal value: each part, each axis and each soldering shifts it by "
-        "up to a percent or so. The reading is proportional to the true rate, with a slightly wrong factor."
+        "The sensitivity in the datasheet is a nominal value. The actual value differs by up to about a percent between parts "
+        "and axes, and soldering changes it. The reading is proportional to the true rate with a slightly wrong factor."
     )
     equation = "scale·w"
-    looks_like = "an error of the table's own rate, which no gyroscope data can tell from it"
-    measure_next = "runs at two true rates at least; check the table's rate with a stopwatch over many turns"
+    looks_like = "an error of the table's own rate, which gyroscope data cannot separate from it"
+    measure_next = "runs at two or more true rates; check the table's rate with a stopwatch over many turns"
     parameters = (
         Parameter("scale", "fraction", (0.001, 0.02), "LSM6DSO datasheet, table 2: sensitivity tolerance +-1 %", 0.004),
     )

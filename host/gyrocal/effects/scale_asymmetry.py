@@ -1,4 +1,4 @@
-"""The scale clockwise is not the scale anticlockwise."""
+"""Difference of the scale between clockwise and anticlockwise rotation."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class ScaleAsymmetry(Effect):
     id = "scale_asymmetry"
     title = "Asymmetry of the scale"
     cause = (
-        "The gain for one direction of rotation differs from that for the other, as where two electrodes that "
-        "pull against each other are not alike. The reading is two straight lines with a kink at rest. At one "
-        "speed it is just a wrong bias."
+        "The gain differs between the two directions of rotation, for example because two opposing electrodes are "
+        "not equal. The reading over the rate consists of two straight lines with a kink at rest. At a single speed "
+        "the effect looks like a bias."
     )
     equation = "k·abs(w)"
-    looks_like = "bias, where the table turns at one speed only; centripetal, where it turns at rest and one speed"
+    looks_like = "bias, if the table turns at one speed only; centripetal, if there are only rest and one speed"
     measure_next = "a run at rest and two different speeds in both directions"
     parameters = (
         Parameter(

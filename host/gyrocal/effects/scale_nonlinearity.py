@@ -1,4 +1,4 @@
-"""The scale depends on the size of the rate, alike in both directions."""
+"""Dependence of the scale on the magnitude of the rate, equal in both directions."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class ScaleNonlinearity(Effect):
     id = "scale_nonlinearity"
     title = "Nonlinearity of the scale"
     cause = (
-        "The capacitors that sense the mass and the amplifiers behind them are not quite straight: towards full "
-        "scale the reading falls short of the rate, or runs ahead of it, by the same in both directions. A scale "
-        "taken at one rate is wrong at another."
+        "The capacitors that sense the mass and the amplifiers behind them are slightly nonlinear. Towards full "
+        "scale the reading is too small or too large by the same amount in both directions. A scale measured at one "
+        "rate is wrong at another."
     )
     equation = "k3·w^3"
-    looks_like = "scale, where there is one rate and its opposite; saturation, where only the fastest run bends"
-    measure_next = "two rates at least in both directions, one near full scale"
+    looks_like = "scale, if there is only one rate and its opposite; saturation, if only the fastest run deviates"
+    measure_next = "two or more rates in both directions, one of them near full scale"
     parameters = (
         Parameter(
             "k3",

@@ -1,4 +1,4 @@
-"""The scale moves with temperature."""
+"""Dependence of the scale on temperature."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ class ScaleTemperature(Effect):
     id = "scale_temperature"
     title = "Scale over temperature"
     cause = (
-        "The springs of the vibrating mass soften as they warm and the drive's amplitude and the reference "
-        "voltage move with them, so the sensitivity follows the temperature. At rest nothing shows; the faster "
-        "the part turns, the larger the error."
+        "The springs of the vibrating mass soften with temperature, and the drive's amplitude and the reference "
+        "voltage change too, so the sensitivity depends on the temperature. The error is proportional to the rate "
+        "and vanishes at rest."
     )
     equation = "k_per_c·(T-25)·w"
     looks_like = (
-        "spin_up, where the part warms up in the same way in each run; scale, where the temperature hardly moves"
+        "spin_up, if the part warms up in the same way in each run; scale, if the temperature hardly changes"
     )
-    measure_next = "the same rate, warm and cold (a room and a fridge), both directions"
+    measure_next = "the same rate at two temperatures (a room and a fridge), in both directions"
     parameters = (Parameter("k_per_c", "1/degC", (1e-5, 3e-4), "LSM6DSO datasheet, table 2: +-0.007 %/degC", 7e-5),)
     linear = ("k_per_c",)
     on_device = True

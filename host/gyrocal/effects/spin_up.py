@@ -1,4 +1,4 @@
-"""The table has not reached its rate when the run begins."""
+"""Transient of a table that has not reached its rate when the run begins."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class SpinUp(OfEachRun):
     id = "spin_up"
     title = "The table is still spinning up"
     cause = (
-        "The recording starts before the table, its belt or its speed controller has settled: the true rate creeps towards "
-        "the set rate (or falls back to it after an overshoot) over a few seconds. The first seconds, the ones that a "
-        "quick calibration uses, carry the most of it."
+        "The recording starts before the table, its belt or its speed controller has settled. The true rate approaches "
+        "the set rate over a few seconds, from below or after an overshoot. The error is largest in the first seconds, "
+        "which a quick calibration uses."
     )
     equation = "-w·A·exp(-t/tau_s)"
-    looks_like = "warmup (the sensor, not the table: the same sign face up and face down, and seen at rest)"
+    looks_like = "warmup (an effect of the sensor, with the same sign face up and face down, which also shows at rest)"
     measure_next = (
         "wait longer before each run, or record the table's encoder as rate_ref_dps; a run at rest shows no spin-up"
     )

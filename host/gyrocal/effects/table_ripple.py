@@ -16,14 +16,14 @@ class TableRipple(TableWave):
     id = "table_ripple"
     title = "Ripple of the table's speed"
     cause = (
-        "The table does not turn evenly: an eccentric pulley, a belt, a motor's poles or an unbalanced load speed it up and "
-        "slow it down once or a few times a turn. The gyroscope reads the true rate faithfully; it is the assumed constant "
-        "rate that is wrong. Over a part of a turn the wave does not average out and passes for scale and bias."
+        "The table does not turn evenly. An eccentric pulley, a belt, a motor's poles or an unbalanced load speed it up and "
+        "slow it down once or a few times per turn. The gyroscope reads the true rate correctly, but the assumed constant "
+        "rate is wrong. Over part of a turn the wave does not average out and looks like scale and bias."
     )
     equation = "w·Σ_k amplitude_k·cos(k·th + phase_k)"
-    looks_like = "gravity on a tilted table (g_sensitivity), the same once-a-turn wave at one rate"
+    looks_like = "gravity on a tilted table (g_sensitivity), which is the same wave once per turn at a single rate"
     measure_next = (
-        "average over whole turns, or record table_angle_deg; two rates part it from gravity on a tilted table"
+        "average over whole turns, or record table_angle_deg; two rates separate it from gravity on a tilted table"
     )
     parameters = tuple(
         parameter

@@ -1,4 +1,4 @@
-"""The bias depends on how fast the temperature changes."""
+"""Dependence of the bias on the rate of change of the temperature."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ class ThermalLag(Effect):
     title = "Thermal lag"
     cause = (
         "While the part warms or cools, the vibrating mass, the package and the thermometer are at different "
-        "temperatures, and the gradient between them bends the structure. The bias at 40 degC on the way up is "
-        "not that at 40 degC on the way down: a loop (hysteresis) that no curve over temperature removes."
+        "temperatures, and the gradient between them bends the structure. The bias at 40 degC differs between "
+        "warming and cooling. This loop (hysteresis) cannot be removed by a curve over temperature."
     )
     equation = "k_dps_s_per_c·dT/dt"
     looks_like = (
-        "warmup, where the part is only ever seen warming up after power-on; bias_temperature, where it moves one way"
+        "warmup, if the part is only recorded while it warms up after power-on; bias_temperature, if it only warms or cools"
     )
     measure_next = (
-        "heat the part and let it cool within one run: the slope changes its sign, the temperature comes back"
+        "heat the part and let it cool within one run, so that the slope changes its sign and the temperature returns"
     )
     parameters = (
         Parameter(

@@ -1,4 +1,4 @@
-"""A vibration of one frequency."""
+"""A vibration at one frequency."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PEAKS = 2
 
 
 def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
-    """Frequencies [k] and the mean periodogram [k] of the readings about each run's mean, over its level between lines."""
+    """Frequencies [k] in Hz, and the mean periodogram [k] of the readings divided by its level between lines."""
     from gyrocal.noise.spectrum import spectrum
 
     steady = [r for r in runs if not r.rate_is_mean]
@@ -30,17 +30,17 @@ class VibrationTone(Wave):
     id = "vibration_tone"
     title = "A vibration's tone"
     cause = (
-        "Something shakes at a fixed frequency: a motor, a fan, the mains' hum in the supply, a resonance of the "
-        "mount. It averages out over whole periods, but a fast one folds back (aliases) where the sampling is "
-        "slow, and may appear at a few hertz."
+        "A motor, a fan, mains hum in the supply or a resonance of the mount vibrates at a fixed frequency. A tone "
+        "averages out over whole periods. A tone above half the sampling rate is aliased and may appear at a few "
+        "hertz."
     )
     equation = "A_dps·sin(2π·f_hz·t + phase)"
     looks_like = (
-        "table_ripple, where the table turns at one rate only (a tone keeps its frequency when the rate changes)"
+        "table_ripple, if the table turns at one rate only (a tone keeps its frequency when the rate changes)"
     )
     measure_next = (
-        "a run at another table rate and one at rest with the motor on; at another sampling rate an alias moves, "
-        "a true tone stays"
+        "a run at another table rate and one at rest with the motor on; at another sampling rate an alias changes its "
+        "frequency, a true tone does not"
     )
     parameters = (
         Parameter(

@@ -1,4 +1,4 @@
-"""The bias settles after power-on."""
+"""Settling of the bias after power-on."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
 
 SEARCH_S = (3.0, 200.0)
-"""What settles more slowly than any package is called a drift."""
+"""Range of the time constant, s. Settling that is slower than the thermal time of any package is called drift."""
 
 
 class Warmup(Effect):
     id = "warmup"
     title = "Warm-up after power-on"
     cause = (
-        "After power-on the part heats itself and its drive loop and charges settle, so the bias creeps to its "
-        "final value over some ten seconds to minutes. It begins anew with each power cycle, whatever the table "
-        "does and even at rest."
+        "After power-on the part heats itself, and its drive loop and charges settle, so the bias approaches its "
+        "final value over tens of seconds to minutes. The settling starts again with each power cycle, at any rate of "
+        "the table and also at rest."
     )
     equation = "A_dps·exp(-p/tau_s)"
     looks_like = (
-        "spin_up (the table, not the sensor: changes its sign with the rate, nothing at rest); drift, where tau_s "
-        "is long; bias_temperature, where the thermometer sees the same warming"
+        "spin_up (an effect of the table, which changes its sign with the rate and vanishes at rest); drift, if tau_s "
+        "is long; bias_temperature, if the thermometer shows the same warming"
     )
     measure_next = (
         "wait two minutes after power-on before the first run, or leave the part at rest from power-on for five minutes"

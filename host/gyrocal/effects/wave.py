@@ -1,4 +1,4 @@
-"""Waves: effects of an amplitude and a phase, where the phase is another one in each run unless the session tells it."""
+"""Waves: effects with an amplitude and a phase. The phase differs from run to run unless the session determines it."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from gyrocal.effects.quantities import TURNING_AT_ALL
 class Wave(OfEachRun):
     """A sum of ``amplitude·size·cos(angle + phase)``.
 
-    ``linear`` names the amplitudes and ``phases``, in the same order, their phases in degrees. An amplitude is in use where the
-    values name it and every nonlinear parameter is known. Each one in use makes two columns, ``size·cos(angle)`` and
-    ``size·sin(angle)``; where the phase is a run's own, both are random about zero and share one spread.
+    ``linear`` names the amplitudes, and ``phases`` names their phases in degrees in the same order. An amplitude is in use if
+    the values contain it and every nonlinear parameter is known. Each amplitude in use has two columns, ``size·cos(angle)`` and
+    ``size·sin(angle)``. If the phase differs from run to run, both coefficients are random about zero and share one spread.
     """
 
     phases: ClassVar[tuple[str, ...]]
     same_size: ClassVar[bool] = False
-    """Whether the amplitude is the same in all runs, though the phase is each run's own."""
+    """True if the amplitude is the same in all runs although the phase differs from run to run."""
 
     @abstractmethod
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         """``size·exp(i·angle)`` for the amplitude ``name``, shape [n], deg/s per unit of the amplitude."""
 
     def shape(self, values: Mapping[str, float], name: str) -> tuple[float, ...]:
-        """What tells the wave of the amplitude ``name`` from others: the first arguments of its C twin."""
+        """The values that distinguish the wave of the amplitude ``name`` from others: the first arguments of its C twin."""
         return tuple(values[n] for n in self.nonlinear)
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
@@ -52,7 +52,7 @@ class Wave(OfEachRun):
         return named
 
     def spread(self, values: Mapping[str, float]) -> Array:
-        # Of unknown phase: cosine and sine each carry half of the wave's mean square.
+        # At an unknown phase, cosine and sine each carry half of the wave's mean square.
         return np.repeat([values[name] / np.sqrt(2) for name in self.used(values)], 2)
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
@@ -69,18 +69,18 @@ class Wave(OfEachRun):
 
 
 class TableWave(Wave):
-    """A wave in the angle of the table, so many times a turn: of known phase where the session has ``table_angle_deg``.
+    """A wave in the angle of the table. Its phase is known if the session has ``table_angle_deg``.
 
-    ``orders``, one an amplitude: how often the wave repeats in a turn.
+    ``orders`` gives the number of periods per turn for each amplitude.
     """
 
     orders: ClassVar[tuple[int, ...]]
     needs: ClassVar[str] = TURNING_AT_ALL
-    """What a recording must have for the wave to be of any size, in words."""
+    """The requirement on a recording in which the wave can occur, in words."""
 
     @abstractmethod
     def size(self, run: Run, axis: int) -> Array | float:
-        """Size of the wave [n] or alike at all samples, deg/s per unit of its amplitude."""
+        """Size of the wave, shape [n] or one value for all samples, deg/s per unit of its amplitude."""
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         shown = any(not r.rate_is_mean and np.any(self.size(r, axis)) for r in runs)

@@ -1,7 +1,8 @@
-"""Overlapping Allan deviation, and that of the noise model.
+"""Overlapping Allan deviation of data and of the noise model.
 
-White noise of spread sigma a sample at rate f: ``sigma / sqrt(f tau)``. An Ornstein-Uhlenbeck drift of spread s and correlation
-time T: ``s^2 (2 T / tau) (1 - T/(2 tau) (3 - 4 exp(-tau/T) + exp(-2 tau/T)))`` for its square. IEEE Std 952-1997, annex C.
+White noise with standard deviation sigma per sample at the sample rate f has the Allan deviation ``sigma / sqrt(f tau)``. An
+Ornstein-Uhlenbeck drift with standard deviation s and correlation time T has the Allan variance
+``s^2 (2 T / tau) (1 - T/(2 tau) (3 - 4 exp(-tau/T) + exp(-2 tau/T)))``. Source: IEEE Std 952-1997, annex C.
 """
 
 from __future__ import annotations
@@ -15,14 +16,17 @@ from gyrocal.recording.session import Array
 
 
 def averaging_factors(n: int, per_decade: int = 8) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Whole numbers of samples from 1 to n/3, evenly in their logarithm."""
+    """Numbers of samples from 1 to n/3, evenly spaced in their logarithm."""
     top = max(1, n // 3)
     count = max(2, round(per_decade * np.log10(top)) + 1)
     return np.unique(np.geomspace(1, top, count).round().astype(np.intp))
 
 
 def allan_deviation(series: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
-    """Overlapping Allan deviation pooled over series [n] of a rate, deg/s: averaging times [k] in s, deviations [k]."""
+    """Overlapping Allan deviation pooled over series [n] of a rate in deg/s.
+
+    Returns the averaging times [k] in s and the deviations [k] in deg/s.
+    """
     factors = averaging_factors(max(s.size for s in series))
     times, deviations = [], []
     for m in factors:
@@ -40,7 +44,7 @@ def allan_deviation(series: Sequence[Array], rate_hz: float) -> tuple[Array, Arr
 
 
 def model_deviation(tau_s: Array, noise: Noise, rate_hz: float) -> Array:
-    """Allan deviation that the noise model predicts at averaging times ``tau_s`` [k], deg/s."""
+    """Allan deviation of the noise model at averaging times ``tau_s`` [k] in s, shape [k], deg/s."""
     white = noise.white_sd_dps**2 / (rate_hz * tau_s)
     if noise.ou_sd_dps == 0:
         return np.sqrt(white)

@@ -1,4 +1,4 @@
-"""The noise of one axis: white noise, drift, and what differs from power cycle to power cycle."""
+"""The noise of one axis: white noise, drift, and the changes of bias and scale from power cycle to power cycle."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 
 COMPONENTS: dict[str, NoiseComponent] = {kind.id: kind for kind in (TurnOnBias(), Drift())}
-"""The components that go by an id, not fitted yet, in the order in which a model lists them."""
+"""The noise components with an id, not fitted yet, in the order in which a model lists them."""
 
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """What noise an axis has; None = none, or for the white level of one sample (deg/s): not known yet."""
+    """The noise of one axis. A component that is None is absent. A white level (one sample, deg/s) of None is not known yet."""
 
     white_sd_dps: float | None = None
     drift: Drift | None = None
@@ -24,20 +24,20 @@ class AxisNoise:
 
     @property
     def components(self) -> list[NoiseComponent]:
-        """The components that it has and that go by an id, in order."""
+        """The components of this axis that have an id, in order."""
         return [c for kind in COMPONENTS.values() if (c := getattr(self, kind.field_name)) is not None]
 
     def having(self, component: NoiseComponent) -> AxisNoise:
-        """With a component added, or replaced."""
+        """The same noise with a component added or replaced."""
         return replace(self, **{component.field_name: component})  # type: ignore[arg-type]
 
     def without(self, component_id: str) -> AxisNoise:
-        """Without the component of this id."""
+        """The same noise without the component of this id."""
         return replace(self, **{component(component_id).field_name: None})
 
 
 def component(component_id: str) -> NoiseComponent:
-    """One component by id, not fitted yet; InputError naming those there are."""
+    """One component by id, not fitted yet. Raises InputError, which lists the known ids, if there is none."""
     try:
         return COMPONENTS[component_id]
     except KeyError:

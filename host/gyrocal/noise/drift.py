@@ -1,4 +1,4 @@
-"""Drift: noise that wanders slowly, an Ornstein-Uhlenbeck process."""
+"""Drift: slow random variation of the bias, modelled as an Ornstein-Uhlenbeck process."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class Drift(NoiseComponent):
-    """Drift of spread ``sd_dps`` (deg/s) and correlation time ``tau_s`` (s), independent from run to run."""
+    """Drift with standard deviation ``sd_dps`` (deg/s) and correlation time ``tau_s`` (s), independent from run to run."""
 
     id = "colored_noise"
     title = "Colored noise (bias instability)"
     cause = (
-        "Besides white noise the bias wanders slowly: flicker of the electronics, creep of the package. It is modelled as an "
+        "Flicker noise of the electronics and creep of the package make the bias wander slowly. This drift is modelled as an "
         "Ornstein-Uhlenbeck process, which for a long time constant is a random walk. Averaging longer does not remove it."
     )
-    equation = "an Ornstein-Uhlenbeck process of spread sd_dps and correlation time tau_s"
-    looks_like = "any slow deterministic effect, which repeats from run to run where noise does not"
-    measure_next = "a long run at rest: the Allan deviation's floor is its size"
+    equation = "an Ornstein-Uhlenbeck process with standard deviation sd_dps and correlation time tau_s"
+    looks_like = "any slow deterministic effect; an effect repeats from run to run, noise does not"
+    measure_next = "a long run at rest; the minimum of its Allan deviation gives the size"
     parameters = (
         Parameter(
             "sd_dps", "dps", (0.0005, 0.01), "MEMS gyroscopes' bias instability, 2-20 deg/h and more", 0.003, NOT_NEGATIVE
@@ -39,14 +39,14 @@ class Drift(NoiseComponent):
         return self.samples(n, dt_s, 1, rng)[:, 0]
 
     def samples(self, n: int, dt_s: float, columns: int, rng: np.random.Generator) -> Array:
-        """Independent draws in several columns, shape [n, columns], deg/s."""
+        """Independent realisations at ``n`` samples ``dt_s`` seconds apart, shape [n, columns], deg/s."""
         assert self.sd_dps is not None
         assert self.tau_s is not None
         return ou_noise(n, dt_s, self.sd_dps, self.tau_s, columns, rng)
 
 
 def ou_noise(n: int, dt_s: float, sd: float, tau_s: float, columns: int, rng: np.random.Generator) -> Array:
-    """A stationary Ornstein-Uhlenbeck process in each of several columns, shape [n, columns]."""
+    """Independent stationary Ornstein-Uhlenbeck processes in columns, shape [n, columns], in the unit of ``sd``."""
     from scipy.signal import lfilter
 
     phi = np.exp(-dt_s / tau_s)

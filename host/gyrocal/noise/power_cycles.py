@@ -1,4 +1,4 @@
-"""Power cycles: bias and scale are a little different each time the part is powered."""
+"""Power cycles: bias and scale change slightly each time the part is powered."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class TurnOnBias(NoiseComponent):
-    """A random offset of each power cycle, of spread ``sd_dps`` (deg/s)."""
+    """A random offset in each power cycle, with standard deviation ``sd_dps`` (deg/s)."""
 
     id = "turn_on_bias"
     title = "Turn-on bias"
     cause = (
-        "Each time the part is powered its drive loop and its charge distribution settle a little differently, so the bias has "
-        "a new value in every power cycle. It is random: a calibration of yesterday cannot remove it, one after power-on can."
+        "Each time the part is powered, its drive loop and its charge distribution settle slightly differently, so the bias "
+        "has a new random value in every power cycle. A calibration after power-on removes it, an earlier calibration cannot."
     )
-    equation = "one random offset a scenario, spread sd_dps"
+    equation = "one random offset in each power cycle, standard deviation sd_dps"
     looks_like = "bias_temperature when the room differs between power cycles"
     measure_next = "more power cycles at one temperature"
     parameters = (Parameter("sd_dps", "dps", (0.002, 0.05), "MEMS gyroscopes' turn-on repeatability", 0.01, NOT_NEGATIVE),)
@@ -41,10 +41,10 @@ class TurnOnBias(NoiseComponent):
 
 @dataclass(frozen=True)
 class TurnOnScale:
-    """A random scale of each power cycle, of spread ``sd`` (a fraction) with standard error ``se``.
+    """A random scale error in each power cycle, with standard deviation ``sd`` (a fraction) and its standard error ``se``.
 
-    It is fitted beside :class:`TurnOnBias` where each power cycle holds two true rates; the model file and the commands give it
-    as the spread of the scale, ``scale_sd``.
+    It is fitted together with :class:`TurnOnBias` if each power cycle contains two true rates. The model file and the commands
+    give it as ``scale_sd``, the spread of the scale.
     """
 
     sd: float

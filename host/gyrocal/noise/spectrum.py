@@ -1,4 +1,4 @@
-"""Spectra of residuals: lines in them, and the level between the lines."""
+"""Spectra of residuals: spectral lines, bumps, and the level between the lines."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ LOWEST_HZ = 1.0
 LONGEST_SAMPLES = 1 << 14
 LEAST_SAMPLES = 32
 PAD = 2
-"""Frequencies are looked at so many times as densely as the stretch's length gives: a line may lie between two."""
+"""Zero-padding factor of the periodogram. A line may lie between the frequencies of the unpadded one."""
 BUMP_WIDTHS_HZ = (2.0, 4.0, 8.0)
 TAPER = 0.25
-"""Of a stretch, cosine at its ends: a line keeps nearly all of its power, and what is slow does not leak into it."""
+"""Fraction of a segment with a cosine taper. A line keeps most of its power, and slow variations do not leak into it."""
 
 
 @dataclass(frozen=True)
 class Peak:
-    """The strongest line. ``chance``: that noise makes such a line anywhere in the spectrum."""
+    """The strongest line. ``chance`` is the probability that noise produces such a line anywhere in the spectrum."""
 
     frequency_hz: float
     amplitude_dps: float
@@ -31,7 +31,11 @@ class Peak:
 
 @dataclass(frozen=True)
 class Bump:
-    """A band with more power than its neighbours. ``chance``: that noise makes such a band anywhere in the spectrum."""
+    """A band with more power than its neighbours.
+
+    ``sigma`` is its significance in standard deviations. ``chance`` is the probability that noise produces such a band anywhere
+    in the spectrum.
+    """
 
     low_hz: float
     high_hz: float
@@ -42,10 +46,10 @@ class Bump:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Periodograms averaged over ``segments`` stretches of equal length.
+    """Periodograms averaged over ``segments`` segments of equal length.
 
-    ``power`` [f] one-sided density, dps^2/Hz; ``level`` [f] the same between lines (a running median); ``tail`` [f] the chance
-    that noise alone reaches ``power`` at that frequency.
+    ``power`` [f] is the one-sided density in dps^2/Hz. ``level`` [f] is the density between the lines (a running median).
+    ``tail`` [f] is the probability that noise alone reaches ``power`` at that frequency.
     """
 
     frequency_hz: Array
@@ -60,7 +64,7 @@ class Spectrum:
         return self.power / self.level
 
     def peak(self) -> Peak | None:
-        """The strongest line; None where there is no spectrum."""
+        """The strongest line; None if there is no spectrum."""
         if self.frequency_hz.size == 0:
             return None
         k = int(np.argmin(self.tail)) if self.tail.min() > 0 else int(np.argmax(self.ratio))
@@ -71,11 +75,11 @@ class Spectrum:
         return Peak(float(self.frequency_hz[k]), float(np.sqrt(2 * line_power)), chance)
 
     def bump(self) -> Bump | None:
-        """The clearest band with more power than both its neighbours; None where there is none.
+        """The most significant band with more power than both its neighbours; None if there is none.
 
-        A tone that sweeps or wanders makes a bump and no line: the median of a band is held against those of the bands beside
-        it, which a line does not move. A sensor's low-pass bends the spectrum too, but by less than ``Policy.bump`` within so
-        few hertz.
+        A tone that sweeps or wanders produces a bump but no line. The median of a band is compared with the medians of the
+        bands beside it, because a median is insensitive to a line. A sensor's low-pass filter also changes the level, but by
+        less than ``Policy.bump`` over the width of a band.
         """
         from scipy.ndimage import median_filter
         from scipy.stats import norm
@@ -105,7 +109,7 @@ class Spectrum:
         return None if best is None else replace(best, chance=min(1.0, looks * float(norm.sf(best.sigma))))
 
     def line_power(self, chance: float) -> float:
-        """Mean square in lines that noise makes with less than ``chance``, dps^2."""
+        """Mean square in lines that noise produces with a probability below ``chance``, dps^2."""
         lines = self.tail * self.frequency_hz.size < chance
         near = np.any([np.roll(lines, shift) for shift in range(-PAD, PAD + 1)], axis=0)
         bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0]) if self.frequency_hz.size > 1 else 0.0
@@ -113,7 +117,11 @@ class Spectrum:
 
 
 def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWEST_HZ) -> Spectrum:
-    """Average periodogram of residuals [n], each cut into stretches as long as the shortest of them allows."""
+    """Average periodogram of several residuals [n] in deg/s, sampled at ``rate_hz``.
+
+    Each residual is cut into segments. The segments are as long as the shortest residual, but at most ``LONGEST_SAMPLES``. The
+    spectrum is empty if the residuals are too short.
+    """
     from scipy.ndimage import median_filter
     from scipy.signal.windows import tukey
     from scipy.stats import gamma
@@ -137,8 +145,8 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     if power.size < 8 or not power.any():
         return Spectrum(empty, empty, empty, empty, segments, length)
     width = min(power.size, max(31, power.size // 3)) | 1
-    # an averaged periodogram's ordinate is Gamma(segments)/segments times the level; its median sits a little lower
+    # a value of the averaged periodogram is Gamma(segments)/segments times the level; its median is slightly below its mean
     level = median_filter(power, width, mode="reflect").astype(np.float64) / (gamma.ppf(0.5, segments) / segments)
-    level = np.maximum(level, np.finfo(np.float64).tiny)  # readings that never change have no level
+    level = np.maximum(level, np.finfo(np.float64).tiny)  # constant readings have no level
     tail: Array = gamma.sf(power / level * segments, segments)
     return Spectrum(np.asarray(frequency[use], dtype=np.float64), power, level, tail, segments, length)

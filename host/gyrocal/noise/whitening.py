@@ -1,8 +1,9 @@
-"""White noise plus a slow Ornstein-Uhlenbeck drift: whitened normal equations of block means.
+"""Whitened normal equations of block means for white noise plus a slow Ornstein-Uhlenbeck drift.
 
-Ordinary least squares takes drift for an effect in a third to a half of all sessions that hold none; generalised least squares
-with this covariance does not. The cost is O(n): a tridiagonal matrix is all that is solved. Where drift is slow against the
-white noise, it may be taken as constant for a while, and another noise level costs as much as there are such whiles.
+Ordinary least squares mistakes drift for an effect (docs/method.md). Generalised least squares with this covariance does not.
+The cost is O(n), because only a tridiagonal system is solved. If drift is slow compared with the
+white noise, it can be taken as constant within short cells of time. The cost of another noise level is then proportional to the
+number of cells.
 """
 
 from __future__ import annotations
@@ -16,12 +17,16 @@ import numpy as np
 from gyrocal.recording.session import Array
 
 AT_ONCE = 2**17
-"""Numbers that are solved for at once, about: they stay in the processor's cache."""
+"""Approximate number of unknowns that are solved for at once, so that they fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """``white_sd_dps`` is one sample's; the drift has spread ``ou_sd_dps`` and correlation time ``ou_tau_s``."""
+    """The noise of one axis.
+
+    ``white_sd_dps`` is the standard deviation of one sample's white noise in deg/s. The drift has the standard deviation
+    ``ou_sd_dps`` in deg/s and the correlation time ``ou_tau_s`` in s.
+    """
 
     white_sd_dps: float
     ou_sd_dps: float = 0.0
@@ -30,10 +35,11 @@ class Noise:
 
 @dataclass(frozen=True)
 class Summed:
-    """Columns of runs that share their blocks' times, summed as far as no noise level matters: :meth:`normal_equations`.
+    """Sums of the columns of runs with the same block times, as far as they do not depend on the noise level.
 
-    ``gram`` [runs, q, q] over all blocks; ``means`` [runs, q, k] over cells of time in which drift is taken to be constant,
-    ``t_s`` [k] their mean times, ``n`` [k] the samples in them; ``blocks``, ``log_n``: number of blocks and sum of log n.
+    ``gram`` [runs, q, q] holds products summed over all blocks. ``means`` [runs, q, k] holds means over cells of time in which
+    drift is taken to be constant, ``t_s`` [k] their mean times in s and ``n`` [k] their numbers of samples. ``blocks`` is the
+    number of blocks and ``log_n`` the sum of log n over them. :meth:`normal_equations` completes the computation.
     """
 
     gram: Array
@@ -45,9 +51,9 @@ class Summed:
 
     @staticmethod
     def of(columns: Iterable[Array], t_s: Array, n: Array, cell_s: float = 0.0) -> Summed:
-        """``columns`` [q, m] of each run: q columns of m block means at times ``t_s`` [m] of ``n`` [m] samples each.
+        """Sum ``columns`` [q, m] of each run: q columns of m block means at times ``t_s`` [m] in s, of ``n`` [m] samples each.
 
-        ``cell_s`` = 0: every block is a cell of its own, and the normal equations are exact.
+        With ``cell_s`` = 0 every block is a cell, and the normal equations are exact.
         """
         blocks, log_n = t_s.size, float(np.log(n).sum())
         even = np.ptp(n) == 0
@@ -66,15 +72,15 @@ class Summed:
         return Summed(np.stack(grams), np.stack(means), centre_s, total, blocks, log_n)
 
     def of_columns(self, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Summed:
-        """The same with some of the columns alone."""
+        """The same sums for a selection of the columns."""
         return replace(self, gram=self.gram[:, rows][:, :, rows], means=self.means.take(rows, axis=1))
 
     def normal_equations(self, noise: Noise) -> tuple[Array, float]:
-        """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one, V the noise's covariance.
+        """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one run, where V is the covariance of the noise.
 
-        White noise is a diagonal matrix D, and the drift's inverse covariance Q is tridiagonal, for it is a Markov process; it
-        starts stationary in each run. By Woodbury's identity ``V^-1 = D^-1 - D^-1 Z (Q + Z' D^-1 Z)^-1 Z' D^-1``, Z the cell
-        that a block is in, so gaps and unequal blocks cost no more than even ones.
+        White noise has a diagonal covariance D. The drift is a Markov process, so its inverse covariance Q is tridiagonal. It
+        starts stationary in each run. Woodbury's identity gives ``V^-1 = D^-1 - D^-1 Z (Q + Z' D^-1 Z)^-1 Z' D^-1``, where Z
+        assigns each block to its cell. Gaps and unequal blocks therefore do not raise the cost.
         """
         from scipy.linalg.lapack import dpttrf, dpttrs
 
@@ -90,7 +96,7 @@ class Summed:
         diagonal[0] += 1 / variance
         diagonal[1:] += 1 / driven
         diagonal[:-1] += phi**2 / driven
-        coupling = np.zeros(max(1, phi.size))  # LAPACK wants one even where there is a single cell
+        coupling = np.zeros(max(1, phi.size))  # LAPACK needs one element even for a single cell
         coupling[: phi.size] = -phi / driven
         pivots, factors, _ = dpttrf(diagonal, coupling)
         even = np.ptp(self.n) == 0
@@ -105,5 +111,5 @@ class Summed:
 
 
 def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:
-    """Of columns [runs, q, m] as :class:`Summed` takes them, exact: [runs, q, q], and the log-determinant of one run."""
+    """Exact normal equations [runs, q, q] of columns [runs, q, m], and the log-determinant of one run; see :class:`Summed`."""
     return Summed.of(columns, t_s, n).normal_equations(noise)

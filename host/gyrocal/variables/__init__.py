@@ -1,5 +1,5 @@
-"""What a residual is held against, one file each; ``base.py`` says what a variable is.
+"""Variables on which a residual may depend, one file for each; ``base.py`` defines what a variable is.
 
-``shapes.py`` has the columns that are fitted to a residual, ``terms.py`` the terms of formulas. It imports ``recording`` and
-``effects``.
+``shapes.py`` has the columns that are fitted to a residual, ``terms.py`` the terms of formulas. This folder imports
+``recording`` and ``effects``.
 """

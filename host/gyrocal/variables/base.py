@@ -1,8 +1,8 @@
-"""What a variable is: one subclass of :class:`Variable` in a file of its own in this folder.
+"""The base class of variables. Each variable is one subclass of :class:`Variable` in its own file in this folder.
 
-A comparison asks whether the residual depends on time, on temperature, on the table's angle and so on. Each of these is a
-variable. Its file holds everything that is said of it: its values, the shapes that are fitted to the residual, the names that
-formulas know it by, and the words and units on a screen. Comparison, ``keep``, the report and the workbench list this folder.
+A comparison tests whether the residual depends on time, on temperature, on the table's angle and so on. Each of these is a
+variable. Its file holds everything about it: its values, the shapes that are fitted to the residual, its names in formulas,
+and the words and units on a screen. Comparison, ``keep``, the report and the workbench list this folder.
 """
 
 from __future__ import annotations
@@ -23,12 +23,15 @@ from gyrocal.variables import terms
 from gyrocal.variables.shapes import Shape, Steps
 
 MOST_STEPS = 8
-"""Steps of a variable that moves within runs."""
+"""Largest number of steps for a variable that changes within runs."""
 
 
 @dataclass(frozen=True)
 class Symbol:
-    """A name in formulas: what it stands for, and its value [n] in a run for an axis (0, 1, 2); None where the run lacks it."""
+    """A name in formulas, with its meaning and its values [n] in a run for an axis (0, 1, 2).
+
+    The values are None if the run does not have them.
+    """
 
     meaning: str
     values: Callable[[Run, int], Array | None]
@@ -37,55 +40,55 @@ class Symbol:
 class Variable(ABC):
     """Something that a residual can depend on, in the ``runs`` of one session.
 
-    ``self.runs`` leaves out those whose rate is known as a mean alone: their residual tells nothing within the run.
+    ``self.runs`` leaves out runs whose rate is known only as a mean, because they have no residual within the run.
     """
 
     name: ClassVar[str]
-    """The word that findings, JSON and sentences use: ``against`` this."""
+    """The name that findings and JSON use under ``against``."""
     title: ClassVar[str]
-    """The text of the button that opens its picture."""
+    """The text of the button that opens its plot."""
     quantity: ClassVar[str]
     unit: ClassVar[str]
     order: ClassVar[int]
-    """Its place among the others on a screen."""
+    """Its position among the variables on a screen."""
     picture: ClassVar[str] = "folded"
-    """``folded``: the residual drawn against :meth:`values`; ``spectrum``: the residual's spectrum."""
+    """``folded`` plots the residual against :meth:`values`; ``spectrum`` plots the residual's spectrum."""
     components: ClassVar[tuple[str, ...]] = ()
-    """Names of the columns of :meth:`values`, where there are several; each is a picture of its own."""
+    """Names of the columns of :meth:`values` if there are several. Each has its own plot."""
     of_axis: ClassVar[bool] = False
-    """Whether its values differ with the axis whose residual is looked at."""
+    """True if its values depend on the axis of the residual."""
     period: ClassVar[float | None] = None
-    """Values that differ by this are the same place; None where there is no such thing."""
+    """Values that differ by this period are equivalent; None if the variable is not periodic."""
     symbols: ClassVar[Mapping[str, Symbol]] = {}
     searched: ClassVar[tuple[str, ...]] = ()
-    """The symbols among whose terms ``keep`` looks for a formula."""
+    """The symbols in which ``keep`` searches for a formula."""
     no_formula: ClassVar[str] = "it has no shape of its own"
-    """Why ``keep`` finds no formula, where nothing is searched."""
+    """The reason why ``keep`` cannot find a formula in a variable without searched symbols."""
     times_rate: ClassVar[bool] = True
-    """Whether ``keep`` also tries the products of its terms with the true rate."""
+    """True if ``keep`` also tries products of its terms with the true rate."""
 
     def __init__(self, runs: Sequence[Run]) -> None:
         self.runs = [r for r in runs if not r.rate_is_mean]
 
     @classmethod
     def label(cls, component: str = "") -> str:
-        """Quantity and unit, for the axis of a picture."""
+        """Quantity and unit, for the axis of a plot."""
         return f"{cls.quantity}{f' {component}' if component else ''}, {cls.unit}"
 
     def values(self, run: Run, axis: int) -> Array | None:
-        """Its values in a run for an axis (0, 1, 2), shape [n], with components [n, k]; None where there are none."""
+        """Its values in a run for an axis (0, 1, 2), shape [n], or [n, k] with components; None if the run has none."""
         return None
 
     def shapes(self, axis: int) -> list[Shape]:
-        """What is fitted to the residual of an axis; empty where these runs cannot show a dependence."""
+        """The shapes that are fitted to the residual of an axis; empty if these runs cannot show a dependence."""
         return []
 
     def terms(self, symbol: str, values: Array) -> list[str]:
-        """Smooth terms of a formula in one of the searched symbols, whose values [n] over the session are given."""
+        """Smooth terms of a formula in one of the searched symbols, given its values [n] over the session."""
         return terms.functions(symbol, values)
 
     def steps(self, axis: int, edges: Array) -> list[Shape]:
-        """Steps of the variable, and of its product with the true rate where the table turns about the axis."""
+        """Steps of the variable, and steps times the true rate if the table turns about the axis."""
 
         def values(run: Run) -> Array:
             found = self.values(run, axis)
@@ -96,12 +99,12 @@ class Variable(ABC):
 
     @property
     def steps_between_runs(self) -> int:
-        """Steps that these runs allow for what differs between runs and hardly within them."""
+        """The number of steps for a variable that differs between runs and hardly changes within them."""
         return max(2, len(self.runs) // 3)
 
 
 def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
-    """Edges of at most ``steps`` steps that hold equally many of the values [n] each, no finer than ``resolution``."""
+    """Edges of at most ``steps`` steps that hold equally many of the values [n] each and are wider than ``resolution``."""
     if np.ptp(values) <= 2 * resolution:
         return np.zeros(0)
     edges = np.unique(np.quantile(values, np.linspace(0, 1, steps + 1)[1:-1]))
@@ -110,7 +113,7 @@ def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
 
 @cache
 def variables() -> dict[str, type[Variable]]:
-    """Every variable by name: one for each file of this folder, in their order on a screen."""
+    """Every variable by name, one for each file of this folder, in their order on a screen."""
     package = importlib.import_module("gyrocal.variables")
     found: list[type[Variable]] = []
     for info in pkgutil.iter_modules(package.__path__):
@@ -121,5 +124,5 @@ def variables() -> dict[str, type[Variable]]:
 
 
 def symbols() -> dict[str, Symbol]:
-    """Every name of a variable in formulas."""
+    """Every symbol that formulas can use, by name."""
     return {name: symbol for variable in variables().values() for name, symbol in variable.symbols.items()}

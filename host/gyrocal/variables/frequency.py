@@ -8,4 +8,4 @@ from gyrocal.variables.base import Variable
 class Frequency(Variable):
     name, title, quantity, unit, order = "frequency", "Spectrum", "frequency", "Hz", 8
     picture = "spectrum"
-    no_formula = "it is a line in the spectrum that is no steady tone: look for what vibrates, or record for longer"
+    no_formula = "it is a line in the spectrum but not a steady tone; look for a source of vibration, or record for longer"

@@ -13,7 +13,7 @@ from gyrocal.variables.base import Symbol, Variable
 from gyrocal.variables.shapes import Shape
 
 LEAST_RANGE_S = 1.0
-"""Where all runs begin within this time after power-on, it is the time in the run again."""
+"""If all runs begin within this time after power-on, this variable is equivalent to the time in the run, s."""
 MOST_EDGES = 12
 
 

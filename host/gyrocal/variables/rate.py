@@ -1,4 +1,4 @@
-"""The true rate and, where it changes within runs, its slope."""
+"""The true rate and, if it changes within runs, its slope."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Columns, Shape, Steps
 
 RESOLUTION = 0.02
-"""Finest step of a rate that varies, as a part of the largest rate."""
+"""Finest step of a varying rate, as a fraction of the largest rate."""
 ONE_RATE = 0.1
-"""Runs whose rates differ by less, as a part of the largest rate, were made at one rate."""
+"""Runs whose rates differ by less than this fraction of the largest rate count as having the same rate."""
 
 
 class Rate(Variable):
-    """The table's rate where it turns about one axis in all runs (that may show on any axis), else the rate about the axis."""
+    """The table's rate if it turns about the same axis in all runs, because this may affect any axis.
+
+    Otherwise it is the rate about the axis of the residual.
+    """
 
     name, title, quantity, unit, order = "rate", "Rate", "true rate", "deg/s", 4
     of_axis = True
@@ -29,7 +32,7 @@ class Rate(Variable):
 
     @property
     def one_axis(self) -> bool:
-        """Whether the table turns about the same axis in all runs."""
+        """True if the table turns about the same axis in all runs."""
         return len({r.axis_index for r in self.runs}) == 1
 
     def values(self, run: Run, axis: int) -> Array:
@@ -43,7 +46,7 @@ class Rate(Variable):
         return shapes
 
     def _edges_dps(self, axis: int) -> Array:
-        """Edges between the rates that runs were made at, or of a rate that varies; none where they are too few or too many."""
+        """Edges between the rates of the runs, or steps of a varying rate; empty if there are too few or too many, deg/s."""
         rates = [self.values(r, axis) for r in self.runs]
         largest = max(float(np.abs(rate).max(initial=0.0)) for rate in rates)
         if self.one_axis and rate_varies(self.runs, self.runs[0].axis_index):
@@ -55,6 +58,6 @@ class Rate(Variable):
 
 
 def _slope_dps_s(run: Run, axis: int) -> Array:
-    """The slope of the rate, which a delay multiplies, and the slope times time, which an error of the clock multiplies."""
+    """The slope of the rate, to which a delay is proportional, and slope times time, to which a clock error is proportional."""
     slope = rate_slope_dps_s(run, axis)
     return np.column_stack([slope, slope * elapsed_s(run)])

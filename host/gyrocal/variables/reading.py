@@ -1,4 +1,4 @@
-"""The reading's own value, in which bits that are put together wrongly show."""
+"""The value of the reading itself, which shows wrongly assembled bits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gyrocal.variables.base import Variable
 class Reading(Variable):
     name, title, quantity, unit, order = "reading", "Reading", "reading", "deg/s", 7
     of_axis = True
-    no_formula = "bits of the reading are wrong, which no formula mends: look at how the driver puts its bytes together"
+    no_formula = "bits of the reading are wrong, which no formula can correct; check how the driver assembles the bytes"
 
     def values(self, run: Run, axis: int) -> Array:
         return run.gyro_dps[:, axis]

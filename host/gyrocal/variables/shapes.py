@@ -1,4 +1,4 @@
-"""The shapes in which a residual may depend on a variable: columns like an effect's, with no physics in them."""
+"""The shapes in which a residual may depend on a variable: columns like those of an effect, but without physics."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gyrocal.recording.session import Array, Run
 
 
 class Shape(Effect):
-    """Columns that are fitted beside a model to see whether the residual depends on a variable."""
+    """Columns that are fitted together with a model to test whether the residual depends on a variable."""
 
     id, title, cause, equation, looks_like, measure_next = "shape", "", "", "", "", ""
     parameters = ()
@@ -23,16 +23,16 @@ class ShapeOfEachRun(Shape):
 
     scope = "run"
     words: str
-    """What it looks like, for a sentence that begins with its amplitude."""
+    """A description for a sentence that begins with its amplitude."""
 
     @staticmethod
     @abstractmethod
     def formula(shapes: Sequence[ShapeOfEachRun]) -> list[str]:
-        """Formulas that describe several shapes of this class, for a model file."""
+        """Formulas for a model file that describe several shapes of this class."""
 
 
 class Steps(Shape):
-    """Indicator columns: the variable in steps, alone or times the true rate. The first step is left to the bias or scale."""
+    """Indicator columns of the variable's steps, alone or times the true rate. Bias or scale describe the first step."""
 
     def __init__(self, values: Callable[[Run], Array], edges: Array, times_rate: bool = False) -> None:
         self.values = values
@@ -49,7 +49,7 @@ class Steps(Shape):
 
 
 class Columns(Shape):
-    """``count`` functions of the variable, shape [n, count], each with a coefficient of its own."""
+    """``count`` functions of the variable, shape [n, count]. Each function has its own coefficient."""
 
     def __init__(self, of: Callable[[Run], Array], count: int) -> None:
         self.of = of
@@ -60,7 +60,7 @@ class Columns(Shape):
 
 
 class Transient(ShapeOfEachRun):
-    """A start-up transient of a size and sign of its own in each run."""
+    """A start-up transient with its own size and sign in each run."""
 
     linear = ("size",)
     words = "dying away from the start, of another size"
@@ -77,7 +77,7 @@ class Transient(ShapeOfEachRun):
 
 
 class TableWave(ShapeOfEachRun):
-    """A wave in the table's angle, ``order`` times a turn, of a phase of its own in each run."""
+    """A wave in the table's angle, ``order`` times a turn, with its own phase in each run."""
 
     linear = ("a", "b")
 

@@ -14,11 +14,11 @@ from gyrocal.variables.base import Symbol, Variable
 from gyrocal.variables.shapes import Columns, Shape, TableWave
 
 ORDERS = 6
-"""Waves of one to so many periods a turn are looked for."""
+"""Largest number of periods per turn that is tested."""
 
 
 class TableAngle(Variable):
-    """The table's angle, measured or integrated from its rate; looked at on the axis that the table turns about."""
+    """The table's angle, measured or integrated from its rate. It is tested on the axis about which the table turns."""
 
     name, title, quantity, unit, order = "table_angle", "Table angle", "table angle", "deg", 5
     period = 360.0

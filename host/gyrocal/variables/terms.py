@@ -1,4 +1,4 @@
-"""Terms of formulas in one variable, as text, that ``keep`` chooses among for what no effect explains."""
+"""Terms of formulas in one variable, as text, from which ``keep`` chooses."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy as np
 from gyrocal.recording.session import Array
 
 KNOTS = 31
-"""Bends that a piecewise-linear curve may have, where the variable's values are evenly many."""
+"""Largest number of bends of a piecewise-linear curve. Equally many values lie between them."""
 HARMONICS = 8
 DECAYS = (2, 5, 10, 20, 40)
-"""Time constants of decays, as parts of the longest time."""
+"""The time constants of decays are the longest time divided by these."""
 
 
 def functions(symbol: str, values: Array) -> list[str]:
-    """Powers, sines, exponentials and a kink in a variable, centred and scaled so that coefficients are in deg/s."""
+    """Powers, sines, exponentials and a kink of a variable, which is centred and scaled so that coefficients are in deg/s."""
     low, high = np.quantile(values, [0.01, 0.99])
     half = rounded((high - low) / 2)
     if half == 0:
@@ -25,7 +25,7 @@ def functions(symbol: str, values: Array) -> list[str]:
 
 
 def of_time(symbol: str, values: Array) -> list[str]:
-    """Powers of a time and decays from its beginning."""
+    """Powers of a time, and exponential decays from zero."""
     low, high = np.quantile(values, [0.01, 0.99])
     if rounded((high - low) / 2) == 0:
         return []
@@ -34,13 +34,13 @@ def of_time(symbol: str, values: Array) -> list[str]:
 
 
 def of_turns(symbol: str, angle: str) -> list[str]:
-    """Harmonics of an angle (rad), a sawtooth and a triangle in the part of a turn that ``symbol`` is."""
+    """Harmonics of an angle (rad), and a sawtooth and a triangle wave of ``symbol``, which is a fraction of a turn."""
     waves = [f"{wave}({k}*{angle})" for k in range(1, HARMONICS + 1) for wave in ("cos", "sin")]
     return [*waves, f"({symbol} - 0.5)", f"abs({symbol} - 0.5)"]
 
 
 def hinges(symbol: str, values: Array) -> list[str]:
-    """A line, and a bend at each of some knots: together any piecewise-linear curve."""
+    """A line and a bend at each knot. Their sums are all piecewise-linear curves with these knots."""
     if float(np.ptp(values)) == 0:
         return []
     knots = [rounded(float(k), 3) for k in np.quantile(values, np.arange(1, KNOTS + 1) / (KNOTS + 1))]
@@ -48,5 +48,5 @@ def hinges(symbol: str, values: Array) -> list[str]:
 
 
 def rounded(value: float, digits: int = 2) -> float:
-    """A number to so many significant digits."""
+    """A number rounded to a few significant digits, as text."""
     return float(f"{value:.{digits}g}")

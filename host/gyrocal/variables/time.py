@@ -13,12 +13,12 @@ from gyrocal.variables.base import Symbol, Variable
 from gyrocal.variables.shapes import Shape, Transient
 
 FINE_S = (0.5, 1, 2, 3, 4.5, 6, 8, 11, 15)
-"""Edges of the first steps, where start-up transients are."""
+"""Edges of the first steps, which show start-up transients, s."""
 COARSE_FROM_S = 20.0
 COARSE_STEPS = 6
 MOST_EDGES = 16
 TRANSIENTS_S = (1.0, 4.0)
-"""Time constants of transients whose size differs from run to run."""
+"""Time constants of transients whose size differs from run to run, s."""
 
 
 class Time(Variable):
@@ -38,7 +38,7 @@ class Time(Variable):
 
 
 def edges_s(longest_s: float) -> Array:
-    """Edges of the steps, fine where transients are."""
+    """Edges of the steps in s. They are narrow at the start of a run, where transients occur."""
     coarse = np.linspace(COARSE_FROM_S, max(longest_s, COARSE_FROM_S + 1), COARSE_STEPS + 1)[:-1]
     edges = np.concatenate([FINE_S, coarse])
     return edges[edges < 0.95 * longest_s][:MOST_EDGES]

@@ -104,42 +104,39 @@ float gc_cos_turn(float turns) {
     return sin_quarters(turns, 1);
 }
 
-/* ln 2 in two parts; n times the first is exact */
-#define LN2_HIGH 0.693147180369123816490
-#define LN2_LOW 1.90821492927058770002e-10
-
-/* 2^n for -1022 <= n <= 1023 */
-static double power_of_two(int n) {
-    const uint64_t bits = (uint64_t)(n + 1023) << 52;
-    double value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
 double gc_decay(double x) {
-    static const double inverse[] = {1.0,     1.0 / 2,  1.0 / 3,  1.0 / 4,  1.0 / 5,  1.0 / 6, 1.0 / 7,
-                                     1.0 / 8, 1.0 / 9, 1.0 / 10, 1.0 / 11, 1.0 / 12, 1.0 / 13};
+    static const double taylor[] = {1.0,          1.0,           1.0 / 2,        1.0 / 6,         1.0 / 24,
+                                    1.0 / 120,    1.0 / 720,     1.0 / 5040,     1.0 / 40320,     1.0 / 362880,
+                                    1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0};
     if (x > 700.0) {
         return 0.0;
     }
-    /* exp(-x) = 2^-n exp(-r), |r| <= ln(2)/2 */
-    const int n = (int)(x * 1.4426950408889634 + 0.5);
-    const double r = (x - (double)n * LN2_HIGH) - (double)n * LN2_LOW;
-    double sum = 1.0;
-    for (unsigned k = 13; k > 0u; k--) { /* what is left out is below 5e-18 */
-        sum = 1.0 - r * sum * inverse[k - 1u];
+    /* exp(-x) = exp(r) / 2^n, |r| <= ln(2)/2; ln 2 in two parts, n times the first is exact */
+    const uint32_t n = (uint32_t)(x * 1.4426950408889634 + 0.5);
+    const double r = ((double)n * 0.693147180369123816490 - x) + (double)n * 1.90821492927058770002e-10;
+    double sum = 0.0;
+    for (unsigned k = 14; k > 0u; k--) { /* what is left out is below 5e-18 */
+        sum = sum * r + taylor[k - 1u];
     }
-    return sum * power_of_two(-n);
+    const uint64_t bits = (uint64_t)(1023u - n) << 52;
+    double scale;
+    memcpy(&scale, &bits, sizeof scale);
+    return sum * scale;
 }
 
 double gc_log(double x) {
-    static const double inverse[] = {1.0,      1.0 / 3,  1.0 / 5,  1.0 / 7,  1.0 / 9,
-                                     1.0 / 11, 1.0 / 13, 1.0 / 15, 1.0 / 17, 1.0 / 19};
+    static const double inverse[] = {1.0, 1.0 / 3, 1.0 / 5, 1.0 / 7, 1.0 / 9, 1.0 / 11, 1.0 / 13, 1.0 / 15, 1.0 / 17};
+    int32_t n = 0;
+    if (x < DBL_MIN) { /* a denormal number's exponent does not tell its size */
+        x *= 18014398509481984.0;
+        n = -54;
+    }
+    /* log(x) = n log(2) + log(m), m from 1/sqrt(2) to sqrt(2) */
     uint64_t bits;
     memcpy(&bits, &x, sizeof bits);
-    int n = (int)(bits >> 52) - 1023;
-    double m; /* 1 <= m < 2 */
-    bits = (bits & 0xFFFFFFFFFFFFFu) | (uint64_t)1023 << 52;
+    n += (int32_t)(bits >> 52) - 1023;
+    bits = (bits & 0xFFFFFFFFFFFFFu) | 0x3FF0000000000000u;
+    double m;
     memcpy(&m, &bits, sizeof m);
     if (m > 1.4142135623730951) {
         m *= 0.5;
@@ -148,10 +145,10 @@ double gc_log(double x) {
     const double z = (m - 1.0) / (m + 1.0); /* at most 0.172 */
     const double square = z * z;
     double sum = 0.0;
-    for (unsigned k = 10; k > 0u; k--) {
+    for (unsigned k = 9; k > 0u; k--) { /* what is left out is below 1e-15 of it */
         sum = sum * square + inverse[k - 1u];
     }
-    return (double)n * LN2_HIGH + ((double)n * LN2_LOW + 2.0 * z * sum);
+    return (double)n * 0.69314718055994531 + 2.0 * z * sum;
 }
 
 void gc_cos_sin(double angle, double *cosine, double *sine) {

@@ -16,13 +16,14 @@
 #define PRESENT 0.5
 #define SMALLEST_SD_DPS 1e-6
 #define DISAGREES 3.5 /* expected error over the one that an answer claims */
+#define WHITENED 8u    /* blocks in a part */
+#define FACE_PARTS (GC_FACE_BLOCKS / WHITENED + 2u) /* whiten, and weigh twice */
 
-#define TAUS GC_TRANSIENT_TAUS
-
-static const double spin_up[] = {0.0011, 0.0047};
-static const double transient_tau_s[TAUS] = {0.6, 1.15, 2.2, 4.2, 8.0};
+static const double spin_up[] = {0.0009, 0.0065};
+static const double transient_tau_s[GC_TRANSIENT_TAUS] = {0.6, 1.15, 2.2, 4.2, 8.0};
 
 #define SIZES (sizeof spin_up / sizeof spin_up[0])
+#define TAUS GC_TRANSIENT_TAUS
 
 /* Columns of a block: four waves, a decay for each time constant, 1, the reading. */
 #define WAVES 4u
@@ -67,29 +68,23 @@ static void columns_of(const gc_shapes_t *s, double y_dps, double *x) {
     x[Y] = y_dps;
 }
 
-static void begin_whitening(gc_evidence_t *evidence, const gc_face_evidence_t *e) {
-    gc_whitener_t *w = &evidence->whitener;
-    memset(evidence->gram, 0, sizeof evidence->gram);
-    memset(w, 0, sizeof *w);
-    w->spread = DRIFT_SD_DPS * DRIFT_SD_DPS;
-    w->phi = 1.0;
-    begin_shapes(&w->shapes, e->w_dps);
-}
-
-/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift: a part of the blocks. */
-static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned part) {
+/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift: over blocks from `begin` on. */
+static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned begin) {
     const gc_face_t *face = e->face;
     const double lsb_dps = evidence->lsb_dps;
     const double step = lsb_dps * lsb_dps / 12.0;
     const double variance = fmax(evidence->white_dps2, fmax(step, SMALLEST_SD_DPS * SMALLEST_SD_DPS));
     const double phi_step = gc_decay(BLOCK_S / DRIFT_TAU_S);
-    gram_t *gram = &evidence->gram;
-    gc_whitener_t *w = &evidence->whitener;
-    if (part == 0u) {
-        begin_whitening(evidence, e);
+    const unsigned end = begin + WHITENED < evidence->seen ? begin + WHITENED : evidence->seen;
+    gc_whitening_t *w = &evidence->whitening;
+    if (begin == 0u) {
+        memset(w, 0, sizeof *w);
+        memset(&evidence->gram, 0, sizeof evidence->gram);
+        begin_shapes(&w->shapes, e->w_dps);
+        w->spread = DRIFT_SD_DPS * DRIFT_SD_DPS;
+        w->phi = 1.0;
     }
-    const unsigned end = (part + 1u) * evidence->seen / GC_WHITEN_PARTS;
-    for (unsigned k = part * evidence->seen / GC_WHITEN_PARTS; k < end; k++, next_shapes(&w->shapes), w->phi *= phi_step) {
+    for (unsigned k = begin; k < end; k++, next_shapes(&w->shapes), w->phi *= phi_step) {
         if (!gc_face_has(face, k)) {
             continue;
         }
@@ -113,7 +108,7 @@ static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned part
             w->drift[i] += w->spread * precision * x[i];
             const double weighted = precision * x[i];
             for (size_t j = 0; j <= i; j++) {
-                (*gram)[i][j] += weighted * x[j];
+                evidence->gram[i][j] += weighted * x[j];
             }
         }
         w->spread *= variance / n * precision;
@@ -198,14 +193,20 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
 
 /* ---- averages over hypotheses ---- */
 
+typedef struct {
+    double log_evidence;
+    double mean;
+    double variance;
+} under_t;
+
 /* What a face says if some effects act: hypotheses first to first + n - 1. */
-static gc_under_t under(const gc_hypothesis_t *h, unsigned n) {
+static under_t under(const gc_hypothesis_t *h, unsigned n) {
     double top = -DBL_MAX, total = 0.0, mean = 0.0, variance = 0.0;
     for (unsigned i = 0; i < n; i++) {
         top = fmax(top, h[i].log_evidence);
     }
     if (n == 1u) {
-        return (gc_under_t){top, h[0].u_dps, h[0].variance};
+        return (under_t){top, h[0].u_dps, h[0].variance};
     }
     double weight[GC_TRANSIENTS];
     for (unsigned i = 0; i < n; i++) {
@@ -218,7 +219,7 @@ static gc_under_t under(const gc_hypothesis_t *h, unsigned n) {
         const double off = h[i].u_dps - mean;
         variance += weight[i] * (h[i].variance + off * off);
     }
-    return (gc_under_t){top + gc_log(total / (double)n), mean, variance / total};
+    return (under_t){top + gc_log(total / (double)n), mean, variance / total};
 }
 
 /* Chi-square per degree of freedom that the likeliest hypothesis leaves, at least 1: Birge's ratio. */
@@ -230,69 +231,74 @@ static double excess(const gc_face_evidence_t *e) {
     return fmax(1.0, e->hypothesis[best].chi2 / (e->blocks > 1u ? (double)(e->blocks - 1u) : 1.0));
 }
 
-static void average_face(gc_face_evidence_t *e) {
-    unsigned first = 0;
-    for (unsigned acting = 0; acting < GC_ACTINGS; acting++) {
-        const unsigned n = acting % 2u == 0u ? 1u : GC_TRANSIENTS;
-        e->under[acting] = under(e->hypothesis + first, n);
-        first += n;
-    }
-}
-
-static void merge_faces(gc_evidence_t *evidence) {
+/* Scale and bias if some effects act: two of them at a time. */
+static void combine(gc_evidence_t *evidence, unsigned effects) {
     const gc_face_evidence_t *a = &evidence->of[0];
     const gc_face_evidence_t *b = &evidence->of[1];
     const double span = a->w_dps - b->w_dps;
     const double excess_a = excess(a), excess_b = excess(b);
-    const double log_odds = gc_log(PRESENT / (1.0 - PRESENT));
-    gc_posterior_t each[GC_ACTINGS];
-    double log_weight[GC_ACTINGS];
-    double top = -DBL_MAX, total = 0.0;
-    for (unsigned effects = 0; effects < GC_ACTINGS; effects++) {
-        const gc_under_t u = a->under[effects], v = b->under[effects];
+    unsigned first = effects / 2u * (1u + GC_TRANSIENTS);
+    for (unsigned last = effects + 2u; effects < last; effects++) {
+        const unsigned n = effects % 2u == 0u ? 1u : GC_TRANSIENTS;
+        const under_t u = under(a->hypothesis + first, n);
+        const under_t v = under(b->hypothesis + first, n);
         const double var_u = u.variance * excess_a, var_v = v.variance * excess_b;
         const double acting = (double)((effects & 1u) + (effects >> 1 & 1u) + (effects >> 2 & 1u));
-        each[effects] = (gc_posterior_t){
+        evidence->each[effects] = (gc_combined_t){
             {(u.mean - v.mean) / span, (a->w_dps * v.mean - b->w_dps * u.mean) / span},
             {(var_u + var_v) / (span * span), (b->w_dps * b->w_dps * var_u + a->w_dps * a->w_dps * var_v) / (span * span)},
         };
-        log_weight[effects] = u.log_evidence + v.log_evidence + acting * log_odds;
-        top = fmax(top, log_weight[effects]);
+        evidence->log_weight[effects] =
+            u.log_evidence + v.log_evidence + acting * gc_log(PRESENT) + (3.0 - acting) * gc_log(1.0 - PRESENT);
+        first += n;
     }
-    gc_posterior_t *all = &evidence->average;
+}
+
+static void average(gc_evidence_t *evidence) {
+    double weight[GC_EVIDENCE_EFFECTS];
+    double top = -DBL_MAX, total = 0.0;
+    gc_combined_t *all = &evidence->all;
+    for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+        top = fmax(top, evidence->log_weight[i]);
+    }
+    for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+        weight[i] = gc_decay(top - evidence->log_weight[i]);
+        total += weight[i];
+    }
     memset(all, 0, sizeof *all);
-    for (unsigned i = 0; i < GC_ACTINGS; i++) {
-        log_weight[i] = gc_decay(top - log_weight[i]);
-        total += log_weight[i];
-    }
     for (unsigned j = 0; j < 2u; j++) {
-        for (unsigned i = 0; i < GC_ACTINGS; i++) {
-            all->mean[j] += log_weight[i] / total * each[i].mean[j];
+        for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+            all->mean[j] += weight[i] / total * evidence->each[i].mean[j];
         }
-        for (unsigned i = 0; i < GC_ACTINGS; i++) {
-            const double off = each[i].mean[j] - all->mean[j];
-            all->variance[j] += log_weight[i] / total * (each[i].variance[j] + off * off);
+        for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+            const double off = evidence->each[i].mean[j] - all->mean[j];
+            all->variance[j] += weight[i] / total * (evidence->each[i].variance[j] + off * off);
         }
     }
 }
 
 bool gc_evidence_go_on(gc_evidence_t *evidence) {
-    const unsigned part = evidence->parts % GC_FACE_PARTS;
-    if (evidence->parts + 1u == GC_EVIDENCE_PARTS) {
-        merge_faces(evidence);
-    } else if (part < GC_WHITEN_PARTS) {
-        whiten(evidence, &evidence->of[evidence->parts / GC_FACE_PARTS], part);
-    } else if (part < GC_WHITEN_PARTS + 2u) {
-        weigh_all(evidence, &evidence->of[evidence->parts / GC_FACE_PARTS], part > GC_WHITEN_PARTS);
+    const unsigned part = evidence->parts++;
+    if (part < 2u * FACE_PARTS) {
+        gc_face_evidence_t *e = &evidence->of[part / FACE_PARTS];
+        if (part % FACE_PARTS < FACE_PARTS - 2u) {
+            whiten(evidence, e, part % FACE_PARTS * WHITENED);
+        } else {
+            weigh_all(evidence, e, part % FACE_PARTS == FACE_PARTS - 1u);
+        }
     } else {
-        average_face(&evidence->of[evidence->parts / GC_FACE_PARTS]);
+        combine(evidence, 2u * (part - 2u * FACE_PARTS));
     }
-    return ++evidence->parts == GC_EVIDENCE_PARTS;
+    if (evidence->parts < GC_EVIDENCE_PARTS) {
+        return false;
+    }
+    average(evidence);
+    return true;
 }
 
 /* The roots of an answer's expected squared errors. */
 static void errors_of(const gc_evidence_t *evidence, const gc_answer_t *answer, double *scale_se, double *bias_se_dps) {
-    const gc_posterior_t *all = &evidence->average;
+    const gc_combined_t *all = &evidence->all;
     const double scale_off = answer->scale - all->mean[0];
     const double bias_off = answer->bias_dps - all->mean[1];
     *scale_se = sqrt(all->variance[0] + scale_off * scale_off);
@@ -322,7 +328,13 @@ static double chi2_at(const gc_face_evidence_t *e, double u_dps) {
     return chi2;
 }
 
-uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer) {
+/* The largest of a standard error that is claimed, a fit's, and the distance between the answers; NaN stays NaN. */
+static double widened(double se, double variance, double distance) {
+    const double least = fmax(sqrt(variance), fabs(distance));
+    return least > se ? least : se;
+}
+
+uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_answer_t *answer) {
     const gc_face_evidence_t *of = evidence->of;
     double chi2 = 0.0;
     for (unsigned i = 0; i < 2u; i++) {
@@ -331,7 +343,12 @@ uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer) {
     answer->misfit = sqrt(chi2 / (double)(of[0].blocks + of[1].blocks));
     double scale_se, bias_se_dps;
     errors_of(evidence, answer, &scale_se, &bias_se_dps);
-    /* paper has no standard errors: it is not judged */
+    /* paper's standard errors are NaN, and stay so: it is not judged */
     const bool disagrees = scale_se > DISAGREES * answer->scale_se || bias_se_dps > DISAGREES * answer->bias_se_dps;
+    if (!known_table) {
+        const gc_combined_t *fit = &evidence->all;
+        answer->scale_se = widened(answer->scale_se, fit->variance[0], answer->scale - fit->mean[0]);
+        answer->bias_se_dps = widened(answer->bias_se_dps, fit->variance[1], answer->bias_dps - fit->mean[1]);
+    }
     return disagrees ? (uint32_t)GC_FLAG_DISAGREES : 0u;
 }

@@ -15,7 +15,8 @@
 extern "C" {
 #endif
 
-#define GC_TRANSIENTS 10u                             /* two sizes, five time constants */
+#define GC_TRANSIENT_TAUS 5u
+#define GC_TRANSIENTS (2u * GC_TRANSIENT_TAUS)        /* two sizes */
 #define GC_HYPOTHESES (4u * (1u + GC_TRANSIENTS))     /* ripple twice a turn, once a turn; no transient or one */
 #define GC_FIRST_ORDER (2u * (1u + GC_TRANSIENTS))    /* the first of them: without ripple twice a turn */
 
@@ -26,21 +27,18 @@ typedef struct {
     double log_evidence;
 } gc_hypothesis_t;
 
-/* What a face says if certain effects act, averaged over its transients. */
-typedef struct {
-    double log_evidence;
-    double mean;
-    double variance;
-} gc_under_t;
-
-#define GC_ACTINGS 8u /* of ripple twice a turn, once a turn, a transient: each acts or does not */
-
 /* A block's columns: four waves, five decays, 1, the reading. */
 #define GC_EVIDENCE_COLUMNS 11u
-#define GC_TRANSIENT_TAUS 5u
-#define GC_WHITEN_PARTS 3u
-#define GC_FACE_PARTS (GC_WHITEN_PARTS + 3u) /* two weigh hypotheses, one averages them */
-#define GC_EVIDENCE_PARTS (2u * GC_FACE_PARTS + 1u) /* the last one merges the faces */
+#define GC_EVIDENCE_PARTS 14u
+#define GC_EVIDENCE_EFFECTS 8u /* which of three effects act */
+
+typedef struct {
+    const gc_face_t *face;
+    double w_dps;
+    double origin_dps; /* of its readings, less w */
+    unsigned blocks;   /* that count */
+    gc_hypothesis_t hypothesis[GC_HYPOTHESES];
+} gc_face_evidence_t;
 
 /* Waves and decays at the middle of a block, and what takes them to the next block. */
 typedef struct {
@@ -49,40 +47,33 @@ typedef struct {
     double ripple_dps;
 } gc_shapes_t;
 
-/* A Kalman filter of the drift in each column, before the next block. */
+/* A Kalman filter of a face's drift, between two parts. */
 typedef struct {
     gc_shapes_t shapes;
     double drift[GC_EVIDENCE_COLUMNS];
     double spread;
-    double origin_dps; /* the first block's mean */
-    double phi;        /* of the drift since the block before */
+    double phi;        /* of the drift since the last block */
+    double origin_dps; /* the first reading, of which the others are taken */
     bool begun;
-} gc_whitener_t;
+} gc_whitening_t;
 
-typedef struct {
-    const gc_face_t *face;
-    double w_dps;
-    double origin_dps; /* of its readings, less w */
-    unsigned blocks;   /* that count */
-    gc_hypothesis_t hypothesis[GC_HYPOTHESES];
-    gc_under_t under[GC_ACTINGS];
-} gc_face_evidence_t;
-
-/* Scale and bias (dps), averaged over the hypotheses. */
+/* Scale and bias by both faces, with their variances. */
 typedef struct {
     double mean[2];
     double variance[2];
-} gc_posterior_t;
+} gc_combined_t;
 
 typedef struct {
     gc_face_evidence_t of[2];
-    gc_posterior_t average;
     unsigned seen;   /* blocks of each face */
     double lsb_dps;
     double white_dps2; /* variance of a sample */
     unsigned parts;    /* that are done */
-    gc_whitener_t whitener; /* between two parts, as is the lower triangle of: */
-    double gram[GC_EVIDENCE_COLUMNS][GC_EVIDENCE_COLUMNS];
+    double gram[GC_EVIDENCE_COLUMNS][GC_EVIDENCE_COLUMNS]; /* its lower triangle, between two parts */
+    gc_whitening_t whitening;
+    gc_combined_t each[GC_EVIDENCE_EFFECTS]; /* if those act */
+    double log_weight[GC_EVIDENCE_EFFECTS];
+    gc_combined_t all; /* averaged over the effects */
 } gc_evidence_t;
 
 /* The evidence in the first `blocks` blocks of two faces of one sample rate at true rates w_a and w_b. The faces must outlive
@@ -93,8 +84,9 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
 bool gc_evidence_go_on(gc_evidence_t *evidence);
 /* The standard errors and the misfit of an answer that knows of no effects. */
 void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer);
-/* The misfit of a network's answer, and GC_FLAG_DISAGREES or 0. */
-uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer);
+/* The misfit of a network's answer, and GC_FLAG_DISAGREES or 0. Unless the tables of its training are known to be like this one,
+   the answer's standard errors become at least those of the averaged fit, and at least its distance from that. */
+uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_answer_t *answer);
 
 #ifdef __cplusplus
 }
