@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -130,6 +131,15 @@ def test_a_network_that_cannot_answer_says_so(table_dps: float, tmp_path: Path, 
     assert [found[key] for key in ("scale", "scale_se", "bias_dps", "bias_se_dps", "misfit")] == [None] * 5
     assert "net_range" in found["flags"]
     assert found["trusted"] is False
+
+
+def test_a_network_of_another_sample_rate_has_no_answer() -> None:
+    """Every second sample, at 72.5 Hz: no answer and net_range, also where the network is the only method."""
+    kept = np.arange(round(6.5 * RATE_HZ)) % 2 == 0
+    half = replace(session(kept=kept), sample_rate_hz=RATE_HZ / 2)
+    runs = [replace(run, sample_rate_hz=RATE_HZ / 2) for run in half.runs]
+    found = at_6_s(half.with_runs(runs), "cnn")
+    assert (found.scale, found.bias_dps, found.flags) == (None, None, ("net_range",))
 
 
 def test_a_table_that_ripples_twice_a_turn_is_not_what_the_network_knows() -> None:
