@@ -19,7 +19,8 @@ ARGUMENTS = [
     "--no-sandbox", "--headless", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
-PATIENCE_MS = 60_000
+PATIENCE_MS = 300_000
+"""How long a page may take to show what is waited for: only one that hangs takes as long, however busy the machine is."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
 
 
@@ -55,7 +56,7 @@ def serve() -> Iterator[Callable[..., Served]]:
     for process in started:
         process.send_signal(signal.SIGINT)
         try:
-            _, problems = process.communicate(timeout=20)
+            _, problems = process.communicate(timeout=PATIENCE_MS / 1e3)
         except subprocess.TimeoutExpired:
             process.kill()
             raise

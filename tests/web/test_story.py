@@ -52,14 +52,32 @@ def shown_excess(page: Any) -> list[str]:
     return str(label).split(": ")[1].split()
 
 
-def chart_points(page: Any) -> int:
-    """How many points of the first curve the browser holds."""
-    return int(
-        page.evaluate(
-            "() => getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption()"
-            ".series[0].data.filter(p => p[1] !== null).length"
-        )
-    )
+POINTS = (
+    "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption()"
+    ".series[0].data.filter(p => p[1] !== null)"
+)
+"""Those of the first curve that the browser holds."""
+
+
+def calibration_row(estimate: dict[str, Any]) -> list[str]:
+    """An estimate of the command line as the page's table shows it."""
+
+    def shown(name: str, factor: float, digits: int) -> str:
+        value = estimate[name]
+        return "–" if value is None else f"{factor * value:.{digits}f}"
+
+    return [
+        estimate["scenario"], estimate["axis"], estimate["method"], f"{estimate['seconds']:g}", shown("scale", 100, 4),
+        shown("scale_se", 100, 4), shown("bias_dps", 1e3, 1), shown("bias_se_dps", 1e3, 1), shown("misfit", 1, 2),
+        "yes" if estimate["trusted"] else "no: " + ", ".join(estimate["flags"]),
+    ]  # fmt: skip
+
+
+def downloaded(page: Any, button: str) -> str:
+    """The text that a button sends."""
+    with page.expect_download() as download:
+        page.get_by_role("button", name=button).click()
+    return Path(download.value.path()).read_text()
 
 
 def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
@@ -97,30 +115,18 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
 
     page.get_by_role("button", name="Calibrate & export").click()
     page.locator("table.plain tbody tr").nth(len(calibrated) - 1).wait_for()
-    rows = [row.split("\t") for row in page.locator("table.plain tbody tr").all_inner_texts()]
-    expected = [
-        [e["scenario"], e["axis"], e["method"], f"{e['seconds']:g}", f"{e['scale'] * 100:.4f}",
-         "–" if e["scale_se"] is None else f"{e['scale_se'] * 100:.4f}", f"{e['bias_dps'] * 1e3:.1f}",
-         "–" if e["bias_se_dps"] is None else f"{e['bias_se_dps'] * 1e3:.1f}"]
-        for e in calibrated
-    ]  # fmt: skip
-    assert rows == expected
+    rows = page.locator("table.plain tbody tr").all_inner_texts()
+    assert [row.split("\t") for row in rows] == [calibration_row(e) for e in calibrated]
 
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Model, TOML").click()
-    assert Path(download.value.path()).read_text() == (folder / "m.toml").read_text()
-    with page.expect_download() as download:
-        page.get_by_role("button", name="Report, one HTML file").click()
-    report = Path(download.value.path()).read_text()
-    assert before in report
-    assert after in report
-    assert "Ripple of the table&#39;s speed" in report
+    assert downloaded(page, "Model, TOML") == (folder / "m.toml").read_text()
+    report = downloaded(page, "Report, one HTML file")
+    for words in (before, after, "Ripple of the table&#39;s speed", "<td class=\"text\">no: misfit</td>"):
+        assert words in report
     assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", report)
 
     page.get_by_role("button", name="Write it").click()
     page.get_by_text("largest difference").wait_for()
-    header = (folder / "firmware/include/calibration.h").read_text()
-    assert "table_ripple" in header
+    assert "table_ripple" in (folder / "firmware/include/calibration.h").read_text()
     assert (folder / "firmware/model.toml").read_text() == (folder / "m.toml").read_text()
 
     # another tab sees the same, and what one removes the other sees gone
@@ -138,13 +144,11 @@ def test_zoom_shows_single_samples(served: Any, look: Callable[..., Any]) -> Non
     figures(page)
     page.get_by_role("button", name="Timeline").click()
     page.locator('[role=img][aria-label="Timeline"] canvas').wait_for()
-    before = chart_points(page)
+    before = page.evaluate(f"() => {POINTS}.length")
     for _ in range(5):
         page.get_by_role("button", name="zoom in").click()
-        page.wait_for_timeout(150)
     page.wait_for_function(
-        "(before) => { const o = getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption();"
-        " const p = o.series[0].data.filter(p => p[1] !== null); return p.length < before && p.length > 400"
+        f"(before) => {{ const p = {POINTS}; return p.length < before && p.length > 400"
         " && Math.abs((p.at(-1)[0] - p[0][0]) / (p.length - 1) - 1 / 145) < 2e-4; }",
         arg=before,
     )
@@ -161,7 +165,7 @@ def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -
     for view in views:
         page.get_by_role("button", name=view, exact=True).click()
         page.locator(f'[role=img][aria-label="{view}"] canvas').wait_for()
-        assert chart_points(page) > (0 if view == "Rate" else 10), view
+        page.wait_for_function(f"(least) => {POINTS}.length > least", arg=0 if view == "Rate" else 10)
 
 
 def test_the_keyboard_is_enough(served: Any, look: Callable[..., Any]) -> None:

@@ -203,7 +203,7 @@ class LivePanel:
         sensor = self.live.sensor(imu)
         fit = ""
         if sensor.get("results"):
-            fit = ", does not fit" if any(map(doubtful, _judged(sensor["results"]))) else ", fits"
+            fit = ", not trusted" if any(map(doubtful, _judged(sensor["results"]))) else ", fits"
         return f"{sensor.get('state')} {sensor.get('face')}".strip() + fit
 
     def _look_at(self, imu: int) -> None:
@@ -382,21 +382,31 @@ class LivePanel:
         judged = _judged(found)
         with self.results:
             if judged:
-                fits = not any(map(doubtful, judged))
                 with ui.row().classes("tight"):
-                    ui.element("span").classes(f"light {'good' if fits else 'bad'}")
-                    ui.label(
-                        "The readings look like what the device is calibrated for."
-                        if fits
-                        else "The readings hold something that the calibration does not know: record a session and diagnose it."
-                    )
+                    ui.element("span").classes(f"light {'bad' if any(map(doubtful, judged)) else 'good'}")
+                    ui.label(_verdict(judged))
             ui.html(_table(found), sanitize=False)
 
 
 def _judged(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results of the latest method that have a misfit or that the device judged."""
+    """The results that tell whether the readings fit: the model's, else the baseline's, else those of the latest method.
+
+    They have a misfit, or the device has judged them. The network's misfit allows for a ripple and cannot tell.
+    """
     judged = [r for r in found if isinstance(r.get("misfit"), int | float) or "trusted" in r]
-    return [r for r in judged if r["method"] == found[-1]["method"]]
+    methods = {r["method"] for r in judged}
+    telling = next((m for m in ("model", "baseline") if m in methods), found[-1]["method"])
+    return [r for r in judged if r["method"] == telling]
+
+
+def _verdict(judged: list[dict[str, Any]]) -> str:
+    """What the judged results say, in words."""
+    against = {flag for r in judged if doubtful(r) for flag in (str(r.get("flags") or "misfit")).split("+")}
+    if not against:
+        return "The readings look like what the device is calibrated for."
+    if "misfit" in against:
+        return "The readings hold something that the calibration does not know: record a session and diagnose it."
+    return f"The device does not trust its answer: {', '.join(sorted(against)).replace('_', ' ')}."
 
 
 COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "speaks against it:")
