@@ -176,8 +176,8 @@ def _rates_differ(session: Session, axis: int, at: list[Mask]) -> bool:
             for sign, rates in limits.items():
                 rates.append(np.abs(run.rate_dps[mask & (np.sign(run.gyro_dps[:, axis]) == sign)]))
     least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0))
-    for rates in (np.concatenate(parts) for parts in limits.values() if parts):
-        if rates.size and float(np.ptp(np.quantile(rates, (0.05, 0.95)))) > max(least, DIFFER * float(rates.max())):
+    for at_limit in (np.concatenate(parts) for parts in limits.values() if parts):
+        if at_limit.size and float(np.ptp(np.quantile(at_limit, (0.05, 0.95)))) > max(least, DIFFER * float(at_limit.max())):
             return True
     return False
 
