@@ -137,10 +137,8 @@ def simulate(
     """
     _check(campaign, seconds)
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
-    if out is not None and Path(out).exists():
-        raise InputError(f"{out}: is there already; choose another name or remove it")
     if out is not None:
-        _check_replaceable(Path(f"{out}.truth.json"))
+        _check_new(Path(out))
     chosen = CAMPAIGNS[campaign]
     plan = chosen.plan(scenarios, seconds)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
@@ -197,6 +195,12 @@ def _record(campaign: str, seed: int, ids: set[str], sensor: Sensor, truths: Seq
         },
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
+
+
+def _check_new(out: Path) -> None:
+    if out.exists():
+        raise InputError(f"{out}: is there already; choose another name or remove it")
+    _check_replaceable(Path(f"{out}.truth.json"))
 
 
 def _check_replaceable(truth: Path) -> None:
