@@ -81,9 +81,15 @@ def to_onnx(net: GyrocalNet, metadata: dict[str, str], *, int8: bool) -> onnx.Mo
     parts = [writer.node("Add", [line, "correction"], "corrected"), writer.node("Clip", ["log", low, high], "log.clipped")]
     writer.node("Concat", parts, "y", axis=1)
 
-    shapes = {"readings": (1, columns * shape.pool), "stage": (STAGES,), "y": (2,)}
+    return _model(writer, {"readings": (1, columns * shape.pool), "stage": (STAGES,), "y": (2,)}, metadata, int8=int8)
+
+
+def _model(
+    writer: Writer, shapes: dict[str, tuple[int, ...]], metadata: dict[str, str], *, int8: bool
+) -> onnx.ModelProto:
+    """The nodes as a checked model; the last of the ``shapes``, without the batch, is the output's."""
     rows = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", *size]) for name, size in shapes.items()]
-    graph = helper.make_graph(writer.nodes, "gyrocal_int8" if int8 else "gyrocal", rows[:2], rows[2:], writer.constants)
+    graph = helper.make_graph(writer.nodes, "gyrocal_int8" if int8 else "gyrocal", rows[:-1], rows[-1:], writer.constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10, producer_name="gyrocal")
     helper.set_model_props(model, metadata)
     onnx.checker.check_model(model, full_check=True)

@@ -135,15 +135,10 @@ def simulate(
     ripple and the transient that make its baseline err as the paper's Table 2. Returns the session and its truth; with
     ``out=None`` nothing is written.
     """
-    if campaign not in CAMPAIGNS:
-        raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}")
-    if seconds is not None and not 2.0 / RATE_HZ <= seconds < np.inf:
-        raise InputError(f"--seconds {seconds:g}: a run lasts two samples of 1/{RATE_HZ:g} s at least")
+    _check(campaign, seconds)
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
-    if out is not None and Path(out).exists():
-        raise InputError(f"{out}: is there already; choose another name or remove it")
     if out is not None:
-        _check_replaceable(Path(f"{out}.truth.json"))
+        _check_new(Path(out))
     chosen = CAMPAIGNS[campaign]
     plan = chosen.plan(scenarios, seconds)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
@@ -174,19 +169,38 @@ def simulate(
         if progress is not None:
             progress(i + 1, len(plan))
     session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
-    record = {
+    ids = {e["id"] for t in truths for e in t.effects} | {i for i, _ in wanted}
+    record = _record(campaign, seed, ids, sensor, truths)
+    if out is not None:
+        session = session.save(out, parquet=parquet)
+        replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
+    return session, record
+
+
+def _check(campaign: str, seconds: float | None) -> None:
+    if campaign not in CAMPAIGNS:
+        raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}")
+    if seconds is not None and not 2.0 / RATE_HZ <= seconds < np.inf:
+        raise InputError(f"--seconds {seconds:g}: a run lasts two samples of 1/{RATE_HZ:g} s at least")
+
+
+def _record(campaign: str, seed: int, ids: set[str], sensor: Sensor, truths: Sequence[RunTruth]) -> dict[str, Any]:
+    """What ``out.truth.json`` holds."""
+    return {
         "format": TRUTH_FORMAT, "campaign": campaign, "seed": seed,
-        "effects": sorted({e["id"] for t in truths for e in t.effects} | {i for i, _ in wanted}),
+        "effects": sorted(ids),
         "noise": {
             "white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": sensor.drift.sd_dps, "ou_tau_s": sensor.drift.tau_s,
             "turn_on_sd_dps": sensor.turn_on_bias.sd_dps,
         },
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
-    if out is not None:
-        session = session.save(out, parquet=parquet)
-        replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
-    return session, record
+
+
+def _check_new(out: Path) -> None:
+    if out.exists():
+        raise InputError(f"{out}: is there already; choose another name or remove it")
+    _check_replaceable(Path(f"{out}.truth.json"))
 
 
 def _check_replaceable(truth: Path) -> None:
@@ -225,17 +239,8 @@ def simulate_run(
 
     Where the table turns about ``several`` axes, an effect is on all of them, else on the table's.
     """
-    n = round(planned.seconds * RATE_HZ)
-    t_s = np.round(np.arange(n) / RATE_HZ, 6)
-    axis = AXES.index(planned.axis)
-    gravity = np.zeros((n, 3))
-    gravity[:, axis] = 1.0 if planned.face == "up" else -1.0
-    acc_g = np.round((gravity + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
-    temp_c = np.round((day.on(planned.power_on_s + t_s) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
-    still = {f"g{a}_dps": np.zeros(n) for a in AXES}
-    frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})
-    if planned.swing is not None:
-        frame = frame.with_columns(**swinging(t_s, planned.swing, 1.0 if planned.face == "up" else -1.0))
+    frame = _surroundings(planned, day, rng)
+    n, axis = frame.height, AXES.index(planned.axis)
 
     def run_of(table: pl.DataFrame) -> Run:
         return Run(
@@ -271,6 +276,20 @@ def simulate_run(
         y_dps = fault.distort(bare, y_dps, values, rng)
     y_dps = np.clip(np.round(y_dps / LSB_DPS), -32768, 32767) * LSB_DPS + 0.0  # no minus zero
     return run_of(frame.with_columns(pl.Series(f"g{a}_dps", np.round(y_dps[:, i], 6)) for i, a in enumerate(AXES)))
+
+
+def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.DataFrame:
+    """The table of a run but for its rates, which are 0: time, acceleration, temperature, and a swinging table's encoder."""
+    n = round(planned.seconds * RATE_HZ)
+    t_s = np.round(np.arange(n) / RATE_HZ, 6)
+    sign = 1.0 if planned.face == "up" else -1.0
+    gravity = np.zeros((n, 3))
+    gravity[:, AXES.index(planned.axis)] = sign
+    acc_g = np.round((gravity + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
+    temp_c = np.round((day.on(planned.power_on_s + t_s) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
+    still = {f"g{a}_dps": np.zeros(n) for a in AXES}
+    frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})
+    return frame if planned.swing is None else frame.with_columns(**swinging(t_s, planned.swing, sign))
 
 
 def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from nicegui import background_tasks, ui
+from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
 from gyrocal.errors import InputError
-from gyrocal.web import charts, hidden
+from gyrocal.web import hidden
 from gyrocal.web.chips import chip, press
-from gyrocal.web.samples import SHOWN_S
+from gyrocal.web.readings import Readings
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 
@@ -22,13 +20,6 @@ if TYPE_CHECKING:
     from gyrocal.device.record import Wanted
     from gyrocal.web.page import Tab
 
-FRAME_S = 0.033
-READ_S = 0.15
-"""Figures that change faster than this cannot be read."""
-MOST_IN_FLIGHT = 3
-READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
-STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
-STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
 SPEEDS = {"1": "in real time", "5": "5 times faster", "20": "20 times faster"}
 
 
@@ -41,9 +32,6 @@ class LivePanel:
         self.shown: dict[Callable[[], None], Any] = {}
         """What each part was drawn from."""
         self.chips: dict[int, ui.button] = {}
-        self._sent = (0, 0.0)
-        self._read = 0.0
-        self._in_flight = 0
         with ui.element("div").classes("live fill"):
             with ui.element("div").classes("scroll"):
                 self.connection = ui.element("section").classes("face column tight").props('aria-label="connection"')
@@ -51,14 +39,9 @@ class LivePanel:
                 self.guide = ui.element("section").classes("face column tight").props('aria-label="what to do"')
                 self.recording = ui.element("section").classes("face column tight").props('aria-label="recording"')
             with ui.element("div").classes("column"):
-                with ui.element("section").classes("face readings"):
-                    self.readings = [self._reading(name, unit) for name, unit in READINGS]
-                with ui.element("section").classes("face grow").style("padding: 4px 6px"):
-                    self.chart = ui.echart(self._strips()).classes("chart")
-                    self.chart.props('role="img" aria-label="the last ten seconds of all axes and the temperature"')
+                self.readings = Readings(self.live, tab.palette)
                 self.results = ui.element("section").classes("face results").props('aria-label="results"')
         self.hear("device")
-        ui.timer(FRAME_S, self._frame)
         ui.timer(0.5, lambda: self.hear("device"))
 
     def hear(self, topic: Topic) -> None:
@@ -213,7 +196,7 @@ class LivePanel:
     def _show_sensor(self, imu: int) -> None:
         if imu != self.imu:
             self.imu = imu
-            self._sent = (0, 0.0)
+            self.readings.show(imu)
 
     # What to do.
 
@@ -321,57 +304,7 @@ class LivePanel:
         except InputError as error:
             self.bench.say(str(error))
 
-    # What it reads and answers.
-
-    def _reading(self, name: str, unit: str) -> ui.html:
-        with ui.element("div").classes("reading"):
-            value = ui.html("<b>–</b>", sanitize=False)
-            ui.label(f"{name}, {unit}")
-        return value
-
-    def _strips(self) -> charts.Options:
-        p = self.tab.palette
-        tops = [f"{5 + 18.5 * k}%" for k in range(5)]
-        x: list[charts.Options] = []
-        for k in range(5):
-            last = k == 4
-            without = {"show": last, "showMinLabel": False, "showMaxLabel": False}
-            x.append(charts.axis(p, gridIndex=k, label=without, min=0, max=SHOWN_S, scale=False, axisTick={"show": False}))
-        colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
-        return charts.base(
-            p,
-            grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
-            title=[charts.title(p, name, f"{1 + 18.5 * k}%", 58) for k, name in enumerate(STRIPS)],
-            xAxis=x,
-            yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
-            series=[charts.line(READINGS[i][0], [], colours[i], on=strip) for i, strip in enumerate(STRIP_OF)],
-        )
-
-    def _frame(self) -> None:
-        """Send what is new to the chart; a browser that is slower than that is given time."""
-        samples = self.live.sensors.get(self.imu)
-        if samples is None or self.live.newest == self._sent or self._in_flight >= MOST_IN_FLIGHT:
-            return
-        self._sent = self.live.newest
-        t_s, curves = samples.frame()
-        if time.monotonic() - self._read > READ_S:
-            self._read = time.monotonic()
-            for element, value, (_, unit) in zip(self.readings, samples.latest(0.0)[-1, 1:], READINGS, strict=True):
-                element.content = "<b>–</b>" if value != value else f"<b>{value:.{2 if unit == '°C' else 3}f}</b>"
-        options = {
-            "xAxis": [{"min": round(t_s - SHOWN_S, 3), "max": round(t_s, 3)}] * len(STRIPS),
-            "series": [{"data": curve} for curve in curves],
-        }
-        background_tasks.create(self._show(options))
-
-    async def _show(self, options: charts.Options) -> None:
-        self._in_flight += 1
-        try:
-            with contextlib.suppress(TimeoutError):
-                how = {"silent": True, "lazyUpdate": True}
-                await self.chart.run_chart_method("setOption", options, how, timeout=2.0)
-        finally:
-            self._in_flight -= 1
+    # What it answers.
 
     def _results(self) -> None:
         self.results.clear()

@@ -17,15 +17,25 @@ if TYPE_CHECKING:
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
+    with ui.element("section").classes("hero"):
+        ui.html("<h1>Does your gyroscope's error model fit your recordings?</h1>", sanitize=False)
+        ui.label(
+            "Open a recording. The page shows how much error is left beyond the noise and where, names the physical effect "
+            "that is missing, and lets you add it and watch the error fall."
+        ).classes("dim")
+        with ui.element("div").classes("ways"):
+            _open(tab)
+            _try(tab)
+            _plug_in(tab)
+    return lambda topic: None
+
+
+def _open(tab: Tab) -> None:
     bench = tab.bench
 
     async def opened(folder: Any) -> None:
         tab.go("compare")
         await bench.open(folder)
-
-    async def simulated() -> None:
-        tab.go("compare")
-        await bench.simulate([chosen.value] if chosen.value else [])
 
     async def uploaded(event: events.UploadEventArguments) -> None:
         archive = bench.scratch / "upload.zip"
@@ -39,44 +49,46 @@ def show(tab: Tab) -> Callable[[Topic], None]:
             archive.unlink(missing_ok=True)
         await opened(folder)
 
-    with ui.element("section").classes("hero"):
-        ui.html("<h1>Does your gyroscope's error model fit your recordings?</h1>", sanitize=False)
-        ui.label(
-            "Open a recording. The page shows how much error is left beyond the noise and where, names the physical effect "
-            "that is missing, and lets you add it and watch the error fall."
-        ).classes("dim")
-        with ui.element("div").classes("ways"):
-            with ui.element("section").classes("face"):
-                ui.html("<h2>Open a session</h2>", sanitize=False)
-                with ui.element("div").classes("scroll list").style("max-height: 300px"):
-                    found = bench.places.sessions()
-                    for folder in found:
-                        name = bench.places.name(folder)
-                        ui.button(name, icon="folder", on_click=lambda f=folder: opened(f), color=None).props(
-                            "flat no-caps align=left dense"
-                        )
-                    if not found:
-                        ui.label(
-                            f"None in {bench.places.home} yet. A session is a folder with session.toml and a table a run."
-                        ).classes("dim small")
-                ui.upload(label="or drop a zipped session here", auto_upload=True, max_files=1, on_upload=uploaded).props(
-                    'flat bordered accept=".zip"'
-                ).classes("full-width")
-            with ui.element("section").classes("face"):
-                ui.html("<h2>Try it</h2>", sanitize=False)
-                ui.label(
-                    "A simulated sensor on a turntable, with something hidden in it that its model does not know:"
-                ).classes("dim small")
-                chosen = hidden.menu()
-                ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
-                    "unelevated no-caps"
-                ).classes("primary").bind_enabled_from(chosen, "value", lambda value: value is not None)
-            with ui.element("section").classes("face"):
-                ui.html("<h2>Plug in a device</h2>", sanitize=False)
-                ui.label("Watch it live, calibrate it face up and face down, record it. A simulated one is at hand.").classes(
-                    "dim small"
+    with ui.element("section").classes("face"):
+        ui.html("<h2>Open a session</h2>", sanitize=False)
+        with ui.element("div").classes("scroll list").style("max-height: 300px"):
+            found = bench.places.sessions()
+            for folder in found:
+                name = bench.places.name(folder)
+                ui.button(name, icon="folder", on_click=lambda f=folder: opened(f), color=None).props(
+                    "flat no-caps align=left dense"
                 )
-                ui.button("Go live", icon="sensors", on_click=lambda: tab.go("live"), color=None).props(
-                    "unelevated no-caps"
-                ).classes("primary")
-    return lambda topic: None
+            if not found:
+                ui.label(
+                    f"None in {bench.places.home} yet. A session is a folder with session.toml and a table a run."
+                ).classes("dim small")
+        ui.upload(label="or drop a zipped session here", auto_upload=True, max_files=1, on_upload=uploaded).props(
+            'flat bordered accept=".zip"'
+        ).classes("full-width")
+
+
+def _try(tab: Tab) -> None:
+    async def simulated() -> None:
+        tab.go("compare")
+        await tab.bench.simulate([chosen.value] if chosen.value else [])
+
+    with ui.element("section").classes("face"):
+        ui.html("<h2>Try it</h2>", sanitize=False)
+        ui.label(
+            "A simulated sensor on a turntable, with something hidden in it that its model does not know:"
+        ).classes("dim small")
+        chosen = hidden.menu()
+        ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
+            "unelevated no-caps"
+        ).classes("primary").bind_enabled_from(chosen, "value", lambda value: value is not None)
+
+
+def _plug_in(tab: Tab) -> None:
+    with ui.element("section").classes("face"):
+        ui.html("<h2>Plug in a device</h2>", sanitize=False)
+        ui.label("Watch it live, calibrate it face up and face down, record it. A simulated one is at hand.").classes(
+            "dim small"
+        )
+        ui.button("Go live", icon="sensors", on_click=lambda: tab.go("live"), color=None).props(
+            "unelevated no-caps"
+        ).classes("primary")
