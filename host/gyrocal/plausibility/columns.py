@@ -73,6 +73,6 @@ def _sample_rate(session: Session) -> list[Warning]:
 
 
 def measured_hz(run: Run) -> float:
-    """Samples a second by regression of time on the sample's number."""
+    """Sample rate in Hz, by regression of time on the sample number."""
     number = np.arange(len(run)) - (len(run) - 1) / 2
     return float(number @ number) / float(number @ (run.t_s - run.t_s[0]))

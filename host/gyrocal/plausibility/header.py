@@ -1,4 +1,4 @@
-"""session.toml and the tables as files: keys that nobody reads, and rows that were left out."""
+"""Checks of session.toml and the tables as files: unknown keys, and rows that were left out."""
 
 from __future__ import annotations
 
@@ -21,4 +21,4 @@ def check(session: Session) -> list[Warning]:
 def _unread(key: str, schema: type[RunEntry] | type[SessionFile]) -> str:
     known = [name for name in schema.model_fields if name != "run"]
     (nearest,) = get_close_matches(key, known, n=1, cutoff=0.0)
-    return f"nobody reads the key {key!r} of session.toml; the nearest that is read is {nearest}. Correct or remove it"
+    return f"the key {key!r} of session.toml is unknown; the nearest known key is {nearest}. Correct or remove it"
