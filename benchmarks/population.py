@@ -12,7 +12,7 @@ changes more slowly than a run belongs to the bias at its time, and so does a ju
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from gyrocal.calibration.estimator import Answer, Calibration
 from gyrocal.calibration.limit import PROTOCOL
 from gyrocal.calibration.network import FaceNetwork
 from gyrocal.calibration.scenarios import answers
-from gyrocal.calibration.trust import DISAGREES, LARGEST_BIAS_DPS, LARGEST_SCALE, disagreement
+from gyrocal.calibration.trust import DISAGREES, LARGEST_BIAS_DPS, LARGEST_SCALE, disagreement, widened
 from gyrocal.calibration.uncertainty import (
     DRIFT_SD_DPS,
     DRIFT_TAU_S,
@@ -165,6 +165,8 @@ def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Ar
     answer = Answer(y[:, 0], y[:, 2], y[:, 1], y[:, 3], None)  # type: ignore[arg-type]
     fits = misfit_of(faces, [answer.bias_dps + answer.scale * w for w in W_DPS]) <= limit  # type: ignore[misc]
     agrees = disagreement(every, answer) <= DISAGREES
+    scale_se, bias_se_dps = widened(every, answer)
+    answer = replace(answer, scale_se=scale_se, bias_se_dps=bias_se_dps)  # type: ignore[arg-type]
     found["cnn"] = answer, fits & agrees & plausible(y[:, 0], y[:, 1])
     return found
 

@@ -79,12 +79,12 @@ def test_inference_has_the_pinned_keys(require_tool: Callable[[str], str], monke
     assert found["peers"] == []
     assert found["absent"] == ["a-generator-that-is-not-there"]
     assert found["best_peer_ratio"] == {"instructions": None, "ram": None, "flash": None}
-    for part in ("ours", "gyrocal"):
-        assert 5_000 < found[part]["instructions"] < 100_000
+    for part, most_instructions in (("ours", 100_000), ("gyrocal", 400_000)):
+        assert 5_000 < found[part]["instructions"] < most_instructions
         assert 500 < found[part]["ram_bytes"] < 10_000
         assert 1_000 < found[part]["flash_bytes"] < 20_000
 
 
 def test_a_benchmark_that_there_is_not() -> None:
-    with pytest.raises(InputError, match="there are blind, paper, inference"):
+    with pytest.raises(InputError, match="there are paper, robustness, inference, population, blind"):
         benchmark.benchmark("nothing")

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gyrocal.calibration.calibrate import Estimate
 from gyrocal.cli import main
+from gyrocal.demo import Answers, errors
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,27 @@ def test_the_hidden_effect_is_named_and_its_excess_falls(told: tuple[dict, Path]
     assert story["before"]["compare"]["verdict"] == "misfit"
     assert story["after"]["compare"]["excess_dps"] < 0.5 * story["before"]["compare"]["excess_dps"]
     assert story["before"]["compare"]["floor_dps"] == story["after"]["compare"]["floor_dps"]
+
+
+@pytest.mark.parametrize("part", ["before", "after"])
+def test_answers_without_the_ripple_are_not_trusted_and_those_with_it_are(told: tuple[dict, Path], part: str) -> None:
+    story, _ = told
+    trusted = {m: [e["trusted"] for e in story[part]["estimates"] if e["method"] == m] for m in ("baseline", "model")}
+    assert not any(trusted["baseline"])
+    assert sum(trusted["model"]) >= 0.9 * len(trusted["model"])
+    assert len(trusted["model"]) == (72 if part == "after" else 0)
+
+
+def test_a_network_that_gives_no_answer_is_a_row_without_figures() -> None:
+    silent = Estimate("s000", "cnn", 2.0, "z", None, None, None, None, None, ("net_range",))
+    heard = Estimate("s000", "cnn", 4.0, "z", 0.004, 0.001, -0.06, 0.01, 1.5)
+    truth = {"s000": {"scale": [0, 0, 0.003], "bias_dps": [0, 0, -0.05]}}
+    answers = Answers([silent, heard], errors([silent, heard], truth))
+    assert answers.methods == ["cnn"]
+    assert answers.error("cnn", 2.0) == (None, None)
+    assert (answers.misfit("cnn", 2.0), answers.trusted("cnn", 2.0)) == (None, 0)
+    assert answers.error("cnn", 4.0) == pytest.approx((0.001, 0.01))
+    assert (answers.misfit("cnn", 4.0), answers.trusted("cnn", 4.0)) == (1.5, 1)
 
 
 def test_c_and_onnxruntime_agree(told: tuple[dict, Path]) -> None:

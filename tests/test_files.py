@@ -134,7 +134,7 @@ def test_an_import_leaves_out_an_unfinished_row(tmp_path: Path, capsys: pytest.C
 
 
 def test_a_link_of_others_is_not_taken_for_an_earlier_device(tmp_path: Path) -> None:
-    from gyrocal.device.simulated import PtyOutlet
+    from gyrocal.device.outlet import PtyOutlet
 
     (tmp_path / "mine.txt").write_text("mine")
     link = tmp_path / "port"

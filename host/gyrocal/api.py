@@ -21,7 +21,8 @@ from gyrocal.diagnosis.residuals import residual_table
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError
-from gyrocal.inference.fit import Fit, fit
+from gyrocal.inference.fit import fit
+from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate

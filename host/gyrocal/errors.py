@@ -17,3 +17,8 @@ class DeviceError(GyrocalError):
     """The device or its port failed."""
 
     exit_code = 3
+
+
+def first_line(error: BaseException) -> str:
+    """What another library's exception says, in one line."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

@@ -25,7 +25,9 @@ from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.effects import base
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import Fit, fit, likelihood_ratio
+from gyrocal.inference.fit import fit
+from gyrocal.inference.fitted import Fit
+from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.recording.session import AXES, Session
 
 from . import stepwise

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,13 @@ import polars as pl
 import pytest
 
 from gyrocal.calibration.calibrate import Estimate, calibrate
+from gyrocal.calibration.uncertainty import FaceSums, face_posterior, misfit, misfit_limit, white_variance
 from gyrocal.cli import main
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS
 
 TABLE_DPS = 78.0
+CAMPAIGN = Path(str(files("gyrocal"))) / "data" / "table2" / "model.toml"
 
 
 def session(
@@ -157,6 +160,34 @@ def test_noise_behind_a_low_pass_is_not_underestimated() -> None:
     assert found.scale_se is not None
     assert found.scale_se > 0.8 * at_long_times
     assert found.misfit == pytest.approx(1.0, abs=0.35)
+
+
+@pytest.mark.parametrize("samples", [4, 6])
+def test_sound_sensors_behind_a_low_pass_are_trusted(samples: int) -> None:
+    """Means of so many samples in a row, at 145 Hz: at least 90 % of sound sensors are trusted after 6 s."""
+    rng = np.random.default_rng(samples)
+    t_us = np.round(np.arange(870) / RATE_HZ * 1e6).astype(np.int64)
+    kernel = np.full(samples, WHITE_SD_DPS / np.sqrt(samples))
+    faces = []
+    for _ in range(2):
+        white = rng.normal(size=(400, 870 + samples - 1))
+        noise = np.apply_along_axis(lambda y: np.convolve(y, kernel, "valid"), 1, white)
+        faces.append(FaceSums.of(np.round((0.3 + noise) / LSB_DPS) * LSB_DPS, t_us, RATE_HZ))
+    variance = white_variance(faces)
+    found = [face_posterior(f, variance, w, LSB_DPS) for f, w in zip(faces, (TABLE_DPS, -TABLE_DPS), strict=True)]
+    assert np.mean(misfit(found) <= misfit_limit(sum(f.blocks for f in found))) >= 0.9
+
+
+def test_a_network_claims_its_own_errors_only_where_the_campaign_is_known() -> None:
+    """A slow spin-up, three times the campaign's usual size: the network's own error is too small."""
+    spun = session(lambda y, w: y - 0.004 * w * np.exp(-np.arange(y.size) / RATE_HZ / 8.0))
+    (anywhere,) = calibrate(spun, [6.0], ["cnn"])
+    (known,) = calibrate(spun, [6.0], ["cnn"], CAMPAIGN)
+    assert anywhere.scale is not None
+    assert anywhere.scale_se is not None
+    assert known.scale_se is not None
+    assert anywhere.scale_se > 1.5 * known.scale_se
+    assert abs(anywhere.scale - 0.004) < 5 * anywhere.scale_se
 
 
 def test_what_is_not_known_of_the_tables_rate_counts(tmp_path: Path) -> None:

@@ -30,7 +30,9 @@ def status(text: str, name: str) -> int:
 @pytest.mark.parametrize("rate_hz", ["12.5", "26", "52", "104", "208", "416", "833", "1666"])
 def test_every_sample_comes_once_at_its_time(bench: Path, rate_hz: str) -> None:
     batch = min(100, int(float(rate_hz) / 4))
-    script = f"{UP}noise 50\npower\n> set rate_hz {rate_hz}\n> set fifo {batch}\n> stream raw\nrun 4\n> status\n"
+    first = "833" if rate_hz == "1666" else rate_hz  # without the FIFO 1666 is refused
+    settings = f"> set rate_hz {first}\n> set fifo {batch}\n> set rate_hz {rate_hz}\n"
+    script = f"{UP}noise 50\npower\n{settings}> stream raw\nrun 4\n> status\n"
     text = run(bench, script)
     t_us = times_us(text)
     true_hz = ROOT_HZ / 2.0 ** round(np.log2(ROOT_HZ / float(rate_hz)))
@@ -156,12 +158,22 @@ def test_the_setting_is_checked_told_and_kept(bench: Path) -> None:
     more = {"set rate_hz 1666": "set", "set fifo 129": "bad_argument", "set fifo 128": "set", "set rate_hz 208": "bad_argument"}
     answers = {**refused, **taken, **more}
     commands = "".join(f"> {c}\n" for c in answers)
-    text = run(bench, f"power\n{commands}power\n> get fifo\n> get rate_hz\n> set fifo 0\n> set rate_hz 145\nrun 1\n")
+    text = run(bench, f"power\n{commands}power\n> get fifo\n> get rate_hz\n> set rate_hz 833\n> set fifo 0\n> set rate_hz 145\nrun 1\n")
     said = [s for s in sentences(text) if s.tag in ("ACK", "ERR")]
     told = [s["cmd"] if s.tag == "ACK" else s["name"] for s in said]
-    assert told == [*answers.values(), "get", "get", "set", "set"]
+    assert told == [*answers.values(), "get", "get", "set", "set", "set"]
     kept = {name: value for s in said for name, value in s.items() if s.get("cmd") == "get" and name != "cmd"}
     assert kept == {"fifo": "128", "rate_hz": "1666"}
+
+
+def test_single_samples_at_1666_hz_are_refused(bench: Path) -> None:
+    """A bus of 400 kHz loses a tenth of them: the setting is refused, and so is leaving the FIFO at that rate."""
+    commands = ["set rate_hz 1666", "get rate_hz", "set rate_hz 833", "set fifo 16", "set rate_hz 1666", "set fifo 0", "get fifo"]
+    said = [s for s in sentences(run(bench, "power\n" + "".join(f"> {c}\n" for c in commands))) if s.tag in ("ACK", "ERR")]
+    told = [s["cmd"] if s.tag == "ACK" else s["name"] for s in said]
+    assert told == ["fifo_needed", "get", "set", "set", "set", "fifo_needed", "get"]
+    assert (said[1]["rate_hz"], said[-1]["fifo"]) == ("145", "16")
+    assert "set_rate_hz_833_and_fifo_16" in said[0]["advice"]
 
 
 def test_a_run_starts_and_ends_by_itself(bench: Path) -> None:

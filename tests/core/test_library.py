@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.core import library
+from gyrocal.core import library, networks
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal_firmware import INCLUDE
 
@@ -97,13 +97,13 @@ def test_a_malformed_header_is_one_line_of_bad_input(damage: Callable[[str], str
     header = tmp_path / "weights.h"
     header.write_text(damage((INCLUDE / "weights.h").read_text()))
     with pytest.raises(InputError, match=r"weights\.h: not a network's header") as caught:
-        library.CoreNetwork(header)
+        networks.CoreNetwork(header)
     assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match="gyrocal export"):
-        library.CoreNetwork(tmp_path / "absent.h")
+        networks.CoreNetwork(tmp_path / "absent.h")
 
 
 def test_a_network_header_says_what_it_is_for() -> None:
-    net = library.CoreNetwork()
+    net = networks.CoreNetwork()
     assert (net.name, net.rate_hz, net.table_dps, net.window, net.outputs) == ("paper", 145.0, 78.0, 290, 2)
     assert net.run(np.zeros((0, 290)), np.zeros((0, 290)), 78.0, -78.0).shape == (0, 2)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.device import rows, wire
 from gyrocal.device import simulated as device
-from gyrocal.device import wire
 from gyrocal.device.port import Link, PortGone
 from gyrocal.device.wire import Sentence
 from gyrocal.errors import InputError
@@ -144,17 +144,17 @@ def test_speed_is_kept() -> None:
 
 
 def test_full_scale_follows_the_session_and_the_data(session: Session) -> None:
-    assert device.full_scale_for(session) == 250.0
+    assert rows.full_scale_for(session) == 250.0
     fast = two_faces(seconds=2.0, scenarios=1)
     frame = fast.runs[0].table
     for peak, expected in ((286.0, 250.0), (287.0, 500.0), (560.0, 500.0), (1200.0, 2000.0)):
         run = fast.runs[0].part(0, len(fast.runs[0]))
         object.__setattr__(run, "frame", frame.with_columns(gx_dps=frame["gx_dps"] * 0 + peak))
         one = fast.with_runs([run])
-        assert device.full_scale_for(one) == expected
+        assert rows.full_scale_for(one) == expected
         mean = next(s.real("mean_x_dps") for s in device.replay(one, stream="off") if "state=end" in s.text)
         assert mean is not None
-        assert abs(mean - peak) <= device.LSB_DPS[expected] / 2
+        assert abs(mean - peak) <= rows.LSB_DPS[expected] / 2
 
 
 def test_rates_off_the_parts_grid_keep_their_mean_and_stay_within_a_count() -> None:

@@ -6,7 +6,8 @@ import pytest
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
-from gyrocal.inference.fit import fit, profile_loglik
+from gyrocal.inference.fit import fit
+from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 

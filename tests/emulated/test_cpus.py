@@ -9,7 +9,7 @@ import pytest
 
 from gyrocal.calibration import header
 from gyrocal.core import cpus, library
-from gyrocal.device import simulated
+from gyrocal.device.rows import rows_bytes
 from gyrocal.error_model.model import Model, Term
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.drift import Drift
@@ -73,7 +73,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Up and down for 7 s each, the table rippling."""
     path = tmp_path_factory.mktemp("rows") / "pair.rows"
     session, _ = simulate.simulate(None, "paper", ["table_ripple"], 3, scenarios=1, seconds=7)
-    path.write_bytes(simulated.rows_bytes(session))
+    path.write_bytes(rows_bytes(session))
     return path
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gyrocal.device import wire
 from gyrocal.errors import DeviceError, GyrocalError, InputError
-from gyrocal.recording import importer
+from gyrocal.recording import column_map, cut, importer
 from gyrocal.recording.session import Session
 
 NAMES = st.text(st.characters(min_codepoint=97, max_codepoint=122), min_size=1, max_size=8)
@@ -61,17 +61,17 @@ def test_what_is_written_is_read(tag: str, seq: int, t_us: int, imu: int, fields
 @given(st.text(max_size=30) | st.tuples(st.just("gx_dps"), WORDS).map("=".join))
 def test_any_map_is_taken_or_refused_in_one_line(text: str) -> None:
     with read_or_refused(InputError, echoed=text):
-        mapping = importer.ColumnMap.parse(text, importer.Scaling())
-        assert mapping.target in importer.TARGETS
+        mapping = column_map.ColumnMap.parse(text, column_map.Scaling())
+        assert mapping.target in column_map.TARGETS
         assert mapping.factor != 0.0
 
 
 @given(st.text(max_size=30) | st.tuples(NAMES, WORDS, WORDS, WORDS).map(":".join))
 def test_any_cut_is_taken_or_refused_in_one_line(text: str) -> None:
     with read_or_refused(InputError, echoed=text):
-        cut = importer.Cut.parse(text)
-        assert "/" not in cut.name
-        assert not cut.name.startswith(".")
+        found = cut.Cut.parse(text)
+        assert "/" not in found.name
+        assert not found.name.startswith(".")
 
 
 JSON = st.recursive(
@@ -88,7 +88,7 @@ def test_any_sections_are_taken_or_refused_in_one_line(content: object) -> None:
         path = Path(folder) / "sections.json"
         path.write_text(json.dumps(content))
         with read_or_refused(InputError):
-            importer.read_sections(path)
+            cut.read_sections(path)
 
 
 CELLS = st.sampled_from(["0", "1", "0.01", "-3.5", "2e3", "nan", "", "x", "1,2", "inf", "é", '"4"', " 7 ", "-"])

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal.calibration import calibrate, estimator, header, network
-from gyrocal.device import monitor, port, simulated, wire
+from gyrocal.calibration import calibrate, estimator, header, network, trust, uncertainty
+from gyrocal.device import monitor, port, rows, wire
 from gyrocal.recording import session
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware/gyrocal_firmware"
@@ -48,14 +48,28 @@ CONSTANTS = {
     "a gap, in periods": (session.GAP_PERIODS, ("GC_GAP_PERIODS",)),
     "a steady rate, of the rate": (calibrate.STEADY, ("STEADY_FRACTION", "STAY_FRACTION")),
     "rates that the network takes, of the table's": (network.RATE_TOLERANCE, ("RATE_TOLERANCE",)),
+    "ripple, of the rate": (uncertainty.RIPPLE, ("RIPPLE",)),
+    "warm-up, dps": (uncertainty.WARMUP_DPS, ("WARMUP_DPS",)),
+    "drift, dps": (uncertainty.DRIFT_SD_DPS, ("DRIFT_SD_DPS",)),
+    "drift, s": (uncertainty.DRIFT_TAU_S, ("DRIFT_TAU_S",)),
+    "an effect acts, probability": (uncertainty.PRESENT, ("PRESENT",)),
+    "least noise, dps": (uncertainty.SMALLEST_SD_DPS, ("SMALLEST_SD_DPS",)),
+    "means that show noise at long times, Hz": (uncertainty.SHORT_HZ, ("SHORT_HZ",)),
+    "noise is correlated, standard errors": (uncertainty.CORRELATED, ("CORRELATED",)),
+    "an answer disagrees, of its standard error": (trust.DISAGREES, ("DISAGREES",)),
+    "largest plausible scale": (trust.LARGEST_SCALE, ("LARGEST_SCALE",)),
+    "largest plausible bias, dps": (trust.LARGEST_BIAS_DPS, ("LARGEST_BIAS_DPS",)),
+    "a reading stands still, us": (1e6 * trust.STILL_S, ("STILL_US",)),
+    "a reading stands still, samples": (trust.STILL_SAMPLES, ("STILL_SAMPLES",)),
+    "noise of the sensor, dps": (trust.EXPECTED_SD_DPS, ("GC_LSM6DSO_NOISE_DPS", "noise_dps")),
     "checkpoints": (len(network.STAGES_S), ("GC_CHECKPOINTS",)),
     "protocol": (wire.PROTOCOL, ("GC_WIRE_PROTOCOL",)),
     "longest line, bytes": (wire.MAX_LINE, ("GC_WIRE_MAX",)),
     "most fields of a sentence": (wire.MAX_FIELDS, ("GC_WIRE_MAX_FIELDS",)),
     "baud": (port.BAUD, ("BAUD",)),
-    "one count of acceleration, g": (simulated.LSB_G, ("GC_LSM6DSO_LSB_G", "lsb_g")),
-    "one count of temperature, degC": (1 / simulated.COUNTS_PER_C, ("GC_LSM6DSO_LSB_C", "lsb_c")),
-    "temperature at zero counts, degC": (simulated.ZERO_C, ("GC_LSM6DSO_ZERO_C", "zero_c")),
+    "one count of acceleration, g": (rows.LSB_G, ("GC_LSM6DSO_LSB_G", "lsb_g")),
+    "one count of temperature, degC": (1 / rows.COUNTS_PER_C, ("GC_LSM6DSO_LSB_C", "lsb_c")),
+    "temperature at zero counts, degC": (rows.ZERO_C, ("GC_LSM6DSO_ZERO_C", "zero_c")),
 }
 
 
@@ -71,9 +85,14 @@ def test_answers_come_at_the_checkpoints(stages_s: tuple[float, ...]) -> None:
     assert [1e6 * s for s in stages_s] == [checkpoint_us(k) for k in range(int(number("GC_CHECKPOINTS")))]
 
 
-def test_the_network_s_blocks_are_the_estimator_s() -> None:
-    assert number("GC_BLOCK_US") == 1e6 * network.BLOCK_S
-    assert network.BLOCKS * number("GC_BLOCK_US") == 1e6 * network.STAGES_S[-1]
+@pytest.mark.parametrize(
+    ("name", "python"), [("spin_up", uncertainty.SPIN_UP), ("transient_tau_s", uncertainty.TRANSIENT_TAU_S)]
+)
+def test_the_transients_of_the_standard_errors_are_the_device_s(name: str, python: tuple[float, ...]) -> None:
+    text = (FIRMWARE / "lib/gyrocal_core/gc_trust.c").read_text(encoding="utf-8")
+    found = re.search(rf"static const double {name}\[\w*\] = {{([^}}]+)}};", text)
+    assert found is not None
+    assert tuple(float(word) for word in found[1].split(",")) == python
 
 
 @pytest.mark.parametrize("seconds", [2.0, 4.0, 6.0])
@@ -83,8 +102,8 @@ def test_the_misfit_s_limit_is_the_device_s(seconds: float) -> None:
 
 
 def test_the_simulated_part_has_the_driver_s_ranges() -> None:
-    rows = re.findall(r"\{(\d+\.0), (0\.0\d+), 0x[0-9A-F]{2}\}", "".join(p.read_text(encoding="utf-8") for p in FILES))
-    assert {float(scale): float(lsb) for scale, lsb in rows} == simulated.LSB_DPS
+    ranges = re.findall(r"\{(\d+\.0), (0\.0\d+), 0x[0-9A-F]{2}\}", "".join(p.read_text(encoding="utf-8") for p in FILES))
+    assert {float(scale): float(lsb) for scale, lsb in ranges} == rows.LSB_DPS
 
 
 def test_a_constant_that_is_gone_is_missed() -> None:

@@ -1,5 +1,6 @@
 """gc_math against numpy's float64: the errors that gc_math.h states, and what it defines at the edges."""
 
+import ctypes
 from collections.abc import Callable
 
 import numpy as np
@@ -85,3 +86,32 @@ def test_sine_of_no_angle_is_nan(core: Core) -> None:
     assert np.all(np.isnan(core.sin_turn([np.nan, np.inf, -np.inf])))
     assert np.all(np.isnan(core.cos_turn([np.nan, np.inf, -np.inf])))
     assert list(core.cos_turn([1e30, -1e38, 2.0**23])) == [1.0, 1.0, 1.0]
+
+
+def in_double(core: Core, name: str, x: np.ndarray) -> np.ndarray:
+    function = core.library[name]
+    function.argtypes, function.restype = [ctypes.c_double], ctypes.c_double
+    return np.array([function(value) for value in x.tolist()])
+
+
+def test_the_logarithm_in_double_is_within_two_ulp(core: Core) -> None:
+    rng = np.random.default_rng(1)
+    near = np.concatenate([1 + np.linspace(-0.3, 0.5, 4001), 2.0 ** np.arange(-1022, 1024)])
+    for x in (near, np.exp(rng.uniform(-708, 709, 20_000))):
+        exact = np.log(x)
+        np.testing.assert_allclose(in_double(core, "gc_log", x), exact, rtol=5e-16, atol=3e-17)
+
+
+def test_the_decay_in_double(core: Core) -> None:
+    x = np.concatenate([np.linspace(0, 700, 40_001), np.geomspace(1e-300, 1, 2001)])
+    np.testing.assert_allclose(in_double(core, "gc_decay", x), np.exp(-x), rtol=1e-15)
+    assert list(in_double(core, "gc_decay", np.array([0.0, 700.1, np.inf]))) == [1.0, 0.0, 0.0]
+
+
+def test_cosine_and_sine_in_double(core: Core) -> None:
+    function = core.library["gc_cos_sin"]
+    function.argtypes, function.restype = [ctypes.c_double, *[ctypes.POINTER(ctypes.c_double)] * 2], None
+    for angle in np.linspace(-20, 20, 4001):
+        cosine, sine = ctypes.c_double(), ctypes.c_double()
+        function(angle, cosine, sine)
+        assert (cosine.value, sine.value) == pytest.approx((np.cos(angle), np.sin(angle)), abs=1e-12)

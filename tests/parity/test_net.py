@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.network import Network
-from gyrocal.core.library import CoreNetwork
+from gyrocal.core.networks import CoreNetwork
 from gyrocal.core.verify import TOLERANCE, verify, windows
 from gyrocal.errors import InputError
 from gyrocal.simulation.simulate import paper_windows

@@ -16,11 +16,12 @@ from gyrocal_firmware import CORE
 SHIM = """
 #include "gc_error.h"
 #include "gc_judge.h"
+#include "gc_math.h"
 #include "gc_trust.h"
 #include <math.h>
 
 int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const double *w, double rate_hz, double lsb,
-          uint32_t blocks, double *answer, char *flags)
+          uint32_t blocks, int known_table, double *answer, char *flags)
 {
     static gc_face_t face[2];
     static gc_evidence_t evidence;
@@ -38,12 +39,22 @@ int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const d
     }
     gc_answer_t base = {answer[0], 0, answer[2], 0, 0}, net = {answer[0], answer[1], answer[2], answer[3], 0};
     gc_evidence_errors(&evidence, &base);
-    gc_flags_text(gc_evidence_judge(&evidence, &net) | gc_judge_answer(&base, 2.0 * blocks), flags);
+    gc_flags_text(gc_evidence_judge(&evidence, known_table != 0, &net) | gc_judge_answer(&base, 2.0 * blocks), flags);
     answer[0] = base.scale_se;
     answer[1] = base.bias_se_dps;
     answer[2] = base.misfit;
     answer[3] = net.misfit;
+    answer[4] = net.scale_se;
+    answer[5] = net.bias_se_dps;
     return GC_OK;
+}
+
+void logs_and_decays(const double *x, uint32_t n, double *logs, double *decays)
+{
+    for (uint32_t i = 0; i < n; i++) {
+        logs[i] = gc_log(x[i]);
+        decays[i] = gc_decay(x[i]);
+    }
 }
 
 unsigned flags_room(void) { return GC_FLAGS_TEXT_MAX; }
@@ -61,18 +72,18 @@ def library(require_tool: Callable[[str], str]) -> ctypes.CDLL:
 
 @pytest.fixture(scope="module")
 def core(library: ctypes.CDLL) -> Trust:
-    """Standard errors of scale and bias, misfit, the network's misfit; flags as text."""
+    """Standard errors of scale and bias, misfit, of the network misfit and standard errors; flags as text."""
 
-    def ask(runs: Sequence[Run], answer: Answer, seconds: float, lsb_dps: float) -> tuple[list[float], str]:
+    def ask(runs: Sequence[Run], answer: Answer, seconds: float, lsb_dps: float, known_table: bool) -> tuple[list[float], str]:
         t_us = np.concatenate([r.t_us for r in runs])
         counts = np.concatenate([np.rint(r.gyro_dps[:, 2] / lsb_dps) for r in runs]).astype(np.int16)
-        numbers = (ctypes.c_double * 4)(answer.scale, answer.scale_se, answer.bias_dps, answer.bias_se_dps)
+        numbers = (ctypes.c_double * 6)(answer.scale, answer.scale_se, answer.bias_dps, answer.bias_se_dps)
         text = ctypes.create_string_buffer(library.flags_room())
         error = library.trust(
             t_us.ctypes.data_as(ctypes.c_void_p), counts.ctypes.data_as(ctypes.c_void_p),
             (ctypes.c_uint32 * 2)(*map(len, runs)), (ctypes.c_double * 2)(*(float(r.rate_dps[0]) for r in runs)),
             ctypes.c_double(runs[0].sample_rate_hz), ctypes.c_double(lsb_dps),
-            ctypes.c_uint32(round(4 * seconds)), numbers, text,
+            ctypes.c_uint32(round(4 * seconds)), ctypes.c_int(known_table), numbers, text,
         )  # fmt: skip
         assert error == 0
         return list(numbers), text.value.decode()
@@ -115,6 +126,7 @@ def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_
     return runs
 
 
+@pytest.mark.parametrize("known_table", [False, True])
 @pytest.mark.parametrize("seconds", [2, 4, 6])
 @pytest.mark.parametrize(
     ("what", "rate_hz", "w_dps", "lsb_dps"),
@@ -126,7 +138,7 @@ def pair(rng: np.random.Generator, what: str, rate_hz: float, w_dps: float, lsb_
     ],
 )  # fmt: skip
 def test_the_core_says_what_the_host_says(
-    core: Trust, what: str, rate_hz: float, w_dps: float, lsb_dps: float, seconds: float
+    core: Trust, what: str, rate_hz: float, w_dps: float, lsb_dps: float, seconds: float, known_table: bool
 ) -> None:
     rng = np.random.default_rng(7)
     whole = pair(rng, what, rate_hz, w_dps, lsb_dps)
@@ -134,16 +146,27 @@ def test_the_core_says_what_the_host_says(
     means = [float(r.gyro_dps[:, 2].mean()) for r in runs]
     scale = (means[0] - means[1]) / (2 * w_dps) - 1
     answer = Answer(scale, 3e-5, (means[0] + means[1]) / 2, 2e-3, None)
-    got, flags = core(whole, answer, seconds, lsb_dps)
+    got, flags = core(whole, answer, seconds, lsb_dps, known_table)
     evidence = Evidence.of(runs)
     assert evidence is not None
     told = evidence.with_errors(answer)
-    assert got == pytest.approx([told.scale_se, told.bias_se_dps, told.misfit, evidence.misfit_of(answer)], rel=1e-9)
+    claimed = answer if known_table else evidence.widened(answer)
+    own = [evidence.misfit_of(answer), claimed.scale_se, claimed.bias_se_dps]
+    assert got == pytest.approx([told.scale_se, told.bias_se_dps, told.misfit, *own], rel=1e-9)
     blocks = sum(np.unique(r.t_us // 250_000).size for r in runs)
     expected = answer_flags(answer.scale, answer.bias_dps, told.misfit, blocks)
     if evidence.disagrees(answer):
         expected |= {"disagrees"}
     assert flags == "+".join(ordered(expected))
+
+
+def test_logarithm_and_decay_are_within_1e_12_everywhere(library: ctypes.CDLL) -> None:
+    x = np.concatenate([np.geomspace(5e-324, 1.7e308, 20_001), np.linspace(0.5, 3.0, 5001), np.linspace(1.0, 700.0, 5001)])
+    logs, decays = np.empty_like(x), np.empty_like(x)
+    pointers = [a.ctypes.data_as(ctypes.c_void_p) for a in (x, logs, decays)]
+    library.logs_and_decays(pointers[0], ctypes.c_uint32(x.size), *pointers[1:])
+    assert logs == pytest.approx(np.log(x), rel=1e-12, abs=1e-15)
+    assert decays == pytest.approx(np.where(x > 700, 0.0, np.exp(-x)), rel=1e-12)
 
 
 def test_flags_have_one_list(library: ctypes.CDLL) -> None:

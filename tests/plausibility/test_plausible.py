@@ -1,5 +1,6 @@
 """A user's slip is told by its code and never called adequate; sound sessions are left in peace."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -17,6 +18,7 @@ from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
 from gyrocal.plausibility import check
+from gyrocal.plausibility.header import CODES
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, simulate
 
@@ -270,6 +272,26 @@ def test_an_accepted_warning_stays_and_does_not_block(tmp_path: Path, accept: st
     assert [(w.code, w.blocking) for w in check(session)] == [("sign_flipped", False)]
     again = session.save(tmp_path / "again")
     assert Session.open(tmp_path / "again").accept == again.accept == (accept,)
+
+
+@pytest.mark.parametrize(
+    ("entry", "nearest"),
+    [("rate_wrang", "'rate_wrong'"), ("bias_implausable:x", "'bias_implausible:x'"), ("face_wrong:w", "'face_wrong:z'")],
+)
+def test_accepting_what_is_no_warning(entry: str, nearest: str) -> None:
+    (told,) = check(replace(sound(), accept=(entry, "not_at_rest", "face_wrong:y")))
+    assert (told.code, told.blocking) == ("unknown_key", False)
+    assert nearest in told.text
+
+
+def test_every_code_of_the_documentation_can_be_accepted() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "warnings.md").read_text()
+    assert set(re.findall(r"^\| `(\w+)`", page, re.MULTILINE)) <= set(CODES)
+
+
+def test_exchanged_axes_say_what_each_follows() -> None:
+    (told,) = check(everywhere(sound(), swapped))
+    assert "x with 1.00" in told.text or "x with 0.99" in told.text
 
 
 def test_accepting_another_axis_is_no_acceptance() -> None:

@@ -10,7 +10,9 @@ import pytest
 
 from gyrocal.cli import main
 from gyrocal.errors import InputError
-from gyrocal.recording.importer import ColumnMap, Cut, Scaling, import_recording
+from gyrocal.recording.column_map import ColumnMap, Scaling
+from gyrocal.recording.cut import Cut
+from gyrocal.recording.importer import import_recording
 from gyrocal.recording.session import Session
 
 PLAIN = ["gx_dps=x", "gy_dps=y", "gz_dps=z"]

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gyrocal.errors import InputError
-from gyrocal.recording.session import Run, Session, read_table, write_table
+from gyrocal.recording.session import Run, Session
+from gyrocal.recording.table import read_table, write_table
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run
 

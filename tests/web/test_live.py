@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.device.simulated import SimulatedDevice, TcpOutlet, replay
+from gyrocal.device.outlet import TcpOutlet
+from gyrocal.device.simulated import SimulatedDevice, replay
 from gyrocal.device.wire import PROTOCOL, encode
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate

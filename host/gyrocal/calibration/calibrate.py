@@ -260,6 +260,7 @@ def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]
     if answer is None or evidence is None:
         return [(up.axis, used, None, {"net_range"})]
     flags = {"disagrees"} if evidence.disagrees(answer) else set()
+    answer = answer if prior.is_known else evidence.widened(answer)
     answer = replace(answer, misfit=evidence.misfit_of(answer), scale_se=with_table(answer.scale_se, used))
     return [(up.axis, used, answer, flags)]
 

@@ -143,6 +143,11 @@ class Prior:
     scale: tuple[float, float] = (0.0, np.inf)
     bias_dps: tuple[float, float] = (0.0, np.inf)
 
+    @property
+    def is_known(self) -> bool:
+        """Does it say anything: is it a campaign's?"""
+        return bool(np.isfinite(self.scale[1]) or np.isfinite(self.bias_dps[1]))
+
 
 FLAT = Prior()
 

@@ -6,7 +6,7 @@ Names and meaning of the flags are those of ``gc_flags.h``; ``gc_trust`` is the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -142,6 +142,11 @@ class Evidence:
         u_dps = [np.array([answer.bias_dps + answer.scale * w]) for w in self.w_dps]
         return float(misfit_of(self.faces, u_dps)[0])
 
+    def widened(self, answer: Answer) -> Answer:
+        """A network's answer with the standard errors of :func:`widened`."""
+        scale_se, bias_se_dps = widened(Combined.of(self.faces, self.w_dps), answer)
+        return replace(answer, scale_se=float(scale_se[0]), bias_se_dps=float(bias_se_dps[0]))
+
     def disagrees(self, answer: Answer) -> bool:
         """Does a fit that holds the same effects expect more of an error than the network's answer claims?"""
         return bool(disagreement(Combined.of(self.faces, self.w_dps), answer)[0] > DISAGREES)
@@ -151,6 +156,19 @@ def disagreement(fit: Combined, answer: Answer) -> Array:
     """The larger one [N] of scale's and bias's expected errors over their standard errors; an answer's fields may be arrays."""
     scale_se, bias_se_dps = fit.errors_of(np.atleast_1d(answer.scale), np.atleast_1d(answer.bias_dps))
     return np.maximum(scale_se / answer.scale_se, bias_se_dps / answer.bias_se_dps)
+
+
+def widened(fit: Combined, answer: Answer) -> tuple[Array, Array]:
+    """Standard errors [N] of a network's scale and bias on a table that may not be like those of its training.
+
+    Such a table's effects may be larger, slower or of another kind. The error is at least that of a fit that holds typical
+    effects, and at least the distance from it; an answer's fields may be arrays.
+    """
+    scale_off, bias_off_dps = np.abs(answer.scale - fit.scale), np.abs(answer.bias_dps - fit.bias_dps)
+    return (
+        np.maximum(np.maximum(answer.scale_se, np.sqrt(fit.scale_variance)), scale_off),
+        np.maximum(np.maximum(answer.bias_se_dps, np.sqrt(fit.bias_variance)), bias_off_dps),
+    )
 
 
 def with_table(scale_se: float, runs: Sequence[Run]) -> float:

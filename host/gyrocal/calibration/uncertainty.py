@@ -34,7 +34,7 @@ DRIFT_SD_DPS, DRIFT_TAU_S = 0.0023, 30.0
 """Typical of consumer MEMS gyroscopes: 1.5 to 3 mdps, 20 to 40 s."""
 RIPPLE = 0.0018
 """Amplitude of a table's ripple, once or twice a turn, as a fraction of its rate: typical are 0.0005 to 0.005."""
-SPIN_UP = (0.0011, 0.0047)
+SPIN_UP = (0.0009, 0.0065)
 """Sizes of a table's spin-up as fractions of its rate: typical are 0.0005 to 0.01."""
 WARMUP_DPS = 0.02
 """A sensor's own transient, in the middle of the typical range of a warm-up."""
@@ -101,13 +101,17 @@ FIRST_DOF, SECOND_DOF = 2 / 3, 0.52
 """Degrees of freedom that a squared difference of white noise counts for."""
 SECOND_SPREAD = 1.35
 """Standard deviation of the noise's level by second differences, times the root of the number of blocks."""
+LOWPASS, MOST_LACKING = 5 / 9, 0.4
+"""What a mean of L samples takes from second differences, times n/(L - 1/L), and the largest part that is given back."""
 
 
 def white_variance(faces: Sequence[FaceSums]) -> Array:
     """Variance [N] that one sample's noise has at long times: a mean of n samples has the n-th part.
 
     The median over blocks, which a spike does not move. Successive differences show white noise most precisely, but
-    underestimate noise behind a low-pass. Means over 1/16 s show both, and count where they show significantly more.
+    underestimate noise behind a low-pass. Means over 1/16 s show both, and count where they show significantly more. What a
+    low-pass takes from these too is given back as for a mean of L samples: their ratio is then L^2, and second differences
+    of sums over n samples lack the part 5/9 (L - 1/L)/n.
     """
     first = np.concatenate([_of_one(f.first_sq, f.first_n) for f in faces], axis=1)
     second = np.concatenate([_of_one(f.second_sq, f.second_n) for f in faces], axis=1)
@@ -116,7 +120,9 @@ def white_variance(faces: Sequence[FaceSums]) -> Array:
     if second.shape[1]:
         slow = np.median(second, axis=1) / (6 * short * _median_of_mean(SECOND_DOF * block / short))
         limit = 1 + CORRELATED * SECOND_SPREAD / np.sqrt(second.shape[1])
-        white = np.where(slow > limit * white, slow, white)
+        excess, most = LOWPASS * (slow - white), MOST_LACKING * short * np.sqrt(slow * white)  # L^2 = slow / white
+        lacking = MOST_LACKING * np.divide(excess, most, where=excess < most, out=np.ones_like(most))
+        white = np.where(slow > limit * white, slow / (1 - lacking), white)
     return white
 
 

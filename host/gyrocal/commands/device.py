@@ -37,11 +37,12 @@ def run(
     import signal
 
     from gyrocal.device import simulated as device
+    from gyrocal.device.simulator import faults
     from gyrocal.errors import InputError
     from gyrocal.recording.session import Session
 
     if fault == "list":
-        print(device.faults(), end="")
+        print(faults(), end="")
         return
     if session is not None and effects:
         raise InputError("--effect is for a simulated scenario; it does not go with --session")

@@ -24,7 +24,7 @@ def run(
     from gyrocal.web.server import serve
 
     if session is not None:
-        from gyrocal.recording.session import read_header
+        from gyrocal.recording.header import read_header
 
         read_header(session)
     serve(session, port, host, http_port, browser=browser)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyrocal.calibration.network import STAGES_S, FaceNetwork, Network, open_network
-from gyrocal.core.library import CoreFaceNetwork, CoreNetwork
+from gyrocal.core.networks import CoreFaceNetwork, CoreNetwork
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.simulation.simulate import LSB_DPS, WHITE_SD_DPS, paper_windows
 from gyrocal_firmware import INCLUDE

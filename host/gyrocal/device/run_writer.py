@@ -11,7 +11,8 @@ import numpy as np
 from gyrocal.device.run_stream import GRAVITY_MIN_G, HeardRun, Setting
 from gyrocal.device.wire import Sentence, raw_table
 from gyrocal.errors import DeviceError, InputError
-from gyrocal.recording.session import AXES, FORMAT, GAP_PERIODS, read_header, write_header
+from gyrocal.recording.header import FORMAT, read_header, write_header
+from gyrocal.recording.session import AXES, GAP_PERIODS
 
 COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 NAMES = ("up", "down", "unknown")

@@ -21,7 +21,8 @@ from gyrocal.diagnosis.misfit import find_misfit
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import Fit, fit
+from gyrocal.inference.fit import fit
+from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import each, one_thread

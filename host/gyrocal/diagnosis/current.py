@@ -11,7 +11,8 @@ import numpy as np
 from gyrocal.diagnosis.compare import Comparison
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
-from gyrocal.inference.fit import AxisFit, fit_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.noise_search import fit_noise
 from gyrocal.recording.session import AXES, Array, Run
 
 

@@ -13,8 +13,12 @@ from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
-from gyrocal.inference.fit import AxisFit, choose_variant, finish, likelihood_ratio, refine
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.likelihood_ratio import likelihood_ratio
+from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import Spreads
+from gyrocal.inference.standard_errors import finish
+from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal.diagnosis.current import Current
-from gyrocal.inference.fit import AxisFit
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 

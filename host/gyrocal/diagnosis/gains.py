@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import AxisFit
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.recording.session import Array
 
 

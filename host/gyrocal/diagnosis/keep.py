@@ -26,7 +26,11 @@ from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import AxisFit, carry_spreads, choose_variant, finish, fit_noise, refine, with_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.nonlinear import refine
+from gyrocal.inference.standard_errors import finish
+from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.threads import one_thread

@@ -11,8 +11,9 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import beside
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import LEAST_WHITE_DPS, Fit
+from gyrocal.inference.fitted import Fit
 from gyrocal.inference.heldout import Prediction
+from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers

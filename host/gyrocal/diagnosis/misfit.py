@@ -11,7 +11,7 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.readings import reading_fault, single_readings
 from gyrocal.diagnosis.whiteness import too_much_power
-from gyrocal.inference.fit import Fit
+from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES

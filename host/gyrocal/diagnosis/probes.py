@@ -13,7 +13,9 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import Design
-from gyrocal.inference.fit import AxisFit, carry_spreads, fit_noise, likelihood_ratio, with_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.likelihood_ratio import likelihood_ratio
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Session

@@ -14,7 +14,8 @@ from gyrocal.diagnosis.readings import SHEPPARD
 from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import Detected
 from gyrocal.error_model.model import Term
-from gyrocal.inference.fit import AxisFit, carry_spreads, fit_noise, with_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import residual_dps
-from gyrocal.inference.fit import LEAST_WHITE_DPS
+from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import AXES, Array, Session

@@ -10,7 +10,7 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.inference.design import SLOW_S
-from gyrocal.inference.fit import AxisFit
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
@@ -69,7 +69,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
 
 
 def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
-    """The periodogram of the runs ``index``, which have the same sampling; None if they are too short or uneven."""
+    """The periodogram of the runs ``index``, which have the same sampling; None if they are too short, slow or uneven."""
     from scipy.signal.windows import hann
 
     p = len(fit.design.layout.fixed)
@@ -89,6 +89,8 @@ def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
     ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
     frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
     use = (frequency > max(1 / SLOW_S, LEAST_PERIODS / (m * step_s))) & (frequency < HIGHEST / step_s)
+    if not use.any():  # blocks so slow that all of it counts as drift
+        return None
     return Periodogram(frequency[use], ratio.sum(axis=0)[use], beyond.sum(axis=0)[use], len(index))
 
 

@@ -88,6 +88,12 @@ class Line:
         return self.kind.id
 
     @property
+    def formula(self) -> str:
+        """The formula that the file gives the effect by; empty where its id names it, from the library or a user's folder."""
+        known = base.effects().get(self.id) is self.kind
+        return self.kind.equation if isinstance(self.kind, FormulaEffect) and not known else ""
+
+    @property
     def inherent(self) -> bool:
         """True if every sensor has it. Scale, bias and noise are reported but never called missing."""
         return not isinstance(self.kind, Effect) or self.kind.role is not None
@@ -258,8 +264,8 @@ class Model:
             for line in same:
                 numbers = {**line.values, **{f"{n}_se": se for n, se in line.se.items() if math.isfinite(se)}}
                 parts = [f"id = {_quoted(line.id)}", f"axis = {_quoted(line.axis)}"]
-                if isinstance(line.kind, FormulaEffect):
-                    parts.append(f"formula = {_quoted(line.kind.equation)}")
+                if line.formula:
+                    parts.append(f"formula = {_quoted(line.formula)}")
                 parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
                 lines.append("  { " + ", ".join(parts) + " },")
         return "\n".join([*lines, "]", ""])
@@ -279,7 +285,7 @@ def _shape(line: Line) -> tuple[str, str, str, dict[str, str], dict[str, str]]:
     """The content of a line as a file stores it, with numbers rounded to the digits of the file."""
     formula = line.kind.equation if isinstance(line.kind, FormulaEffect) else ""
     se = {n: _number(v) for n, v in line.se.items() if math.isfinite(v)}
-    return line.id, line.axis, formula, {n: _number(v) for n, v in line.values.items()}, se
+    return line.id, line.axis, line.formula, {n: _number(v) for n, v in line.values.items()}, se
 
 
 def _number(value: float) -> str:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Role
+from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.noise.axis import AxisNoise
@@ -79,6 +79,12 @@ class Design:
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms. Columns of unchanged terms are not computed again."""
         return Design(self.blocks, self.axis, terms, self.noise_model, self.cell_s, like=self)
+
+    def with_values(self, i: int, values: Values) -> Design:
+        """The design with other values of one term, the same in all runs."""
+        terms = list(self.terms)
+        terms[i] = replace(terms[i], values={**terms[i].values, **values}, of_run={})
+        return self.changed(terms)
 
     def over(self, blocks: Sequence[Blocks], terms: Sequence[Term] | None = None, cell_s: float | None = None) -> Design:
         """The same noise model on other blocks of these runs, with the same terms and cells unless others are given."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.design import Mask
-from gyrocal.inference.fit import AxisFit, Fit
+from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run

@@ -22,11 +22,15 @@ def check(session: Session) -> list[Warning]:
 
 
 def _acceleration(session: Session) -> list[Warning]:
-    steady = [r for r in session.runs if r.acc_g is not None and not r.rate_is_mean and np.ptp(r.rate_dps) == 0.0]
-    steady = [r for r in steady if not np.any(r.rate_dps)] or steady
-    if not steady:
+    """By the size of each sample's acceleration: its mean over a run in which gravity turns is the accelerometer's own bias."""
+    runs = [(r, r.acc_g) for r in session.runs if r.acc_g is not None]
+    at_rest = [a[r.rate_dps == 0.0] for r, a in runs if not r.rate_is_mean and np.any(r.rate_dps == 0.0)]
+    samples = np.concatenate(at_rest or [a for _, a in runs] or [np.empty((0, 3))])
+    norms = np.linalg.norm(samples, axis=1)
+    norms = norms[np.isfinite(norms)]
+    if not norms.size:
         return []
-    norm = float(np.median([np.linalg.norm(np.nanmean(r.acc_g, axis=0)) for r in steady if r.acc_g is not None]))
+    norm = float(np.median(norms))
     if abs(norm - 1) <= GRAVITY_OFF:
         return []
     unit = next((u for u, g in (("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if abs(norm / g - 1) < GRAVITY_OFF), None)
@@ -73,6 +77,11 @@ def _sample_rate(session: Session) -> list[Warning]:
 
 
 def measured_hz(run: Run) -> float:
-    """Sample rate in Hz, by regression of time on the sample number."""
-    number = np.arange(len(run)) - (len(run) - 1) / 2
-    return float(number @ number) / float(number @ (run.t_s - run.t_s[0]))
+    """Samples a second by regression of time on the sample's number.
+
+    Where samples arrive in bursts, the first of each burst counts: a line through a few steps leans with its ends.
+    """
+    gaps = np.diff(run.t_s)
+    first = np.concatenate([[0], np.flatnonzero(gaps > gaps.mean() / 2) + 1])
+    number = first - first.mean()
+    return float(number @ number) / float(number @ (run.t_s[first] - run.t_s[0]))

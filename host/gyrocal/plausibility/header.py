@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from gyrocal.recording.session import RunEntry, Session, SessionFile
+from gyrocal.recording.header import RunEntry, SessionFile
+from gyrocal.recording.session import AXES, Session
 from gyrocal.warning import Warning
+
+CODES = (
+    "unit_rad_s", "axes_swapped", "sign_flipped", "face_wrong", "rate_wrong", "scale_implausible", "bias_implausible",
+    "turn_on_implausible", "not_at_rest", "constant_reading", "axis_absent", "unit_unsure", "clipped", "accel_unit",
+    "temp_unit", "sample_rate", "first_sample", "unknown_key", "line_damaged", "samples_lost", "run_unannounced", "device_gone",
+)  # fmt: skip
+"""Codes that ``accept`` may name."""
 
 
 def check(session: Session) -> list[Warning]:
     """``unknown_key`` and ``line_damaged``."""
     out = [Warning("unknown_key", None, None, _unread(key, SessionFile)) for key in session.unread]
+    out += [Warning("unknown_key", None, None, text) for entry in session.accept if (text := _unaccepted(entry))]
     for run in session.runs:
         out += [Warning("unknown_key", None, run.file, _unread(key, RunEntry)) for key in run.unread]
         if run.damage:
@@ -21,4 +30,14 @@ def check(session: Session) -> list[Warning]:
 def _unread(key: str, schema: type[RunEntry] | type[SessionFile]) -> str:
     known = [name for name in schema.model_fields if name != "run"]
     (nearest,) = get_close_matches(key, known, n=1, cutoff=0.0)
-    return f"the key {key!r} of session.toml is unknown; the nearest known key is {nearest}. Correct or remove it"
+    return f"no command reads the key {key!r} of session.toml; the nearest that is read is {nearest}. Correct or remove it"
+
+
+def _unaccepted(entry: str) -> str:
+    """What is wrong with an entry of ``accept``; empty where nothing is."""
+    code, colon, axis = entry.partition(":")
+    (nearest,) = get_close_matches(code, CODES, n=1, cutoff=0.0)
+    if code in CODES and (axis in AXES if colon else True):
+        return ""
+    correct = nearest + (f":{axis if axis in AXES else 'z'}" if colon else "")
+    return f"accept = [{entry!r}] of session.toml names no warning; the nearest is {correct!r}. Correct or remove it"

@@ -18,7 +18,9 @@ WITHIN = 3.5
 LEAST_STEP_DPS = 0.0035
 """One count of the finest usual range, in deg/s: a grid as coarse as this is in deg/s."""
 ROUNDING_DPS = 1e-6
-"""Steps below this come from rounding of the numbers."""
+"""Steps below this are of the numbers' own rounding."""
+STRETCHES, LEAST_STRETCH, STILLEST = 16, 32, 0.1
+"""Stretches of a run, samples of one at least, and the part of them by which noise is told from movement."""
 SHEPPARD = 1 / 12
 """Variance, counts^2, that rounding to whole counts adds."""
 
@@ -30,22 +32,31 @@ def still_dps(run: Run, axis: int) -> Array:
 
 
 def step_dps(session: Session, axis: int) -> float:
-    """Size of one count, deg/s, as the session states it, else the smallest step of the axis's readings; 0 if unknown."""
-    if session.lsb_dps is not None:
-        return session.lsb_dps
+    """One count: the least step of the readings of the axis, or as the session states it where that is more; 0 for neither."""
     steps = [s for s in (float(r.step_dps[axis]) for r in session.runs) if s > ROUNDING_DPS]
-    return min(steps, default=0.0)
+    return max(min(steps, default=0.0), session.lsb_dps or 0.0)
 
 
 def own_sd_dps(session: Session, axis: int) -> float | None:
     """Noise of one sample without rounding, deg/s: the median over runs with changing readings; None if there are none."""
     step = step_dps(session, axis)
     variances = [
-        max(0.0, float(np.mean(np.diff(still_dps(r, axis)) ** 2)) / 2 - SHEPPARD * step**2)
-        for r in session.runs
-        if np.ptp(r.gyro_dps[:, axis]) > 0
+        max(0.0, _change_dps2(r, axis) / 2 - SHEPPARD * step**2) for r in session.runs if np.ptp(r.gyro_dps[:, axis]) > 0
     ]
     return float(np.sqrt(np.median(variances))) if variances else None
+
+
+def _change_dps2(run: Run, axis: int) -> float:
+    """Mean square of a sample's change, (deg/s)^2; where the true rate moves, that of its stillest tenth.
+
+    A noisy reference puts more into readings less true rate than a slow movement puts into readings.
+    """
+    readings = np.diff(run.gyro_dps[:, axis]) ** 2
+    if axis != run.axis_index or run.rate_is_mean or np.ptp(run.rate_dps) == 0:
+        return float(readings.mean())
+    parts = max(1, min(STRETCHES, readings.size // LEAST_STRETCH))
+    left = np.diff(still_dps(run, axis)) ** 2
+    return min(float(np.quantile([p.mean() for p in np.array_split(c, parts)], STILLEST)) for c in (readings, left))
 
 
 def unit_unsure(session: Session) -> list[Warning]:

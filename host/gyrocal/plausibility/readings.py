@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+from math import erf, sqrt
+
 import numpy as np
 
+from gyrocal.effects.base import Mask
 from gyrocal.effects.saturation import Saturation
 from gyrocal.error_model.model import Model
 from gyrocal.plausibility.noise import own_sd_dps, step_dps
 from gyrocal.plausibility.noise import still_dps as still
-from gyrocal.plausibility.runs import told
+from gyrocal.plausibility.runs import lag_samples, longest_lag, told
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
 HALF_COUNT = 0.5
 STANDS_S = 0.5
-LEAST_STANDING = 8
-MOST_EQUAL = 0.7
-"""Probability that a reading in the middle of a count does not change under noise of half a count."""
+LEAST_STANDING = 5
+NOISE_AT_LEAST = 0.7
+"""Part of the estimated noise that is relied on: drift over the edge of a count passes for noise."""
+FOLLOWS_AT_ALL = 0.1
 BY_CHANCE = 1e-6
 MOVES_COUNTS = 6.0
+REFERENCE_NOISE = 3.0
+"""Standard deviations of second differences by which noise of the reference alone moves it in half a second."""
 TYPICAL_DENSITY_DPS = 0.004
 USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
+LEAST_RANGE_DPS = 15.0
+DIFFER = 0.03
+"""Stated rates differ by this much of themselves anyway."""
 CUT_OFF = 0.01
 FIRST = 3
 FOLLOWING = 30
@@ -34,7 +43,8 @@ def constant(session: Session) -> list[Warning]:
     own = {session.axis, *(r.axis for r in session.runs)}
     for i, axis in enumerate(AXES):
         still_runs = [r for r in session.runs if np.ptp(r.gyro_dps[:, i]) == 0]
-        if len(still_runs) == len(session.runs):
+        level = clip_level_dps(session, i)
+        if len(still_runs) == len(session.runs) and not all(_at(r.gyro_dps[0, i], level) for r in still_runs):
             if axis in own and _should_move(session, i):
                 text = f"{axis} reads {still_runs[0].gyro_dps[0, i]:.6g} dps in every sample. Check wiring and driver"
                 out.append(Warning("constant_reading", axis, None, text, True))
@@ -42,7 +52,6 @@ def constant(session: Session) -> list[Warning]:
                 text = f"{axis} reads {still_runs[0].gyro_dps[0, i]:.6g} dps throughout and is left out"
                 out.append(Warning("axis_absent", axis, None, text))
             continue
-        level = clip_level_dps(session, i)
         noise_counts = _noise_counts(session, i)
         stuck = [
             r for r in still_runs
@@ -77,11 +86,13 @@ def _moves(run: Run, axis: int, start: int, stop: int, session: Session) -> bool
     if run.axis_index != axis or run.rate_is_mean:
         return False
     least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0), 0.1)
-    return float(np.ptp(run.rate_dps[start:stop])) > least
+    rate = run.rate_dps[start:stop]
+    jitter = REFERENCE_NOISE * float(np.std(np.diff(rate, 2))) if rate.size > 3 else 0.0
+    return rate.size > 1 and float(np.ptp(rate)) > max(least, jitter)
 
 
 def _standing(session: Session, axis: int, runs: list[Run], level: float | None, noise_counts: float) -> list[Warning]:
-    """Intervals of half a second or more in which a reading is constant."""
+    """Stretches of half a second and more in which a reading stands still although the rate moves or the noise must show."""
     out = []
     samples = sum(map(len, runs))
     for run in runs:
@@ -89,15 +100,34 @@ def _standing(session: Session, axis: int, runs: list[Run], level: float | None,
         start, length = _longest(y, level)
         if length < max(LEAST_STANDING, STANDS_S * run.sample_rate_hz):
             continue
-        equal = float(np.mean(np.diff(np.delete(y, slice(start, start + length))) == 0)) if length < y.size - 2 else 0.0
-        rare = samples * max(equal, MOST_EQUAL) ** (length - 1) < BY_CHANCE
-        if (noise_counts > HALF_COUNT and rare) or (rare and _moves(run, axis, start, start + length, session)):
+        rest = np.delete(y, slice(start, start + length))
+        equal = float(np.mean(np.diff(rest) == 0)) if rest.size > 2 else 0.0
+        rare = samples * max(equal, _chance_of_equal(noise_counts)) ** (length - 1) < BY_CHANCE
+        if (noise_counts > HALF_COUNT and rare) or _misses_the_rate(run, axis, start, start + length, session):
             text = (
                 f"{AXES[axis]} stands still at {y[start]:.6g} dps for {length / run.sample_rate_hz:.2g} s from "
                 f"{run.t_s[start]:.4g} s on. The sensor or its driver hung: cut the stretch out, or record the run again"
             )
             out.append(Warning("constant_reading", AXES[axis], run.file, text, True))
     return out
+
+
+def _chance_of_equal(noise_counts: float) -> float:
+    """Largest chance that noise leaves a reading where it was: its mean lies in the middle of a count."""
+    return erf(0.5 / (NOISE_AT_LEAST * noise_counts * sqrt(2))) if noise_counts > 0 else 1.0
+
+
+def _misses_the_rate(run: Run, axis: int, start: int, stop: int, session: Session) -> bool:
+    """Does a reading that follows the rate elsewhere stand still between two rows while the rate moves, delays granted?"""
+    if run.axis_index != axis or run.rate_is_mean or np.ptp(run.rate_dps) == 0:
+        return False
+    rest = np.ones(len(run), dtype=bool)
+    rest[start:stop] = False
+    y, rate = run.gyro_dps[rest, axis], run.rate_dps[rest]
+    about = rate - rate.mean() if rate.size else rate
+    follows = float(about @ about) > 0 and abs(float(about @ y) / float(about @ about)) > FOLLOWS_AT_ALL
+    late = longest_lag(run)
+    return follows and stop - start > 2 * late and _moves(run, axis, start + late, stop - late, session)
 
 
 def _longest(y: Array, level: float | None) -> tuple[int, int]:
@@ -117,22 +147,39 @@ def _at(value: float, level: float | None) -> bool:
 def clip_level_dps(session: Session, axis: int) -> float | None:
     """The reading at which an axis is clipped, deg/s; None if it is not clipped.
 
-    Clipped readings accumulate at the largest value. A single run that is stuck there does not count as clipped, unless the
-    value is the stated range or a usual one.
+    Readings heap at the largest value that occurs, and this is the end of a range: as stated or usual; or by the readings
+    themselves, which noise or the true rate would have carried further. One run that is stuck there by itself is not cut off,
+    unless the value is the stated or a usual range.
     """
     readings = [r.gyro_dps[:, axis] for r in session.runs]
     limit = max(float(np.abs(y).max()) for y in readings)
     if limit <= 0:
         return None
-    at = [y for y in readings if bool(np.any(np.abs(y) > limit - 1e-6))]
-    ranges = USUAL_RANGES_DPS if session.full_scale_dps is None else (session.full_scale_dps, *USUAL_RANGES_DPS)
-    ranged = any(abs(limit / one - 1) < 1e-3 for one in ranges)
-    stated = session.full_scale_dps is not None and abs(limit - session.full_scale_dps) <= max(session.lsb_dps or 0.0, 1e-6)
-    heaped = sum(int(np.count_nonzero(np.abs(y) > limit - 1e-6)) for y in at)
-    heap = heaped >= FIRST and stated
-    heap = heap or Saturation().detect(session.runs, axis) is not None
-    alone = len(at) == 1 and np.ptp(at[0]) == 0
-    return limit if (heap or (ranged and alone)) and (ranged or not alone) else None
+    at = [np.abs(y) > limit - 1e-6 for y in readings]
+    stuck = sum(bool(a.any()) for a in at) == 1 and any(bool(a.all()) for a in at)
+    heap = sum(int(np.count_nonzero(a)) for a in at) >= FIRST
+    if session.full_scale_dps is not None and abs(limit - session.full_scale_dps) <= max(session.lsb_dps or 0.0, 1e-6):
+        return limit if heap else None
+    heap = Saturation().detect(session.runs, axis) is not None
+    if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
+        return limit if heap or stuck else None
+    if stuck or not heap or limit < (session.full_scale_dps or LEAST_RANGE_DPS):
+        return None
+    return limit if _noise_counts(session, axis) > HALF_COUNT or _rates_differ(session, axis, at) else None
+
+
+def _rates_differ(session: Session, axis: int, at: list[Mask]) -> bool:
+    """Do readings at the limit belong to true rates that counts and noise cannot bring to one reading?"""
+    limits: dict[float, list[Array]] = {-1.0: [], 1.0: []}
+    for run, mask in zip(session.runs, at, strict=True):
+        if run.axis_index == axis and not run.rate_is_mean:
+            for sign, rates in limits.items():
+                rates.append(np.abs(run.rate_dps[mask & (np.sign(run.gyro_dps[:, axis]) == sign)]))
+    least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0))
+    for of_sign in (np.concatenate(parts) for parts in limits.values() if parts):
+        if of_sign.size and float(np.ptp(np.quantile(of_sign, (0.05, 0.95)))) > max(least, DIFFER * float(of_sign.max())):
+            return True
+    return False
 
 
 def cut_off(session: Session) -> set[tuple[str | None, str | None]]:
@@ -180,10 +227,14 @@ def _first_apart_dps(run: Run, axis: int) -> float | None:
     if run.rate_is_mean or len(run) < FIRST + FOLLOWING:
         return None
     y = still(run, axis)[: FIRST + FOLLOWING]
+    begins = 0.0
+    if axis == run.axis_index and np.ptp(run.rate_dps) > 0:  # a filter starts without the lag that it has later
+        lag = abs(lag_samples(run.gyro_dps[:, axis], run.rate_dps, longest_lag(run)))
+        begins = float(np.ptp(run.rate_dps[: lag + 2]))
     index = np.arange(y.size, dtype=float)
     after = slice(FIRST, None)
     line = np.polynomial.Polynomial.fit(index[after], y[after], 1)
     left = y - line(index)
     noise = float(np.sqrt(np.mean(left[after] ** 2)))
-    least = STANDS_OFF * noise + STANDS_OFF_STEPS * float(run.step_dps[axis])
+    least = STANDS_OFF * noise + STANDS_OFF_STEPS * float(run.step_dps[axis]) + begins
     return float(left[0]) if noise > 0 and abs(left[0]) > least else None

@@ -65,7 +65,7 @@ class Means:
 def _mean(run: Run, axis: int) -> Mean:
     y, rate = run.gyro_dps[:, axis], run.rate_dps
     if not run.rate_is_mean and float(np.std(rate)) > MOVES_DPS:
-        y, rate = _aligned(y, rate, round(LONGEST_LAG_S * run.sample_rate_hz))
+        y, rate = _shifted(y, rate, lag_samples(y, rate, longest_lag(run)))
         slope, se, offset = _regression(y, rate)
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset)
     if run.rate_is_mean:  # the variation comes from the turn itself
@@ -91,15 +91,11 @@ def _clustered_se(x: Array, residual: Array) -> float:
     return float(np.sqrt(float(scores @ scores) * k / (k - 1)) / float(x @ x))
 
 
-def _aligned(y: Array, rate: Array, longest: int) -> tuple[Array, Array]:
-    """Reading and true rate, shifted to their best correlation, because a delay of a few samples is not a contradiction."""
-
-    def shifted(lag: int) -> tuple[Array, Array]:
-        n = y.size - abs(lag)
-        return (y[lag:], rate[:n]) if lag >= 0 else (y[:n], rate[-lag:])
+def lag_samples(y: Array, rate: Array, longest: int) -> int:
+    """Delay of reading ``y`` [n] behind the true ``rate`` [n] with the best correlation, at most ``longest`` either way."""
 
     def fits(lag: int) -> float:
-        a, b = shifted(lag)
+        a, b = _shifted(y, rate, lag)
         a, b = a - a.mean(), b - b.mean()
         return abs(float(a @ b)) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
 
@@ -108,7 +104,17 @@ def _aligned(y: Array, rate: Array, longest: int) -> tuple[Array, Array]:
     step = max((1, -1), key=lambda s: fits(s) if longest else 0.0)
     while abs(lag + step) <= longest and (value := fits(lag + step)) > best:
         lag, best = lag + step, value
-    return shifted(lag)
+    return lag
+
+
+def longest_lag(run: Run) -> int:
+    """Samples of the longest delay that is no contradiction."""
+    return round(LONGEST_LAG_S * run.sample_rate_hz)
+
+
+def _shifted(y: Array, rate: Array, lag: int) -> tuple[Array, Array]:
+    n = y.size - abs(lag)
+    return (y[lag:], rate[:n]) if lag >= 0 else (y[:n], rate[-lag:])
 
 
 def spread(values: Array) -> float:

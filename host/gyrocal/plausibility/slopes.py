@@ -37,6 +37,8 @@ INFORMATIVE = 0.05
 AGREE_DPS, AGREE = 0.3, 0.02
 """Runs agree on a line if they differ by less than this (and this fraction of their rate)."""
 MOST_POINTS = 80
+POINTS_ALONG = 0.7
+"""Part of gravity that must lie along an axis for the accelerometer to say which way it points."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,8 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     for other in (a for a in AXES if a != axis):
         swapped = [s for s in where(lambda s: abs(s.value) < FOLLOWS_NOT) if _follows(found[axis, other], s.run)]
         if swapped:
-            return _told(means, "axes_swapped", axis, swapped, informed, partial(_swapped_text, other))
+            follows = float(np.median([s.value for s in found[axis, other].slopes]))
+            return _told(means, "axes_swapped", axis, swapped, informed, partial(_swapped_text, other, follows))
     flipped = where(lambda s: abs(s.value + 1) < SIGN_WITHIN)
     if flipped and len(flipped) == len(informed):
         return _told(means, "sign_flipped", axis, flipped, informed, _flipped_text)
@@ -218,9 +221,9 @@ def _rad_reference(s: Slope, axis: str) -> str:
     )
 
 
-def _swapped_text(other: str, s: Slope, axis: str) -> str:
+def _swapped_text(other: str, follows: float, s: Slope, axis: str) -> str:
     return (
-        f"the table turns about {axis}, but {axis} follows its rate with {s.value:.3f} and {other} follows it. "
+        f"the table turns about {axis}, but {axis} follows its rate with {s.value:.3f} and {other} with {follows:.3f}. "
         f'Set axis = "{other}" in session.toml, or exchange the columns when importing'
     )
 
@@ -278,11 +281,10 @@ def _pole(sign: float) -> str:
 
 
 def _upwards(run: Run) -> float:
-    """+1 if the run's axis points up by its accelerometer, -1 if down, else 0."""
+    """+1 where the run's axis points up by its accelerometer, -1 down, 0 where neither or gravity turns about it."""
     assert run.acc_g is not None
-    mean = np.nanmean(run.acc_g, axis=0)
-    along = float(mean[run.axis_index]) / max(float(np.linalg.norm(mean)), 1e-12)
-    return float(np.sign(along)) if abs(along) > 0.7 else 0.0
+    along = float(np.nanmean(run.acc_g[:, run.axis_index])) / max(float(np.nanmedian(np.linalg.norm(run.acc_g, axis=1))), 1e-12)
+    return float(np.sign(along)) if abs(along) > POINTS_ALONG else 0.0
 
 
 def sizes(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:

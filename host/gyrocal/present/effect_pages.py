@@ -18,7 +18,8 @@ from gyrocal.effects.base import Case, Effect, effects
 from gyrocal.noise.axis import COMPONENTS
 from gyrocal.noise.component import NoiseComponent
 from gyrocal.parameter import Described
-from gyrocal.recording.session import AXES, Array, Face, Run
+from gyrocal.recording.header import Face
+from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS
 
 SECONDS = 20.0

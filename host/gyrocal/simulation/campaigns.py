@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.recording.session import AXES, Axis, Face
+from gyrocal.recording.header import Axis, Face
+from gyrocal.recording.session import AXES
 
 TABLE_RATE_DPS = 78.0
 RIPPLE, TRANSIENT = "table_ripple", "spin_up"

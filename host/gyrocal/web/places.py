@@ -42,7 +42,7 @@ class Places:
 
     def session(self, path: str | Path) -> Path:
         """A session's folder all of whose tables lie within it."""
-        from gyrocal.recording.session import read_header
+        from gyrocal.recording.header import read_header
 
         folder = self.inside(path)
         for entry in read_header(folder).run:

@@ -25,7 +25,7 @@ void cost_act(void) {
     } else if (part == GC_EVIDENCE_PARTS) {
         gc_evidence_errors(&evidence, &answer);
     } else {
-        (void)gc_evidence_judge(&evidence, &answer);
+        (void)gc_evidence_judge(&evidence, false, &answer);
     }
     part = (part + 1u) % cost_times;
 }

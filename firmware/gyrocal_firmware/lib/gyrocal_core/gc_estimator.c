@@ -122,6 +122,12 @@ bool gc_estimator_has_model(const gc_calibration_t *c) {
     return any;
 }
 
+bool gc_estimator_knows_sensor(const gc_calibration_t *c) {
+    double row[MAX_COLUMNS];
+    const unsigned n = n_parameters(c);
+    return prior_row(c, n - 2u, 0, row) || prior_row(c, n - 1u, 0, row);
+}
+
 void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibration, double rate_hz) {
     memset(e, 0, sizeof *e);
     e->calibration = calibration;

@@ -53,6 +53,8 @@ typedef struct {
 int gc_estimator_check(const gc_calibration_t *calibration);
 /* Whether it says anything that the baseline does not: effects, priors or drift. */
 bool gc_estimator_has_model(const gc_calibration_t *calibration);
+/* Whether it says anything of scale or bias before a measurement. */
+bool gc_estimator_knows_sensor(const gc_calibration_t *calibration);
 
 /* The calibration must have passed the check. */
 void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibration, double rate_hz);

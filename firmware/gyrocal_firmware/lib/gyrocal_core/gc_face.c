@@ -8,6 +8,8 @@
 #define FIRST_DOF (2.0 / 3.0)  /* degrees of freedom of a squared difference of white noise */
 #define SECOND_DOF 0.52
 #define SECOND_SPREAD 1.35
+#define LOWPASS (5.0 / 9.0)    /* what a mean of L samples takes from second differences, times n / (L - 1/L) */
+#define MOST_LACKING 0.4
 #define MOST_VALUES (2u * GC_CHECKPOINTS * 2000000u / GC_BLOCK_US)
 
 void gc_face_begin(gc_face_t *face, double rate_hz) {
@@ -103,5 +105,10 @@ double gc_face_white_variance(const gc_face_t *a, const gc_face_t *b, unsigned b
         return white;
     }
     const double slow = median(second, seconds) / (6.0 * shorts * median_of_mean(SECOND_DOF * samples / shorts));
-    return slow > (1.0 + CORRELATED * SECOND_SPREAD / sqrt((double)seconds)) * white ? slow : white;
+    if (!(slow > (1.0 + CORRELATED * SECOND_SPREAD / sqrt((double)seconds)) * white)) {
+        return white;
+    }
+    const double excess = LOWPASS * (slow - white); /* L^2 = slow / white */
+    const double most = MOST_LACKING * shorts * sqrt(slow * white);
+    return slow / (1.0 - (excess < most ? MOST_LACKING * excess / most : MOST_LACKING));
 }

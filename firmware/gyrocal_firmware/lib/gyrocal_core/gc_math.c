@@ -105,37 +105,50 @@ float gc_cos_turn(float turns) {
 }
 
 double gc_decay(double x) {
-    static const double inverse[] = {0.0, 1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5, 1.0 / 6, 1.0 / 7, 1.0 / 8};
+    static const double taylor[] = {1.0,          1.0,           1.0 / 2,        1.0 / 6,         1.0 / 24,
+                                    1.0 / 120,    1.0 / 720,     1.0 / 5040,     1.0 / 40320,     1.0 / 362880,
+                                    1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0};
     if (x > 700.0) {
         return 0.0;
     }
-    unsigned halvings = 0;
-    for (; x > 0.0625; x *= 0.5) {
-        halvings++;
+    /* exp(-x) = exp(r) / 2^n, |r| <= ln(2)/2; ln 2 in two parts, n times the first is exact */
+    const uint32_t n = (uint32_t)(x * 1.4426950408889634 + 0.5);
+    const double r = ((double)n * 0.693147180369123816490 - x) + (double)n * 1.90821492927058770002e-10;
+    double sum = 0.0;
+    for (unsigned k = 14; k > 0u; k--) { /* what is left out is below 5e-18 */
+        sum = sum * r + taylor[k - 1u];
     }
-    double sum = 1.0;
-    for (unsigned k = 8; k > 0u; k--) { /* what is left out is below 5e-17 */
-        sum = 1.0 - x * sum * inverse[k];
-    }
-    for (; halvings > 0u; halvings--) {
-        sum *= sum;
-    }
-    return sum;
+    const uint64_t bits = (uint64_t)(1023u - n) << 52;
+    double scale;
+    memcpy(&scale, &bits, sizeof scale);
+    return sum * scale;
 }
 
 double gc_log(double x) {
-    double factor = 2.0;
-    for (unsigned roots = 0; roots < 14u && (x > 1.1 || x < 0.9); roots++) { /* enough for every finite x */
-        x = sqrt(x);
-        factor *= 2.0;
+    static const double inverse[] = {1.0, 1.0 / 3, 1.0 / 5, 1.0 / 7, 1.0 / 9, 1.0 / 11, 1.0 / 13, 1.0 / 15, 1.0 / 17, 1.0 / 19};
+    int32_t n = 0;
+    if (x < DBL_MIN) { /* a denormal number's exponent does not tell its size */
+        x *= 18014398509481984.0;
+        n = -54;
     }
-    const double z = (x - 1.0) / (x + 1.0); /* at most 0.053 */
+    /* log(x) = n log(2) + log(m), m from 1/sqrt(2) to sqrt(2) */
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    n += (int32_t)(bits >> 52) - 1023;
+    bits = (bits & 0xFFFFFFFFFFFFFu) | 0x3FF0000000000000u;
+    double m;
+    memcpy(&m, &bits, sizeof m);
+    if (m > 1.4142135623730951) {
+        m *= 0.5;
+        n++;
+    }
+    const double z = (m - 1.0) / (m + 1.0); /* at most 0.172 */
     const double square = z * z;
     double sum = 0.0;
-    for (unsigned k = 7; k > 0u; k--) {
-        sum = sum * square + 1.0 / (double)(2u * k - 1u);
+    for (unsigned k = 10; k > 0u; k--) { /* what is left out is below 1e-16 of it */
+        sum = sum * square + inverse[k - 1u];
     }
-    return factor * z * sum;
+    return (double)n * 0.69314718055994531 + 2.0 * z * sum;
 }
 
 void gc_cos_sin(double angle, double *cosine, double *sine) {

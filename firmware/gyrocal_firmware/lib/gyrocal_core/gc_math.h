@@ -26,7 +26,7 @@ float gc_tanh(float x);
 float gc_sin_turn(float turns);
 float gc_cos_turn(float turns);
 
-/* In double: exp(-x) for x >= 0, log(x) for x > 0, cosine and sine of an angle of at most some turns; within 1e-12. */
+/* In double: exp(-x) for x >= 0, log(x) for a normal number x > 0, cosine and sine of an angle of at most some turns; within 1e-12. */
 double gc_decay(double x);
 double gc_log(double x);
 void gc_cos_sin(double angle, double *cosine, double *sine);

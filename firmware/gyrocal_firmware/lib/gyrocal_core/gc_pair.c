@@ -148,7 +148,8 @@ static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
         return error;
     }
     gc_answer_t answer = {found.scale, found.scale_se, found.bias_dps, found.bias_se_dps, NAN};
-    const uint32_t flags = gc_evidence_judge(&pair->due.evidence, &answer);
+    const bool known_table = of_axis && gc_estimator_knows_sensor(known); /* a campaign's on such a table */
+    const uint32_t flags = gc_evidence_judge(&pair->due.evidence, known_table, &answer);
     give(pair, GC_METHOD_CNN, k, *n, &answer, flags);
     return GC_OK;
 }

@@ -7,6 +7,7 @@
 
 #define KEY "settings"
 #define VERSION 3u
+#define SINGLE_BELOW_HZ 1666.0 /* a sample's bytes take 0.4 ms on a bus of 400 kHz, asking for it 0.1 ms: a tenth was lost */
 #define FIFO_LONGEST_S 0.25 /* of a batch: commands are heard between two */
 
 static const char *const axes[] = {"x", "y", "z", NULL};
@@ -107,7 +108,10 @@ int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part) {
         settings->fifo > FIFO_LONGEST_S * settings->rate_hz) {
         return GC_E_ARGUMENT;
     }
-    return settings->fifo == 0.0 || odr_hz == settings->rate_hz ? GC_OK : GC_E_FIFO_RATE;
+    if (settings->fifo == 0.0) {
+        return settings->rate_hz < SINGLE_BELOW_HZ ? GC_OK : GC_E_FIFO_NEEDED;
+    }
+    return odr_hz == settings->rate_hz ? GC_OK : GC_E_FIFO_RATE;
 }
 
 void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *part) {

@@ -48,7 +48,7 @@ gc_setting_t gc_settings_find(gc_text_t name);
 int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word);
 /* Adds name=value. */
 void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row);
-/* GC_OK, GC_E_ARGUMENT or GC_E_FIFO_RATE: by the table's ranges and by what the part can do. */
+/* GC_OK, GC_E_ARGUMENT, GC_E_FIFO_RATE or GC_E_FIFO_NEEDED: by the table's ranges and by what the part can do. */
 int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part);
 
 /* Those that were kept, if they pass the check; else they stay as they are. */

@@ -16,12 +16,14 @@
 #define PRESENT 0.5
 #define SMALLEST_SD_DPS 1e-6
 #define DISAGREES 3.5 /* expected error over the one that an answer claims */
+#define WHITENED 8u    /* blocks in a part */
+#define FACE_PARTS (GC_FACE_BLOCKS / WHITENED + 2u) /* whiten, and weigh twice */
 
-static const double spin_up[] = {0.0011, 0.0047};
-static const double transient_tau_s[] = {0.6, 1.15, 2.2, 4.2, 8.0};
+static const double spin_up[] = {0.0009, 0.0065};
+static const double transient_tau_s[GC_TRANSIENT_TAUS] = {0.6, 1.15, 2.2, 4.2, 8.0};
 
 #define SIZES (sizeof spin_up / sizeof spin_up[0])
-#define TAUS (sizeof transient_tau_s / sizeof transient_tau_s[0])
+#define TAUS GC_TRANSIENT_TAUS
 
 /* Columns of a block: four waves, a decay for each time constant, 1, the reading. */
 #define WAVES 4u
@@ -33,14 +35,7 @@ typedef double gram_t[COLUMNS][COLUMNS]; /* its lower triangle */
 
 typedef char gc_columns_fit[Y + 1u == COLUMNS ? 1 : -1];
 
-/* Waves and decays at the middle of a block, and what takes them to the next block. */
-typedef struct {
-    double cosine, sine, decay[TAUS];
-    double cosine_step, sine_step, decay_step[TAUS];
-    double ripple_dps;
-} shapes_t;
-
-static void begin_shapes(shapes_t *s, double w_dps) {
+static void begin_shapes(gc_shapes_t *s, double w_dps) {
     const double angle = RADIANS_A_DEGREE * fabs(w_dps) * BLOCK_S;
     gc_cos_sin(0.5 * angle, &s->cosine, &s->sine);
     gc_cos_sin(angle, &s->cosine_step, &s->sine_step);
@@ -51,7 +46,7 @@ static void begin_shapes(shapes_t *s, double w_dps) {
     s->ripple_dps = RIPPLE * fabs(w_dps) / sqrt(2.0);
 }
 
-static void next_shapes(shapes_t *s) {
+static void next_shapes(gc_shapes_t *s) {
     const double cosine = s->cosine * s->cosine_step - s->sine * s->sine_step;
     s->sine = s->sine * s->cosine_step + s->cosine * s->sine_step;
     s->cosine = cosine;
@@ -60,7 +55,7 @@ static void next_shapes(shapes_t *s) {
     }
 }
 
-static void columns_of(const shapes_t *s, double y_dps, double *x) {
+static void columns_of(const gc_shapes_t *s, double y_dps, double *x) {
     const double twice = 2.0 * s->ripple_dps * s->cosine;
     x[0] = s->ripple_dps * s->cosine;
     x[1] = s->ripple_dps * s->sine;
@@ -73,52 +68,52 @@ static void columns_of(const shapes_t *s, double y_dps, double *x) {
     x[Y] = y_dps;
 }
 
-/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift. */
-static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e) {
+/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift: over blocks from `begin` on. */
+static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned begin) {
     const gc_face_t *face = e->face;
     const double lsb_dps = evidence->lsb_dps;
     const double step = lsb_dps * lsb_dps / 12.0;
     const double variance = fmax(evidence->white_dps2, fmax(step, SMALLEST_SD_DPS * SMALLEST_SD_DPS));
-    gram_t *gram = &evidence->gram;
-    double drift[COLUMNS] = {0.0};
-    double spread = DRIFT_SD_DPS * DRIFT_SD_DPS;
-    double origin_dps = 0.0;
-    bool begun = false;
-    double phi = 1.0; /* of the drift since the block before */
     const double phi_step = gc_decay(BLOCK_S / DRIFT_TAU_S);
-    shapes_t shapes;
-    begin_shapes(&shapes, e->w_dps);
-    memset(gram, 0, sizeof *gram);
-    for (unsigned k = 0; k < evidence->seen; k++, next_shapes(&shapes), phi *= phi_step) {
+    const unsigned end = begin + WHITENED < evidence->seen ? begin + WHITENED : evidence->seen;
+    gc_whitening_t *w = &evidence->whitening;
+    if (begin == 0u) {
+        memset(w, 0, sizeof *w);
+        memset(&evidence->gram, 0, sizeof evidence->gram);
+        begin_shapes(&w->shapes, e->w_dps);
+        w->spread = DRIFT_SD_DPS * DRIFT_SD_DPS;
+        w->phi = 1.0;
+    }
+    for (unsigned k = begin; k < end; k++, next_shapes(&w->shapes), w->phi *= phi_step) {
         if (!gc_face_has(face, k)) {
             continue;
         }
         const double n = (double)face->block[k].n;
         const double y_dps = lsb_dps * ((double)face->block[k].sum / n);
-        if (!begun) {
-            begun = true;
-            origin_dps = y_dps;
+        if (!w->begun) {
+            w->begun = true;
+            w->origin_dps = y_dps;
         } else {
             for (size_t j = 0; j < COLUMNS; j++) {
-                drift[j] *= phi;
+                w->drift[j] *= w->phi;
             }
-            spread = phi * phi * spread + DRIFT_SD_DPS * DRIFT_SD_DPS * (1.0 - phi * phi);
+            w->spread = w->phi * w->phi * w->spread + DRIFT_SD_DPS * DRIFT_SD_DPS * (1.0 - w->phi * w->phi);
         }
-        phi = 1.0;
+        w->phi = 1.0;
         double x[COLUMNS];
-        columns_of(&shapes, y_dps - origin_dps, x);
-        const double precision = 1.0 / (spread + variance / n);
+        columns_of(&w->shapes, y_dps - w->origin_dps, x);
+        const double precision = 1.0 / (w->spread + variance / n);
         for (size_t i = 0; i < COLUMNS; i++) {
-            x[i] -= drift[i];
-            drift[i] += spread * precision * x[i];
+            x[i] -= w->drift[i];
+            w->drift[i] += w->spread * precision * x[i];
             const double weighted = precision * x[i];
             for (size_t j = 0; j <= i; j++) {
-                (*gram)[i][j] += weighted * x[j];
+                evidence->gram[i][j] += weighted * x[j];
             }
         }
-        spread *= variance / n * precision;
+        w->spread *= variance / n * precision;
     }
-    e->origin_dps = origin_dps + lsb_dps * face->origin - e->w_dps;
+    e->origin_dps = w->origin_dps + lsb_dps * face->origin - e->w_dps;
 }
 
 /* Integrates out wave j, whose prior is standard normal; returns the determinant's factor. */
@@ -196,17 +191,6 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
     return evidence->of[0].blocks > 0u && evidence->of[1].blocks > 0u && evidence->white_dps2 >= 0.0 ? GC_OK : GC_E_TOO_SHORT;
 }
 
-bool gc_evidence_go_on(gc_evidence_t *evidence) {
-    gc_face_evidence_t *e = &evidence->of[evidence->parts / 3u];
-    const unsigned part = evidence->parts % 3u;
-    if (part == 0u) {
-        whiten(evidence, e);
-    } else {
-        weigh_all(evidence, e, part == 2u);
-    }
-    return ++evidence->parts == GC_EVIDENCE_PARTS;
-}
-
 /* ---- averages over hypotheses ---- */
 
 typedef struct {
@@ -247,58 +231,78 @@ static double excess(const gc_face_evidence_t *e) {
     return fmax(1.0, e->hypothesis[best].chi2 / (e->blocks > 1u ? (double)(e->blocks - 1u) : 1.0));
 }
 
-typedef struct {
-    double mean[2]; /* scale, bias */
-    double variance[2];
-} combined_t;
-
-static combined_t combine(const gc_evidence_t *evidence) {
+/* Scale and bias if some effects act: two of them at a time. */
+static void combine(gc_evidence_t *evidence, unsigned effects) {
     const gc_face_evidence_t *a = &evidence->of[0];
     const gc_face_evidence_t *b = &evidence->of[1];
     const double span = a->w_dps - b->w_dps;
     const double excess_a = excess(a), excess_b = excess(b);
-    combined_t each[8];
-    double log_weight[8];
-    double top = -DBL_MAX, total = 0.0;
-    unsigned effects = 0;
-    for (unsigned first = 0; first < GC_HYPOTHESES; effects++) {
+    unsigned first = effects / 2u * (1u + GC_TRANSIENTS);
+    for (unsigned last = effects + 2u; effects < last; effects++) {
         const unsigned n = effects % 2u == 0u ? 1u : GC_TRANSIENTS;
         const under_t u = under(a->hypothesis + first, n);
         const under_t v = under(b->hypothesis + first, n);
         const double var_u = u.variance * excess_a, var_v = v.variance * excess_b;
         const double acting = (double)((effects & 1u) + (effects >> 1 & 1u) + (effects >> 2 & 1u));
-        each[effects] = (combined_t){
+        evidence->each[effects] = (gc_combined_t){
             {(u.mean - v.mean) / span, (a->w_dps * v.mean - b->w_dps * u.mean) / span},
             {(var_u + var_v) / (span * span), (b->w_dps * b->w_dps * var_u + a->w_dps * a->w_dps * var_v) / (span * span)},
         };
-        log_weight[effects] = u.log_evidence + v.log_evidence + acting * gc_log(PRESENT) + (3.0 - acting) * gc_log(1.0 - PRESENT);
-        top = fmax(top, log_weight[effects]);
+        evidence->log_weight[effects] =
+            u.log_evidence + v.log_evidence + acting * gc_log(PRESENT) + (3.0 - acting) * gc_log(1.0 - PRESENT);
         first += n;
     }
-    combined_t all = {{0.0, 0.0}, {0.0, 0.0}};
-    for (unsigned i = 0; i < effects; i++) {
-        log_weight[i] = gc_decay(top - log_weight[i]);
-        total += log_weight[i];
+}
+
+static void average(gc_evidence_t *evidence) {
+    double weight[GC_EVIDENCE_EFFECTS];
+    double top = -DBL_MAX, total = 0.0;
+    gc_combined_t *all = &evidence->all;
+    for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+        top = fmax(top, evidence->log_weight[i]);
     }
+    for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+        weight[i] = gc_decay(top - evidence->log_weight[i]);
+        total += weight[i];
+    }
+    memset(all, 0, sizeof *all);
     for (unsigned j = 0; j < 2u; j++) {
-        for (unsigned i = 0; i < effects; i++) {
-            all.mean[j] += log_weight[i] / total * each[i].mean[j];
+        for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+            all->mean[j] += weight[i] / total * evidence->each[i].mean[j];
         }
-        for (unsigned i = 0; i < effects; i++) {
-            const double off = each[i].mean[j] - all.mean[j];
-            all.variance[j] += log_weight[i] / total * (each[i].variance[j] + off * off);
+        for (unsigned i = 0; i < GC_EVIDENCE_EFFECTS; i++) {
+            const double off = evidence->each[i].mean[j] - all->mean[j];
+            all->variance[j] += weight[i] / total * (evidence->each[i].variance[j] + off * off);
         }
     }
-    return all;
+}
+
+bool gc_evidence_go_on(gc_evidence_t *evidence) {
+    const unsigned part = evidence->parts++;
+    if (part < 2u * FACE_PARTS) {
+        gc_face_evidence_t *e = &evidence->of[part / FACE_PARTS];
+        if (part % FACE_PARTS < FACE_PARTS - 2u) {
+            whiten(evidence, e, part % FACE_PARTS * WHITENED);
+        } else {
+            weigh_all(evidence, e, part % FACE_PARTS == FACE_PARTS - 1u);
+        }
+    } else {
+        combine(evidence, 2u * (part - 2u * FACE_PARTS));
+    }
+    if (evidence->parts < GC_EVIDENCE_PARTS) {
+        return false;
+    }
+    average(evidence);
+    return true;
 }
 
 /* The roots of an answer's expected squared errors. */
 static void errors_of(const gc_evidence_t *evidence, const gc_answer_t *answer, double *scale_se, double *bias_se_dps) {
-    const combined_t all = combine(evidence);
-    const double scale_off = answer->scale - all.mean[0];
-    const double bias_off = answer->bias_dps - all.mean[1];
-    *scale_se = sqrt(all.variance[0] + scale_off * scale_off);
-    *bias_se_dps = sqrt(all.variance[1] + bias_off * bias_off);
+    const gc_combined_t *all = &evidence->all;
+    const double scale_off = answer->scale - all->mean[0];
+    const double bias_off = answer->bias_dps - all->mean[1];
+    *scale_se = sqrt(all->variance[0] + scale_off * scale_off);
+    *bias_se_dps = sqrt(all->variance[1] + bias_off * bias_off);
 }
 
 void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {
@@ -324,7 +328,13 @@ static double chi2_at(const gc_face_evidence_t *e, double u_dps) {
     return chi2;
 }
 
-uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer) {
+/* The largest of a standard error that is claimed, a fit's, and the distance between the answers; NaN stays NaN. */
+static double widened(double se, double variance, double distance) {
+    const double least = fmax(sqrt(variance), fabs(distance));
+    return least > se ? least : se;
+}
+
+uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_answer_t *answer) {
     const gc_face_evidence_t *of = evidence->of;
     double chi2 = 0.0;
     for (unsigned i = 0; i < 2u; i++) {
@@ -333,7 +343,12 @@ uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer) {
     answer->misfit = sqrt(chi2 / (double)(of[0].blocks + of[1].blocks));
     double scale_se, bias_se_dps;
     errors_of(evidence, answer, &scale_se, &bias_se_dps);
-    /* paper has no standard errors: it is not judged */
+    /* paper's standard errors are NaN, and stay so: it is not judged */
     const bool disagrees = scale_se > DISAGREES * answer->scale_se || bias_se_dps > DISAGREES * answer->bias_se_dps;
+    if (!known_table) {
+        const gc_combined_t *fit = &evidence->all;
+        answer->scale_se = widened(answer->scale_se, fit->variance[0], answer->scale - fit->mean[0]);
+        answer->bias_se_dps = widened(answer->bias_se_dps, fit->variance[1], answer->bias_dps - fit->mean[1]);
+    }
     return disagrees ? (uint32_t)GC_FLAG_DISAGREES : 0u;
 }

@@ -15,7 +15,8 @@
 extern "C" {
 #endif
 
-#define GC_TRANSIENTS 10u                             /* two sizes, five time constants */
+#define GC_TRANSIENT_TAUS 5u
+#define GC_TRANSIENTS (2u * GC_TRANSIENT_TAUS)        /* two sizes */
 #define GC_HYPOTHESES (4u * (1u + GC_TRANSIENTS))     /* ripple twice a turn, once a turn; no transient or one */
 #define GC_FIRST_ORDER (2u * (1u + GC_TRANSIENTS))    /* the first of them: without ripple twice a turn */
 
@@ -28,7 +29,8 @@ typedef struct {
 
 /* A block's columns: four waves, five decays, 1, the reading. */
 #define GC_EVIDENCE_COLUMNS 11u
-#define GC_EVIDENCE_PARTS 6u
+#define GC_EVIDENCE_PARTS 14u
+#define GC_EVIDENCE_EFFECTS 8u /* which of three effects act */
 
 typedef struct {
     const gc_face_t *face;
@@ -38,6 +40,29 @@ typedef struct {
     gc_hypothesis_t hypothesis[GC_HYPOTHESES];
 } gc_face_evidence_t;
 
+/* Waves and decays at the middle of a block, and what takes them to the next block. */
+typedef struct {
+    double cosine, sine, decay[GC_TRANSIENT_TAUS];
+    double cosine_step, sine_step, decay_step[GC_TRANSIENT_TAUS];
+    double ripple_dps;
+} gc_shapes_t;
+
+/* A Kalman filter of a face's drift, between two parts. */
+typedef struct {
+    gc_shapes_t shapes;
+    double drift[GC_EVIDENCE_COLUMNS];
+    double spread;
+    double phi;        /* of the drift since the last block */
+    double origin_dps; /* the first reading, of which the others are taken */
+    bool begun;
+} gc_whitening_t;
+
+/* Scale and bias by both faces, with their variances. */
+typedef struct {
+    double mean[2];
+    double variance[2];
+} gc_combined_t;
+
 typedef struct {
     gc_face_evidence_t of[2];
     unsigned seen;   /* blocks of each face */
@@ -45,6 +70,10 @@ typedef struct {
     double white_dps2; /* variance of a sample */
     unsigned parts;    /* that are done */
     double gram[GC_EVIDENCE_COLUMNS][GC_EVIDENCE_COLUMNS]; /* its lower triangle, between two parts */
+    gc_whitening_t whitening;
+    gc_combined_t each[GC_EVIDENCE_EFFECTS]; /* if those act */
+    double log_weight[GC_EVIDENCE_EFFECTS];
+    gc_combined_t all; /* averaged over the effects */
 } gc_evidence_t;
 
 /* The evidence in the first `blocks` blocks of two faces of one sample rate at true rates w_a and w_b. The faces must outlive
@@ -55,8 +84,9 @@ int gc_evidence_begin(gc_evidence_t *evidence, const gc_face_t *a, const gc_face
 bool gc_evidence_go_on(gc_evidence_t *evidence);
 /* The standard errors and the misfit of an answer that knows of no effects. */
 void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer);
-/* The misfit of a network's answer, and GC_FLAG_DISAGREES or 0. */
-uint32_t gc_evidence_judge(const gc_evidence_t *evidence, gc_answer_t *answer);
+/* The misfit of a network's answer, and GC_FLAG_DISAGREES or 0. Unless the tables of its training are known to be like this one,
+   the answer's standard errors become at least those of the averaged fit, and at least its distance from that. */
+uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_answer_t *answer);
 
 #ifdef __cplusplus
 }

@@ -12,10 +12,8 @@ from nicegui import background_tasks, ui
 
 from gyrocal.device.monitor import doubtful
 from gyrocal.errors import InputError
-from gyrocal.simulation.campaigns import RIPPLE
-from gyrocal.web import charts
+from gyrocal.web import charts, hidden
 from gyrocal.web.chips import chip, press
-from gyrocal.web.panels.start import HIDDEN
 from gyrocal.web.samples import SHOWN_S
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
@@ -148,12 +146,13 @@ class LivePanel:
         connect.props("unelevated no-caps").classes("primary" if ports else "")
         ui.separator()
         ui.label("No board at hand? The firmware's own code, run on this machine:").classes("dim small")
-        hidden = ui.select(HIDDEN, value=RIPPLE, label="hidden in it").props("outlined dense")
+        chosen = hidden.menu()
         speed = ui.select(SPEEDS, value="1", label="speed").props("outlined dense")
         start = ui.button(
-            "Start a simulated device", icon="memory", on_click=lambda: self._simulate(hidden.value, speed.value), color=None
+            "Start a simulated device", icon="memory", on_click=lambda: self._simulate(chosen.value, speed.value), color=None
         )
         start.props("unelevated no-caps").classes("" if ports else "primary")
+        start.bind_enabled_from(chosen, "value", lambda value: value is not None)
 
     def _connect(self, port: str | None) -> None:
         try:
@@ -336,8 +335,8 @@ class LivePanel:
         x: list[charts.Options] = []
         for k in range(5):
             last = k == 4
-            hidden = {"show": last, "showMinLabel": False, "showMaxLabel": False}
-            x.append(charts.axis(p, gridIndex=k, label=hidden, min=0, max=SHOWN_S, scale=False, axisTick={"show": False}))
+            without = {"show": last, "showMinLabel": False, "showMaxLabel": False}
+            x.append(charts.axis(p, gridIndex=k, label=without, min=0, max=SHOWN_S, scale=False, axisTick={"show": False}))
         colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
         return charts.base(
             p,
@@ -426,7 +425,7 @@ def _number(text: Any, otherwise: float) -> float:
 
 def _scenario(folder: Any, run: Wanted | None) -> str:
     """The power cycle that a new run belongs to: the last one, or a new one where that has such a run already."""
-    from gyrocal.recording.session import read_header
+    from gyrocal.recording.header import read_header
 
     if not (folder / "session.toml").is_file():
         return "s000"

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
-from gyrocal.effects.base import effects
 from gyrocal.errors import InputError
-from gyrocal.simulation.campaigns import RIPPLE
+from gyrocal.web import hidden
 from gyrocal.web.state import Topic
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
-
-HIDDEN = {kind.id: kind.offered_as for kind in effects().values() if kind.offered_as} | {"": "nothing at all"}
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
@@ -28,7 +25,7 @@ def show(tab: Tab) -> Callable[[Topic], None]:
 
     async def simulated() -> None:
         tab.go("compare")
-        await bench.simulate([hidden.value] if hidden.value else [])
+        await bench.simulate([chosen.value] if chosen.value else [])
 
     async def uploaded(event: events.UploadEventArguments) -> None:
         archive = bench.scratch / "upload.zip"
@@ -70,10 +67,10 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                 ui.label(
                     "A simulated sensor on a turntable, with something hidden in it that its model does not know:"
                 ).classes("dim small")
-                hidden = ui.select(HIDDEN, value=RIPPLE, label="hidden in it").props("outlined dense")
+                chosen = hidden.menu()
                 ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
                     "unelevated no-caps"
-                ).classes("primary")
+                ).classes("primary").bind_enabled_from(chosen, "value", lambda value: value is not None)
             with ui.element("section").classes("face"):
                 ui.html("<h2>Plug in a device</h2>", sanitize=False)
                 ui.label("Watch it live, calibrate it face up and face down, record it. A simulated one is at hand.").classes(

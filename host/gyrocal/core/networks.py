@@ -1,0 +1,188 @@
+"""The networks of a C header, run by the core as the device runs them."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gyrocal.core.library import SHARED, build, compiler
+from gyrocal.errors import GyrocalError, InputError
+from gyrocal_firmware import CORE, INCLUDE
+
+SHIM = Path(__file__).with_name("net_shim.c")
+
+
+class _Conv(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_uint32) for name in ("channels", "kernel", "pool", "columns"))
+
+
+class _Net(ctypes.Structure):
+    """The fields of ``gc_cnn_net_t`` up to its weights."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        *((name, ctypes.c_float) for name in ("rate_hz", "table_dps", "clip_dps", "leak")),
+        ("window", ctypes.c_uint32),
+        ("head", _Conv),
+        ("combined", _Conv),
+        *((name, ctypes.c_uint32) for name in ("hidden", "outputs", "scratch_floats")),
+    )
+
+
+def _build_net(header: Path) -> ctypes.CDLL:
+    try:
+        text = header.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{header}: not a readable header; write one with `gyrocal export`") from error
+    compiler()
+    sources = [CORE / "gc_cnn.c", CORE / "gc_convnet.c", CORE / "gc_math.c"]
+    try:
+        built = build("net", sources, [CORE], SHARED, {"weights.h": text, SHIM.name: SHIM.read_text()})
+    except GyrocalError as error:
+        raise InputError(f"{header}: not a network's header ({error}); write one with `gyrocal export`") from error
+    return ctypes.CDLL(str(built))
+
+
+class CoreNetwork:
+    """A network's C header run by the core: what the device computes.
+
+    Args:
+        header: a ``weights.h`` as ``gyrocal export`` writes it; the shipped one by default.
+
+    Raises:
+        InputError: no such file, or not such a header.
+    """
+
+    def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
+        self.source = str(header)
+        library = _build_net(header)
+        library.gyrocal_net.restype = ctypes.POINTER(_Net)
+        net = library.gyrocal_net().contents
+        self.name: str = net.name.decode()
+        self.rate_hz: float = net.rate_hz
+        self.table_dps: float = net.table_dps
+        self.clip_dps: float = net.clip_dps
+        self.window: int = net.window
+        self.outputs: int = net.outputs
+        self.scratch_floats: int = net.scratch_floats
+        library.gyrocal_convnet.restype = ctypes.c_void_p
+        self.convnet = bool(library.gyrocal_convnet())
+        """Does network gyrocal answer in this one's place?"""
+        self._run = library.gyrocal_net_run
+        pointer = np.ctypeslib.ndpointer(np.float32, flags="C_CONTIGUOUS")
+        self._run.argtypes = [pointer, pointer, ctypes.c_uint32, ctypes.c_float, ctypes.c_float, pointer]
+
+    def run(
+        self, up_residual_dps: ArrayLike, down_residual_dps: ArrayLike, w_up_dps: float, w_down_dps: float
+    ) -> NDArray[np.float32]:
+        """Scale and bias (dps) of each pair of windows.
+
+        Args:
+            up_residual_dps, down_residual_dps: measured - true rate, [n, window].
+            w_up_dps, w_down_dps: the true rates about the sensed axis.
+
+        Returns:
+            [n, 2]: scale, bias_dps.
+
+        Raises:
+            InputError: a wrong shape, or the core's refusal of a rate or a NaN.
+        """
+        up, down = (np.ascontiguousarray(np.atleast_2d(x), np.float32) for x in (up_residual_dps, down_residual_dps))
+        if up.shape != down.shape or up.shape[1] != self.window:
+            raise InputError(
+                f"network {self.name} takes two [n, {self.window}] windows, not {up.shape} and {down.shape}"
+            )
+        out = np.empty((len(up), self.outputs), np.float32)
+        error = self._run(up, down, len(up), w_up_dps, w_down_dps, out)
+        if error:
+            raise InputError(
+                f"network {self.name} was trained at {self.table_dps:g} and {-self.table_dps:g} dps and takes no NaN: "
+                f"error {error} at true rates {w_up_dps:g} and {w_down_dps:g} dps"
+            )
+        return out
+
+
+class _Convnet(ctypes.Structure):
+    """The first fields of ``gc_convnet_t``."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        *((name, ctypes.c_float) for name in ("rate_hz", "table_dps", "unit_dps", "column_range_dps", "sample_range_dps")),
+    )
+
+
+class CoreFaceNetwork:
+    """Network `gyrocal` of a C header run by the core on raw counts: what the device computes.
+
+    Raises:
+        InputError: no such file, or no such network in it.
+    """
+
+    def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
+        self.source = str(header)
+        library = self._library = _build_net(header)
+        library.gyrocal_convnet.restype = ctypes.POINTER(_Convnet)
+        pointer = library.gyrocal_convnet()
+        if not pointer:
+            raise InputError(f"{header}: holds no network gyrocal; write one with `gyrocal export`")
+        net = pointer.contents
+        self.name: str = net.name.decode()
+        self.rate_hz: float = net.rate_hz
+        self.table_dps: float = net.table_dps
+        self.unit_dps: float = net.unit_dps
+        self.column_range_dps: float = net.column_range_dps
+        self.sample_range_dps: float = net.sample_range_dps
+        library.gc_convnet_samples.argtypes = [ctypes.c_void_p, ctypes.c_uint]
+        library.gc_convnet_samples.restype = ctypes.c_uint32
+        self._samples = [library.gc_convnet_samples(pointer, stage) for stage in range(3)]
+        for function, number in ((library.gyrocal_convnet_infer, np.float32), (library.gyrocal_convnet_face, np.float64)):
+            function.argtypes = [
+                np.ctypeslib.ndpointer(np.int16, flags="C_CONTIGUOUS"), ctypes.c_uint32, ctypes.c_uint, ctypes.c_double,
+                ctypes.c_double, np.ctypeslib.ndpointer(number, flags="C_CONTIGUOUS"),
+            ]  # fmt: skip
+
+    def infer(self, counts: ArrayLike, stage: int, lsb_dps: float, w_dps: float) -> NDArray[np.float32]:
+        """What the graph gives, [n, 2]: u less the mean, in units, and the logarithm of its precision; NaN out of range.
+
+        ``counts`` [n, samples] are raw readings of one face at true rate ``w_dps``.
+        """
+        x = self._counts(counts, stage)
+        out = np.empty((len(x), 2), np.float32)
+        self._check(self._library.gyrocal_convnet_infer(x, len(x), stage, lsb_dps, w_dps, out), w_dps)
+        return out
+
+    def face(self, counts: ArrayLike, stage: int, lsb_dps: float, w_dps: float) -> NDArray[np.float64]:
+        """w·scale + bias (dps) and its precision (1/dps^2), [n, 2]; NaN out of range. InputError where the core refuses."""
+        x = self._counts(counts, stage)
+        out = np.empty((len(x), 2))
+        self._check(self._library.gyrocal_convnet_face(x, len(x), stage, lsb_dps, w_dps, out), w_dps)
+        return out
+
+    def merge(self, up: ArrayLike, down: ArrayLike, prior_mean: ArrayLike, prior_root: ArrayLike) -> NDArray[np.float64]:
+        """Scale, bias (dps) and their standard deviations [n, 4] of faces [n, 3], each w, u and precision.
+
+        ``prior_mean`` [2] of bias and scale, ``prior_root`` [2, 2] the square root of their information, upper triangular.
+        """
+        faces = np.ascontiguousarray(np.stack([np.asarray(up, float), np.asarray(down, float)], axis=1))
+        out = np.empty((len(faces), 4))
+        pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+        function = self._library.gyrocal_convnet_merge
+        function.argtypes, function.restype = [pointer, pointer, pointer, ctypes.c_uint32, pointer], None
+        function(*(np.ascontiguousarray(x, float) for x in (prior_mean, prior_root)), faces, len(faces), out)
+        return out
+
+    def _counts(self, counts: ArrayLike, stage: int) -> NDArray[np.int16]:
+        x = np.ascontiguousarray(np.atleast_2d(counts), np.int16)
+        if x.shape[1:] != (self._samples[stage],):
+            raise InputError(f"network {self.name} takes [n, {self._samples[stage]}] readings, not {x.shape}")
+        return x
+
+    def _check(self, error: int, w_dps: float) -> None:
+        if error:
+            raise InputError(
+                f"network {self.name} was trained at {self.table_dps:g} and {-self.table_dps:g} dps: error {error} at a true "
+                f"rate of {w_dps:g} dps"
+            )

@@ -1,0 +1,190 @@
+"""Where a reader connects to the simulated device: a pseudo terminal or a TCP port."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import time
+from pathlib import Path
+from typing import Protocol
+
+from gyrocal.device.port import BUSY_NOTE, CHUNK
+from gyrocal.errors import GyrocalError, InputError
+
+PSEUDO_TERMINALS = "/dev/"
+"""What a link to one points into."""
+TURN_AWAY_S = 0.2
+"""So long a second reader waits: the first may have hung up, its last words not yet read."""
+UNREAD = 4 * 4096
+"""Bytes that a TCP port holds for a reader who is slow."""
+
+
+class Outlet(Protocol):
+    """Where a reader connects: one at a time, any number after each other.
+
+    ``connected`` tells whether one is there; ``read`` and ``write`` never block; ``fd`` is what to wait for.
+    """
+
+    name: str
+
+    def connected(self) -> bool: ...
+    def fd(self) -> int: ...
+    def read(self) -> bytes: ...
+    def write(self, data: bytes) -> int: ...
+    def drained(self) -> bool: ...
+    def close(self) -> None: ...
+
+
+class PtyOutlet:
+    """A pseudo terminal; ``symlink`` gives it a name that lasts."""
+
+    def __init__(self, symlink: Path | None = None) -> None:
+        import tty
+
+        self._master, slave = os.openpty()
+        tty.setraw(slave)  # else what the device says would come back to it as commands
+        self._slave_name = self.name = os.ttyname(slave)
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        self._poll = select.poll()
+        self._poll.register(self._master, 0)
+        self._symlink = symlink
+        if symlink is not None:
+            self.name = str(symlink)
+            try:
+                if symlink.is_symlink() and os.readlink(symlink).startswith(PSEUDO_TERMINALS):
+                    symlink.unlink()  # an earlier device's
+                symlink.symlink_to(self._slave_name)
+            except OSError as error:
+                os.close(self._master)
+                raise InputError(f"{symlink}: cannot make this link: {error.strerror}") from None
+
+    def connected(self) -> bool:
+        return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
+
+    def fd(self) -> int:
+        return self._master
+
+    def read(self) -> bytes:
+        try:
+            return os.read(self._master, CHUNK)
+        except OSError:  # nothing there, or the reader has just gone
+            return b""
+
+    def write(self, data: bytes) -> int:
+        try:
+            return os.write(self._master, data)
+        except OSError:
+            return 0
+
+    def drained(self) -> bool:
+        """Whether the reader has read everything: what it has not read would be lost with the port."""
+        import fcntl
+        import termios
+
+        slave = os.open(self._slave_name, os.O_RDWR | os.O_NOCTTY)
+        try:
+            unread = fcntl.ioctl(slave, termios.FIONREAD, b"\0\0\0\0")
+        finally:
+            os.close(slave)
+        return unread == b"\0\0\0\0"
+
+    def close(self) -> None:
+        os.close(self._master)
+        if self._symlink is not None and self._symlink.is_symlink() and os.readlink(self._symlink) == self._slave_name:
+            self._symlink.unlink()
+
+
+class TcpOutlet:
+    """A TCP port for ``socket://host:port``; port 0 takes a free one."""
+
+    def __init__(self, address: str) -> None:
+        host, _, number = address.rpartition(":")
+        try:
+            self._server = socket.create_server((host or "127.0.0.1", int(number)))
+        except (OSError, ValueError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or "want HOST:PORT, for example 127.0.0.1:5000"
+            raise InputError(f"--tcp {address}: {reason}") from None
+        self._server.setblocking(False)
+        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)
+        self._client: socket.socket | None = None
+        self._second: socket.socket | None = None
+        self._second_s = 0.0
+        self.name = f"socket://{host or '127.0.0.1'}:{self._server.getsockname()[1]}"
+
+    def connected(self) -> bool:
+        if self._client is None:
+            self._client, self._second = self._second or self._accept(), None
+        elif self._second is None:
+            self._second, self._second_s = self._accept(), time.monotonic()
+        elif time.monotonic() - self._second_s > TURN_AWAY_S:
+            with contextlib.suppress(OSError):
+                self._second.send(f"# {BUSY_NOTE}\n".encode())
+            self._second.close()
+            self._second = None
+        return self._client is not None
+
+    def _accept(self) -> socket.socket | None:
+        try:
+            client, _ = self._server.accept()
+        except BlockingIOError:
+            return None
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return client
+
+    def fd(self) -> int:
+        return self._server.fileno() if self._client is None else self._client.fileno()
+
+    def read(self) -> bytes:
+        assert self._client is not None
+        try:
+            data = self._client.recv(CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._drop()
+        return data
+
+    def write(self, data: bytes) -> int:
+        if self._client is None:
+            return 0
+        try:
+            return self._client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self._drop()
+            return 0
+
+    def _drop(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def drained(self) -> bool:
+        """Whether the reader has hung up after the end of the stream: closing before that could take data from it."""
+        if self._client is not None:
+            with contextlib.suppress(OSError):
+                self._client.shutdown(socket.SHUT_WR)
+            self.read()
+        return self._client is None
+
+    def close(self) -> None:
+        self._drop()
+        if self._second is not None:
+            self._second.close()
+        self._server.close()
+
+
+def make_outlet(tcp: str | None = None, symlink: Path | None = None) -> Outlet:
+    """A TCP port if ``tcp`` gives its address, else a pseudo terminal."""
+    if tcp is not None:
+        return TcpOutlet(tcp)
+    if not hasattr(os, "openpty"):
+        raise GyrocalError("this system has no pseudo terminals; use --tcp 127.0.0.1:5000")
+    return PtyOutlet(symlink)

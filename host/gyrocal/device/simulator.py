@@ -1,0 +1,180 @@
+"""The simulator ``gyrocal-sim``, the firmware's own C core as a process, and the bytes between it and who reads it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from gyrocal.device.outlet import Outlet
+from gyrocal.device.port import REPLAY_NOTE
+from gyrocal.errors import DeviceError, InputError
+
+WAIT_S = 0.02
+CARRY = 4096
+
+
+def sim_command(
+    rows: Path,
+    *,
+    imu: int = 0,
+    speed: str = "max",
+    stream: str = "raw",
+    fault: str | None = None,
+    fifo: int = 0,
+    hold: bool = False,
+    include_dir: Path | None = None,
+) -> list[str]:
+    """The simulator's command line; compiles it if need be.
+
+    ``imu``: the sensor's number on its board. ``fifo``: samples that the device takes at once out of the sensor's FIFO,
+    0 = none. ``include_dir``: other calibration.h and weights.h.
+    """
+    from gyrocal.core import library
+
+    binary = library.build_sim() if include_dir is None else library.build_sim(include_dir)
+    command = [str(binary), str(rows), "--imu", str(imu), "--speed", speed, "--stream", stream, "--fifo", str(fifo)]
+    if fault is not None:
+        known = [line.split("\t")[0] for line in faults().splitlines()]
+        if fault not in known:
+            raise InputError(f"--fault {fault}: there are {', '.join(known)}")
+        command += ["--fault", fault]
+    return [*command, "--hold"] if hold else command
+
+
+def faults() -> str:
+    """The simulator's own list of faults, one a line: name, tab, what happens."""
+    from gyrocal.core import library
+
+    done = subprocess.run([library.build_sim(), "--fault", "list"], capture_output=True, text=True, check=False)
+    return done.stdout
+
+
+class Simulator:
+    """A running simulator, for a ``with`` block. ``fd`` is what to wait for."""
+
+    def __init__(self, command: Sequence[str], *, short: bool) -> None:
+        self.ended = False
+        self._rest = b""
+        self.fd, to_host = _pipe(short=short)
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=to_host, stderr=pipe, bufsize=0)
+        os.close(to_host)
+
+    def __enter__(self) -> Simulator:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        os.close(self.fd)
+        for end in (self._process.stdin, self._process.stderr):
+            if end is not None:
+                end.close()
+
+    def read(self) -> bytes:
+        """The lines that have come whole, and at its end whatever is left."""
+        data = os.read(self.fd, CARRY)
+        self.ended = not data
+        lines, newline, self._rest = (self._rest + data).rpartition(b"\n")
+        return self._rest if self.ended else lines + newline
+
+    def write(self, data: bytes) -> None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            while data:
+                data = data[os.write(self._process.stdin.fileno(), data) :]
+
+    def check_exit(self) -> None:
+        assert self._process.stderr is not None
+        check_exit(self._process.wait(), self._process.stderr.read())
+
+
+def _pipe(*, short: bool) -> tuple[int, int]:
+    """A pipe; a short one lets the device run no further ahead of its reader than it must."""
+    reading, writing = os.pipe()
+    if short:
+        import fcntl
+
+        with contextlib.suppress(AttributeError, OSError):  # Linux alone can
+            fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, CARRY)
+    return reading, writing
+
+
+def check_exit(code: int, stderr: bytes) -> None:
+    """Raise what a simulator that failed said last: InputError for bad input, DeviceError for anything else."""
+    if code:
+        lines = stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit code {code}"]
+        raise (InputError if code == 2 else DeviceError)(f"simulated device: {lines[-1]}")
+
+
+def serve(
+    commands: Sequence[Sequence[str]],
+    outlet: Outlet,
+    *,
+    wait_for_reader: bool,
+    stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """Carry bytes between the simulators and whoever opens the outlet, until they end and all of it is read.
+
+    There is one a sensor of the board; commands go to all, sentences come whole. They start with the first reader. With
+    ``wait_for_reader`` they wait while nobody reads; without, they run on in their own time, and what is said while nobody
+    listens is gone, as on a wire.
+
+    Raises:
+        DeviceError: a simulator failed.
+    """
+    while not outlet.connected():
+        if stopped():
+            return
+        time.sleep(WAIT_S)
+    with contextlib.ExitStack() as stack:
+        sims = [stack.enter_context(Simulator(command, short=wait_for_reader)) for command in commands]
+        _carry(sims, outlet, wait_for_reader, stopped)
+        if stopped():
+            return
+        for sim in sims:
+            sim.check_exit()
+        _drain(outlet, stopped)
+
+
+def _carry(sims: Sequence[Simulator], outlet: Outlet, wait_for_reader: bool, stopped: Callable[[], bool]) -> None:
+    pending = b""
+    was_there = False
+    going = list(sims)
+    for sim in sims:
+        sim.write(b"hello\n")  # its first hello comes before its settings
+    while (going or pending) and not stopped():
+        there = outlet.connected()
+        if there and not was_there:
+            pending = f"# {REPLAY_NOTE}\n".encode() + pending
+        elif not there and not wait_for_reader:
+            pending = b""
+        was_there = there
+        poll = select.poll()
+        for sim in [] if pending else going:
+            poll.register(sim.fd, select.POLLIN)
+        if there:
+            poll.register(outlet.fd(), select.POLLIN | (select.POLLOUT if pending else 0))
+        poll.poll(1000 * WAIT_S)
+        if there:
+            said = outlet.read()
+            for sim in sims:
+                sim.write(said)
+            pending = pending[outlet.write(pending) :] if pending else b""
+        if not pending:
+            ready = select.select([sim.fd for sim in going], [], [], 0)[0]
+            pending = b"".join(sim.read() for sim in going if sim.fd in ready)
+            going = [sim for sim in going if not sim.ended]
+
+
+def _drain(outlet: Outlet, stopped: Callable[[], bool]) -> None:
+    """Wait until the reader has taken what is on its way, or has gone."""
+    quiet = 0
+    while outlet.connected() and quiet < 2 and not stopped():
+        quiet = quiet + 1 if outlet.drained() else 0
+        time.sleep(WAIT_S)

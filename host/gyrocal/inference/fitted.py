@@ -1,0 +1,124 @@
+"""What a fit found: one axis, and a session's model with its axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gyrocal.effects.base import Role
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.blocks import Blocks
+from gyrocal.inference.design import Design, Mask
+from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.whitening import Noise
+from gyrocal.recording.session import Array, Session
+
+
+@dataclass(frozen=True)
+class AxisFit:
+    """A fitted axis. ``terms`` and ``noise_model`` carry values and standard errors; ``loglik`` is REML's."""
+
+    design: Design
+    noise: Noise
+    spreads: Spreads
+    solution: Solution
+    terms: tuple[Term, ...]
+    grams: Array = field(repr=False)
+    logdet: Array = field(repr=False)
+    noise_model: AxisNoise = field(default_factory=AxisNoise)
+
+    @property
+    def loglik(self) -> float:
+        return self.solution.loglik
+
+    @property
+    def turn_on_sd_dps(self) -> float:
+        """Spread of the bias over power cycles, deg/s."""
+        return self.scenario_sd(self.spreads.scenario, Role.BIAS)
+
+    @property
+    def slow_power(self) -> float:
+        """Mean square, dps^2, of drift and turn-on bias: the floor's slow part."""
+        return self.noise.ou_sd_dps**2 + self.turn_on_sd_dps**2
+
+    @property
+    def scale_spread_dps(self) -> float:
+        """rms, deg/s, of the scale's own spread from power cycle to power cycle; it is no part of the floor."""
+        scale_sd = self.scenario_sd(self.spreads.scenario, Role.SCALE)
+        rates = [
+            float(np.mean(b.run.rate_dps**2)) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks
+        ]
+        samples = [len(b.run) for b in self.design.blocks]
+        rate_power = float(np.average(rates, weights=samples))
+        return scale_sd * float(np.sqrt(rate_power))
+
+    def scenario_sd(self, of: Array, role: Role) -> float:
+        """Of values [k], one for each spread over power cycles, that of the bias or the scale; 0 where there is none."""
+        for k, j in enumerate(self.design.layout.scenario):
+            if self.design.terms[self.design.layout.fixed[j][0]].effect.role is role:
+                return float(np.nan_to_num(of[k]))
+        return 0.0
+
+    def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
+        """The solution from some of the runs."""
+        return solve(
+            self.design.layout, self.grams[runs], self.logdet[runs], self.design.scenarios[runs],
+            int(self.design.n_blocks[runs].sum()), spreads or self.spreads,
+        )  # fmt: skip
+
+    def spreads_without(self, held_out: Mask) -> Spreads:
+        """Spreads of what runs have of their own, estimated again from the runs that are not held out.
+
+        The spread of power cycles is noise and stays as fitted, as white noise and drift do: a few cycles that happen to agree
+        would have none, and foretell the next with a certainty that nobody has.
+        """
+        if not self.spreads.run.size:
+            return self.spreads
+        kept = ~held_out
+        again = fit_spreads(
+            self.design, self.grams[kept], self.logdet[kept], self.design.scenarios[kept],
+            int(self.design.n_blocks[kept].sum()), self.spreads,
+        )  # fmt: skip
+        return Spreads(again.run, self.spreads.scenario)
+
+    def run_coefficients(self, run: int, beta: Array, spreads: Spreads) -> Array:
+        """Posterior mean of a run's own random coefficients [k], given shared ``beta``; its scenario's offset is free too."""
+        layout = self.design.layout
+        if not layout.run:
+            return np.zeros(0)
+        random, sd = layout.random, spreads.of(layout)
+        residual = np.concatenate([[1.0], -beta, np.zeros(len(layout.run))])
+        gram = self.grams[run]
+        m = np.eye(random.size) + sd[:, None] * gram[np.ix_(random, random)] * sd
+        u = sd * np.linalg.solve(m, sd * (gram[random] @ residual))
+        return np.asarray(u[: len(layout.run)])
+
+    def predict(self, run: int, beta: Array, u: Array) -> Array:
+        """Modelled minus true rate at every sample of a run, shape [n], deg/s."""
+        columns = self.design.sample_columns(self.design.blocks[run])
+        out = np.zeros(len(self.design.blocks[run].run))
+        for (i, j), b in zip(self.design.layout.fixed, beta, strict=True):
+            out += b * columns[i][:, j]
+        for (i, j), b in zip(self.design.layout.run, u, strict=True):
+            out += b * columns[i][:, j]
+        return out
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model: one :class:`AxisFit` for each axis that the model covers."""
+
+    session: Session
+    blocks: list[Blocks]
+    model: Model
+    axes: dict[str, AxisFit]
+
+    @property
+    def loglik(self) -> float:
+        return sum(a.loglik for a in self.axes.values())
+
+    def on(self, axis: str, fitted: AxisFit | None = None) -> Fit:
+        """One axis alone, as it is or ``fitted`` otherwise."""
+        return replace(self, axes={axis: fitted or self.axes[axis]})

@@ -1,0 +1,160 @@
+"""The search for the noise of an axis: white level, drift and spreads by restricted maximum likelihood, terms as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gyrocal.inference.design import SLOW_S, Design
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.reml import (
+    NO_SPREAD,
+    Spreads,
+    SpreadScale,
+    fit_spreads,
+    maximise,
+    solve,
+    solve_with_slopes,
+    unknown_spreads,
+)
+from gyrocal.noise.whitening import Noise
+from gyrocal.recording.session import Array
+
+LEAST_WHITE_DPS = 1e-5
+"""No reading is less noisy than this: a thousandth of a count."""
+STEP = 1e-4
+"""Of logarithms, for numerical gradients: far above the likelihood's rounding."""
+
+
+def white_start(design: Design) -> float:
+    """White noise of one sample, deg/s, from the scatter within blocks."""
+    ss = sum(b.within_ss[design.axis] for b in design.blocks)
+    n = sum(b.within_n for b in design.blocks)
+    if n >= 10:
+        return max(float(np.sqrt(ss / n)), LEAST_WHITE_DPS)
+    jumps = np.concatenate([np.diff(b.y_dps[:, design.axis]) for b in design.blocks])
+    return float(max(np.sqrt(np.mean(jumps**2) / 2) if jumps.size else 0.0, LEAST_WHITE_DPS))
+
+
+def _drifts(design: Design) -> bool:
+    """Has the model a drift, and are the runs long enough to show one?"""
+    longest_s, block_s = design.extent_s
+    return design.noise_model.drift is not None and longest_s > 10 * block_s
+
+
+def first_noise(design: Design) -> Noise:
+    """Where the search for the noise begins."""
+    white0 = white_start(design)
+    return Noise(white0, white0 / 10, 20.0) if _drifts(design) else Noise(white0)
+
+
+def carry_spreads(old: AxisFit, design: Design) -> Spreads:
+    """Spreads to begin with for a design that has more terms than ``old``: its own, and unknown ones for the new terms."""
+    fresh = unknown_spreads(design)
+    fresh.run[: old.spreads.run.size] = old.spreads.run
+    return Spreads(
+        fresh.run, old.spreads.scenario if old.spreads.scenario.size == fresh.scenario.size else fresh.scenario
+    )
+
+
+def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
+    """A fit at given noise: spreads by REML on the Grams, no filtering again."""
+    grams, logdet = design.grams(noise)
+    n = int(design.n_blocks.sum())
+    spreads = fit_spreads(design, grams, logdet, design.scenarios, n, spreads)
+    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
+    return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
+
+
+@dataclass(frozen=True)
+class NoiseScale:
+    """The coordinates in which noise is searched: logarithms of the white level and, with drift, of its variance and time.
+
+    The drift's size is relative to the white level, so that one factor scales all noise.
+    """
+
+    white_sd_dps: float
+    """Where the white level is expected."""
+    drift_unit_dps: float
+    """Spread of a drift that moves a mean over ``SLOW_S`` as white noise does."""
+    bounds: tuple[tuple[float, float], ...]
+
+    @staticmethod
+    def of(design: Design) -> NoiseScale:
+        white0 = white_start(design)
+        longest_s, block_s = design.extent_s
+        samples = max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks]))))
+        unit = float(white0 / np.sqrt(SLOW_S / block_s * samples))
+        bounds = [(float(np.log(white0)) - 0.2, float(np.log(white0)) + 3.0)]
+        if _drifts(design):
+            slow_s = max(SLOW_S, 5 * block_s)
+            bounds.append((NO_SPREAD, float(np.log1p((150 * white0 / unit) ** 2))))
+            bounds.append((float(np.log(slow_s)), float(np.log(max(4 * slow_s, 5 * longest_s)))))
+        return NoiseScale(white0, unit, tuple(bounds))
+
+    @property
+    def drift(self) -> bool:
+        return len(self.bounds) > 1
+
+    def coordinates(self, noise: Noise) -> Array:
+        """Coordinates [1 or 3] of a noise, within the bounds."""
+        x = [np.log(noise.white_sd_dps)]
+        if self.drift:
+            size = noise.ou_sd_dps / self.drift_unit_dps * self.white_sd_dps / noise.white_sd_dps
+            # no drift in the poorer model may be one in the richer
+            x += [max(float(np.log1p(size**2)), float(np.log(2.0))), np.log(noise.ou_tau_s)]
+        return np.asarray(np.clip(x, *np.transpose(self.bounds)))
+
+    def noise(self, x: Array) -> Noise:
+        """The noise at coordinates [1 or 3]."""
+        times = float(np.exp(x[0])) / self.white_sd_dps
+        if not self.drift:
+            return Noise(times * self.white_sd_dps)
+        drift_sd_dps = times * float(self.drift_unit_dps * np.sqrt(np.expm1(x[1])))
+        return Noise(times * self.white_sd_dps, drift_sd_dps, float(np.exp(x[2])))
+
+
+def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
+    """The noise of a design by REML: white level, drift and spreads together; the search begins at the noise of ``start``."""
+    if start is None:
+        start = with_noise(design, first_noise(design), unknown_spreads(design))
+    noise_scale, n = NoiseScale.of(design), int(design.n_blocks.sum())
+    log_white0 = float(np.log(noise_scale.white_sd_dps))
+    m, k = len(noise_scale.bounds), start.spreads.run.size
+    scale = SpreadScale.of(design, start.grams)
+    cache: dict[bytes, tuple[Array, Array]] = {}
+
+    def grams_at(x: Array) -> tuple[Array, Array]:
+        key = x[1:m].tobytes()
+        if key not in cache:
+            if len(cache) > 8:
+                cache.clear()
+            cache[key] = design.grams(noise_scale.noise(np.concatenate([[log_white0], x[1:m]])))
+        grams, logdet = cache[key]
+        log_times = float(x[0] - log_white0)
+        return grams * np.exp(-2 * log_times), logdet + 2 * log_times * design.n_blocks
+
+    def loglik(x: Array) -> tuple[float, Array]:
+        sd = scale.spreads(x[m:])
+        spreads = Spreads(sd[:k], sd[k:])
+        solution, slopes = solve_with_slopes(design.layout, *grams_at(x), design.scenarios, n, spreads)
+        of_noise = np.zeros(m)
+        for j in range(m):
+            step = np.zeros_like(x)
+            step[j] = STEP
+            moved = solve(design.layout, *grams_at(x + step), design.scenarios, n, spreads)
+            of_noise[j] = (moved.loglik - solution.loglik) / STEP
+        return solution.loglik, np.concatenate([of_noise, scale.slopes(x[m:], slopes)])
+
+    begin = np.concatenate([
+        noise_scale.coordinates(start.noise), scale.coordinates(np.concatenate([start.spreads.run, start.spreads.scenario]))
+    ])  # fmt: skip
+    x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds], n)
+    noise, sd = noise_scale.noise(x[:m]), scale.settled(x[m:])
+    if noise_scale.drift and x[1] < 10 * NO_SPREAD:
+        noise = replace(noise, ou_sd_dps=0.0)
+    grams, logdet = design.grams(noise)
+    spreads = Spreads(sd[:k], sd[k:])
+    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
+    return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)

@@ -1,0 +1,120 @@
+"""Which columns of another's table are taken, in which units: ``target=column[:unit][*factor]``, see docs/importing.md."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gyrocal.errors import InputError
+from gyrocal.recording.session import AXES
+from gyrocal.recording.table import OPTIONAL, REQUIRED
+
+TARGETS = (*REQUIRED, *OPTIONAL)
+STANDARD_GRAVITY = 9.80665
+
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_RATE = {"dps": 1.0, "deg/s": 1.0, "mdps": 1e-3, "rad/s": 180.0 / math.pi}
+_ACCELERATION = {"g": 1.0, "mg": 1e-3, "m/s2": 1.0 / STANDARD_GRAVITY, "m/s^2": 1.0 / STANDARD_GRAVITY}
+_ANGLE = {"deg": 1.0, "rad": 180.0 / math.pi, "turn": 360.0}
+_TEMPERATURE = {"degC": (1.0, 0.0), "C": (1.0, 0.0), "K": (1.0, -273.15), "degF": (1 / 1.8, -32 / 1.8)}
+
+EUROC = (
+    "t_s=timestamp [ns]:ns",
+    *(f"g{a}_dps=w_RS_S_{a} [rad s^-1]:rad/s" for a in AXES),
+    *(f"a{a}_g=a_RS_S_{a} [m s^-2]:m/s2" for a in AXES),
+)
+FORMATS = {"euroc": EUROC}
+"""Mappings of known forms; ``euroc``: ``imu0/data.csv`` of EuRoC and the data sets that copy it."""
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """What ``counts`` and ``samples`` mean in a file: size of one count, samples a second."""
+
+    rate_hz: float | None = None
+    lsb_dps: float | None = None
+    lsb_g: float | None = None
+
+    def check(self) -> None:
+        """InputError naming the option whose value is not a positive number."""
+        for name, size in vars(self).items():
+            if size is not None and not (math.isfinite(size) and size > 0):
+                raise InputError(f"--{name.replace('_', '-')}: {size} is not a positive number")
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """One column to take: ``value = column * factor + offset``, in the target's own unit."""
+
+    target: str
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    @staticmethod
+    def parse(text: str, scaling: Scaling) -> ColumnMap:
+        """Read ``target=column[:unit][*factor]``; ``/number`` divides. InputError says what is wrong."""
+        target, equals, rest = text.partition("=")
+        target = target.strip()
+        if not equals or not rest.strip():
+            raise InputError(f"--map {text}: want TARGET=COLUMN[:UNIT][*FACTOR], for example gx_dps=gyr_x:rad/s")
+        if target not in TARGETS:
+            raise InputError(f"--map {text}: no column {target!r} in a session; there are {', '.join(TARGETS)}")
+        multiplier = 1.0
+        tail = re.fullmatch(r"(.*\S)\s*([*/])\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)", rest)
+        if tail:
+            rest = tail[1]
+            try:
+                multiplier = float(tail[3]) if tail[2] == "*" else 1.0 / float(tail[3])
+            except (ValueError, ZeroDivisionError):
+                multiplier = math.nan
+            if not math.isfinite(multiplier) or multiplier == 0.0:
+                raise InputError(f"--map {text}: {tail[2]}{tail[3]} is not a usable factor")
+        column, unit = rest.strip(), None
+        units = units_of(target, scaling)
+        head, colon, last = column.rpartition(":")
+        if colon and head and last.strip() in units:
+            column, unit = head.strip(), last.strip()
+        elif colon and head and re.fullmatch(r"[A-Za-z/^2]{1,7}", last.strip()):
+            raise InputError(
+                f"--map {text}: unit {last.strip()!r} is not known here; {target} takes {', '.join(units)}"
+            )
+        scale = units[unit] if unit is not None else (1.0, 0.0)
+        if scale is None:
+            raise InputError(
+                f"--map {text}: the unit {unit} needs {'--rate-hz' if unit == 'samples' else _lsb(target)}"
+            )
+        return ColumnMap(target, column, scale[0] * multiplier, scale[1])
+
+
+def mapping_of(form: str) -> tuple[str, ...]:
+    """The mappings of a known form; InputError where there is none of that name."""
+    if form not in FORMATS:
+        raise InputError(f"--format {form}: there are {', '.join(FORMATS)}; other tables by --map")
+    return FORMATS[form]
+
+
+def units_of(target: str, scaling: Scaling) -> dict[str, tuple[float, float] | None]:
+    """Units that a target takes: name -> (factor, offset), None where an option that gives its size is missing."""
+
+    def counted(name: str, size: float | None) -> dict[str, tuple[float, float] | None]:
+        return {name: None if size is None else (size, 0.0)}
+
+    def plain(table: Mapping[str, float]) -> dict[str, tuple[float, float] | None]:
+        return {name: (factor, 0.0) for name, factor in table.items()}
+
+    if target == "t_s":
+        return plain(_TIME) | counted("samples", None if scaling.rate_hz is None else 1.0 / scaling.rate_hz)
+    if target == "temp_c":
+        return dict(_TEMPERATURE)
+    if target == "table_angle_deg":
+        return plain(_ANGLE)
+    if target.endswith("_dps"):
+        return plain(_RATE) | counted("counts", scaling.lsb_dps)
+    return plain(_ACCELERATION) | counted("counts", scaling.lsb_g)
+
+
+def _lsb(target: str) -> str:
+    return "--lsb-dps" if target.endswith("_dps") else "--lsb-g"

@@ -1,0 +1,100 @@
+"""session.toml, ``gyrocal-session/1``: its keys, read, checked and written."""
+
+from __future__ import annotations
+
+import datetime
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from gyrocal.errors import InputError
+from gyrocal.files import replace_text
+
+FORMAT = "gyrocal-session/1"
+Axis = Literal["x", "y", "z"]
+Face = Literal["up", "down"]
+
+
+class RunEntry(BaseModel):
+    """One ``[[run]]`` of session.toml."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    file: str
+    scenario: str = "s000"
+    face: Face
+    axis: Axis | None = None
+    table_rate_dps: float | None = None
+    table_rate_se_dps: float | None = Field(default=None, ge=0)
+    turn_deg: float | None = None
+    day: int | None = None
+    power_on_s: float | None = Field(default=None, ge=0)
+
+
+class SessionFile(BaseModel):
+    """session.toml."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+
+    format: Literal["gyrocal-session/1"]
+    sensor: str | None = None
+    axis: Axis = "z"
+    sample_rate_hz: float = Field(gt=0)
+    full_scale_dps: float | None = Field(default=None, gt=0)
+    lsb_dps: float | None = Field(default=None, gt=0)
+    latitude_deg: float | None = Field(default=None, ge=-90, le=90)
+    board: str | None = None
+    rig: str | None = None
+    line: str | None = None
+    made_on: str | datetime.date | None = None
+    accept: list[str] | None = None
+    run: list[RunEntry] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _files_differ(self) -> SessionFile:
+        seen: set[str] = set()
+        for entry in self.run:
+            if entry.file in seen:
+                raise ValueError(f"run file {entry.file!r} is listed twice")
+            seen.add(entry.file)
+        return self
+
+
+def read_header(folder: Path) -> SessionFile:
+    """Parse and check ``session.toml``."""
+    path = folder / "session.toml"
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; a session is a folder with session.toml and a table a run") from None
+    except NotADirectoryError:
+        raise InputError(f"{folder}: not a folder; a session is a folder with session.toml and a table a run") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: {error}") from None
+    if raw.get("format") != FORMAT:
+        raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")
+    try:
+        return SessionFile.model_validate(raw, strict=True)  # a number in quotes is none
+    except ValidationError as error:
+        raise InputError(f"{path}: {describe(error)}") from None
+
+
+def describe(error: ValidationError) -> str:
+    """The first fault that pydantic found, in a person's words."""
+    fault = error.errors()[0]
+    where = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in fault["loc"])
+    message = fault["msg"].removeprefix("Value error, ")
+    return (
+        f"{where}: {message} (got {fault['input']!r})" if where and fault["type"] != "missing" else f"{where} {message}".strip()
+    )
+
+
+def write_header(folder: Path, header: Mapping[str, Any], runs: Iterable[Mapping[str, Any]]) -> None:
+    """Write ``session.toml`` whole or not at all; keys that are None are left out."""
+    content: dict[str, Any] = {k: v for k, v in header.items() if v is not None}
+    content["run"] = [{k: v for k, v in entry.items() if v is not None} for entry in runs]
+    replace_text(folder / "session.toml", tomli_w.dumps(content), durable=False)

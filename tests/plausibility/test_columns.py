@@ -1,0 +1,78 @@
+"""Times and acceleration: any time a reader accepts is judged, and gravity may lie across the table's axis."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.plausibility import check
+from gyrocal.recording.session import Session
+from make_runs import Array, make_run, make_session
+
+
+def pair(t_s: Array, rate_dps: float = 72.0, rate_hz: float = 100.0, acc_unit: float = 1.0, across: bool = True) -> Session:
+    """Two turning runs, face up and face down; ``across``: the table's axis lies level, and gravity turns about it."""
+    rng = np.random.default_rng(4)
+    runs = []
+    for face, sign in (("up", 1.0), ("down", -1.0)):
+        gyro = rng.normal([0.3, -0.2, 0.4 + sign * rate_dps * 1.004], 0.05, (t_s.size, 3))
+        angle = np.deg2rad(rate_dps * np.arange(t_s.size) / rate_hz)
+        gravity = (
+            np.array([np.cos(angle), -sign * np.sin(angle), 0 * angle]) if across else np.outer([0, 0, sign], 1 + 0 * angle)
+        )
+        acc = (gravity + rng.normal(0, 0.003, gravity.shape) + [[0.01], [-0.01], [0.008]]) * acc_unit
+        columns = dict(zip(("ax_g", "ay_g", "az_g"), acc, strict=True))
+        runs.append(make_run(t_s, gyro, table_rate_dps=rate_dps, face=face, rate_hz=rate_hz, **columns))
+    return make_session(*runs)
+
+
+def with_gap(seconds: float) -> Array:
+    t_s = np.arange(1500) / 100.0
+    t_s[700:] += seconds
+    return t_s
+
+
+@pytest.mark.parametrize(
+    ("t_s", "rate_hz"),
+    [(np.arange(1500) * 10.0, 100.0), (np.arange(300) * 10.0, 0.1), (with_gap(3600.0), 100.0), (with_gap(86400.0), 100.0)],
+    ids=["ms", "0.1 Hz", "a gap of an hour", "a gap of a day"],
+)
+def test_slow_and_broken_times_are_judged(t_s: Array, rate_hz: float) -> None:
+    session = pair(t_s, rate_hz=rate_hz, across=False)
+    compared, found = compare(session), diagnose(session)
+    assert [w.code for w in compared.warnings] == ["sample_rate"]
+    assert found.to_json()["warnings"] == compared.to_json()["warnings"]
+    assert "ms?" in compared.warnings[0].text
+
+
+@pytest.mark.parametrize("samples", [60, 80, 600])
+@pytest.mark.parametrize("burst", [4, 8, 16, 32])
+def test_bursts_do_not_change_the_rate(samples: int, burst: int) -> None:
+    number = np.arange(samples)
+    t_s = number // burst * burst / 10.0 + number % burst * 2e-4
+    assert check(pair(t_s, rate_hz=10.0, across=False)) == []
+    assert [w.code for w in check(pair(t_s * 1.1, rate_hz=10.0, across=False))] == ["sample_rate"]
+
+
+@pytest.mark.parametrize("rate_dps", [30.0, 72.0, 150.0])
+@pytest.mark.parametrize("seconds", [5.0, 10.0, 33.0])
+def test_gravity_that_turns_about_the_axis_contradicts_nothing(rate_dps: float, seconds: float) -> None:
+    t_s = np.arange(int(seconds * 100)) / 100.0
+    assert check(pair(t_s, rate_dps)) == []
+
+
+@pytest.mark.parametrize("across", [True, False])
+def test_the_unit_of_a_turning_acceleration(across: bool) -> None:
+    told = check(pair(np.arange(1000) / 100.0, acc_unit=9.80665, across=across))
+    assert [w.code for w in told] == ["accel_unit"]
+    assert "9.8" in told[0].text
+
+
+def test_a_face_that_gravity_contradicts_in_another_unit() -> None:
+    session = pair(np.arange(1000) / 100.0, acc_unit=9.80665, across=False)
+    rest = replace(session.runs[0], table_rate_dps=0.0, face="down", index=2, file="rest.csv")
+    rest = replace(rest, frame=rest.table.with_columns(gz_dps=rest.table["gz_dps"] - 72.0 * 1.004))
+    told = check(session.with_runs([*session.runs, rest]))
+    assert [(w.code, w.file) for w in told] == [("face_wrong", "rest.csv"), ("accel_unit", None)]

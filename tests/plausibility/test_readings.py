@@ -1,0 +1,124 @@
+"""Readings by themselves: what stands still, what is cut off, how a run begins; at any sample rate and size of a count."""
+
+import numpy as np
+import pytest
+
+from gyrocal.plausibility import check
+from gyrocal.recording.session import Session
+from make_runs import Array, make_run, make_session
+
+
+def rounded(values: Array, count_dps: float) -> Array:
+    return np.round(values / count_dps) * count_dps
+
+
+def pair(
+    rate_hz: float = 100.0, seconds: float = 20.0, rate_dps: float = 78.0, noise_dps: float = 0.05, count_dps: float = 0.00875
+) -> list[Array]:
+    """Readings of a run face up and one face down, each [n, 3]."""
+    rng = np.random.default_rng(5)
+    n = int(seconds * rate_hz)
+    return [
+        rounded(rng.normal([0.3, -0.2, 0.4 + sign * rate_dps * 1.004], noise_dps, (n, 3)), count_dps) for sign in (1.0, -1.0)
+    ]
+
+
+def recorded(readings: list[Array], rate_hz: float = 100.0, rate_dps: float = 78.0, **fields: float) -> Session:
+    runs = [
+        make_run(np.arange(len(y)) / rate_hz, y, table_rate_dps=rate_dps, face=face, rate_hz=rate_hz)
+        for y, face in zip(readings, ("up", "down"), strict=False)
+    ]
+    return make_session(*runs, **fields)
+
+
+def swing(rate_hz: float, lag_s: float = 0.0, noise_dps: float = 0.05, count_dps: float = 0.01) -> tuple[Array, Array, Array]:
+    """Times, true rate and readings about z of a platform that swings; the sensor's filter starts at the first rate."""
+    rng = np.random.default_rng(6)
+    t_s = np.arange(int(20 * rate_hz)) / rate_hz
+    rate = 60 * np.sin(5.5 * t_s + 0.2) + 25 * np.sin(2.1 * t_s + 1.0)
+    y = rate.copy()
+    for i in range(1, y.size if lag_s else 0):
+        y[i] = y[i - 1] + (1 - np.exp(-1 / rate_hz / lag_s)) * (rate[i] - y[i - 1])
+    noise = rng.normal(0, noise_dps, (t_s.size, 3))
+    return t_s, rate, rounded(np.column_stack([0 * y, 0 * y, y * 1.01 + 0.5]) + noise, count_dps)
+
+
+@pytest.mark.parametrize(("rate_hz", "standing"), [(10.0, 5), (10.0, 40), (25.0, 21), (50.0, 40), (50.0, 60), (100.0, 55)])
+@pytest.mark.parametrize("rate_dps", [0.0, 78.0])
+def test_half_a_second_at_any_sample_rate(rate_hz: float, standing: int, rate_dps: float) -> None:
+    readings = pair(rate_hz, rate_dps=rate_dps)
+    readings[0][30 : 30 + standing] = readings[0][30]
+    told = check(recorded(readings, rate_hz, rate_dps))
+    expected = 5 if standing == 5 else 0  # five equal readings of noise are too few to exclude chance
+    assert [w.code for w in told] == ([] if expected else ["constant_reading"] * 3)
+
+
+@pytest.mark.parametrize(("rate_hz", "standing"), [(10.0, 9), (25.0, 15), (100.0, 50)])
+def test_standing_while_the_rate_moves(rate_hz: float, standing: int) -> None:
+    """Counts so coarse that noise does not show: the true rate alone tells."""
+    t_s, rate, y = swing(rate_hz, noise_dps=0.01, count_dps=0.1)
+    y[40 : 40 + standing, 2] = y[40, 2]
+    told = check(make_session(make_run(t_s, y, rate_ref_dps=rate, rate_hz=rate_hz)))
+    assert [(w.code, w.axis) for w in told if w.blocking] == [("constant_reading", "z")]
+
+
+@pytest.mark.parametrize("noise_counts", [0.02, 0.1, 0.2, 0.3, 0.45])
+@pytest.mark.parametrize("count_dps", [0.07, 0.1])
+@pytest.mark.parametrize("rate_dps", [0.0, 45.0, 614.0])
+@pytest.mark.parametrize("fields", [{}, {"full_scale_dps": 2000.0}, {"lsb_dps": 0.01}], ids=["", "range", "count"])
+def test_coarse_counts_are_sound(noise_counts: float, count_dps: float, rate_dps: float, fields: dict[str, float]) -> None:
+    """Drift over the edge of a count, long stretches in its middle, and a third of the readings at the largest value."""
+    readings = pair(200.0, 15.0, rate_dps, 1e-9, 1e-9)
+    rng = np.random.default_rng(7)
+    for y in readings:
+        y += np.linspace(-0.8, 1.3, len(y))[:, None] * count_dps + rng.normal(0, noise_counts * count_dps, y.shape)
+    assert check(recorded([rounded(y, count_dps) for y in readings], 200.0, rate_dps, **fields)) == []
+
+
+def test_a_noisy_reference_is_no_noise_of_the_sensor() -> None:
+    t_s, rate, y = swing(208.0, noise_dps=0.005, count_dps=0.1)
+    still = np.abs(np.sin(0.3 * t_s)) < 0.5  # the platform rests now and then
+    rate, y = np.where(still, 0.0, rate), np.where(still[:, None], 0.5, y)
+    noisy = rate + np.random.default_rng(8).normal(0, 0.3, rate.size)
+    told = check(make_session(make_run(t_s, rounded(y, 0.1), rate_ref_dps=noisy, rate_hz=208.0)))
+    assert [w for w in told if w.axis == "z"] == []
+
+
+@pytest.mark.parametrize("count_dps", [0.00875, 0.1])
+@pytest.mark.parametrize("range_dps", [43.21, 60.0])
+def test_a_range_that_nobody_states_is_seen_by_the_true_rate(count_dps: float, range_dps: float) -> None:
+    t_s, rate, y = swing(100.0, noise_dps=0.02, count_dps=count_dps)
+    (told,) = check(make_session(make_run(t_s, np.clip(y, -range_dps, range_dps), rate_ref_dps=rate)))
+    assert (told.code, told.axis) == ("clipped", "z")
+
+
+@pytest.mark.parametrize("range_dps", [250.0, 333.0])
+def test_a_stated_range(range_dps: float) -> None:
+    readings = [np.clip(y, -range_dps, range_dps) for y in pair(rate_dps=range_dps * 1.1)]
+    told = check(recorded(readings, rate_dps=range_dps * 1.1, full_scale_dps=range_dps))
+    assert [(w.code, w.axis) for w in told] == [("clipped", "z")]
+
+
+@pytest.mark.parametrize("factor", [2.35, 10.0])
+def test_coarse_counts_do_not_hide_a_wrong_scale(factor: float) -> None:
+    readings = [y * factor for y in pair(200.0, 15.0, noise_dps=0.02, count_dps=0.07)]
+    told = check(recorded(readings, 200.0, lsb_dps=0.07))
+    assert [w.code for w in told if w.blocking] == ["scale_implausible"]
+    assert "clipped" not in {w.code for w in told}
+
+
+@pytest.mark.parametrize("value", [0.0, 1.25, 50.0])
+def test_a_dead_axis_is_not_cut_off(value: float) -> None:
+    readings = pair()
+    for y in readings:
+        y[:, 2] = value
+    assert [(w.code, w.axis) for w in check(recorded(readings))] == [("constant_reading", "z")]
+
+
+@pytest.mark.parametrize("lag_s", [0.005, 0.02])
+@pytest.mark.parametrize("rate_hz", [100.0, 145.0, 416.0])
+def test_a_filter_starts_without_its_lag(lag_s: float, rate_hz: float) -> None:
+    t_s, rate, y = swing(rate_hz, lag_s)
+    assert check(make_session(make_run(t_s, y, rate_ref_dps=rate, rate_hz=rate_hz))) == []
+    y[:2, 2] += 40.0
+    assert [w.code for w in check(make_session(make_run(t_s, y, rate_ref_dps=rate, rate_hz=rate_hz)))] == ["first_sample"]
