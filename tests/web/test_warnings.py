@@ -27,5 +27,5 @@ def test_the_warning_stands_on_top(served: Any, look: Callable[..., Any]) -> Non
     assert "(face_wrong)" in told.inner_text()
     assert not page.get_by_text("The model fits.").is_visible()
     page.get_by_role("button", name="Diagnose").first.click()
-    page.get_by_text("nothing is judged on its axis").first.wait_for()
+    page.get_by_text("its axis is not judged").first.wait_for()
     assert page.locator('[aria-label="what is missing"] [aria-label="warnings"]').is_visible()

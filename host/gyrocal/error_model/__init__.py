@@ -1,4 +1,4 @@
-"""The error model: a list of effects with parameters, as a person edits it, and effects written as a formula.
+"""The error model: effects and noise with parameters in a file that a person can edit, and effects written as a formula.
 
-It imports ``recording``, ``noise``, ``effects`` and ``variables``.
+This folder imports ``recording``, ``noise``, ``effects`` and ``variables``.
 """

@@ -1,8 +1,9 @@
 """A user's own effect in one line: ``k1*sin(3*theta) + k2*temp_c*rate``.
 
-Parsed, never run as Python: numbers, the variables and functions below, ``+ - * / **`` and parentheses; every other name is a
-parameter. A parameter that multiplies a whole term is linear, one inside a term is nonlinear and needs a value to start from:
-``A*exp(-t/tau); tau=5``. With ``; each run`` the linear parameters are of another size and sign in each run, about zero.
+A formula is parsed and never executed as Python. It consists of numbers, the variables and functions below, ``+ - * / **`` and
+parentheses. Every other name is a parameter. A parameter that multiplies a whole term is linear. A parameter inside a term is
+nonlinear and needs a start value: ``A*exp(-t/tau); tau=5``. With ``; each run`` the linear parameters differ in size and sign
+from run to run, about zero.
 """
 
 from __future__ import annotations
@@ -32,14 +33,14 @@ OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
 }  # fmt: skip
 SEARCH = 10.0
-"""A nonlinear parameter is searched between its start divided and multiplied by this."""
+"""A nonlinear parameter is searched from its start value divided by this factor to its start value times this factor."""
 
 
 class FormulaEffect(Effect):
-    """An effect given by a formula. ``start`` holds its nonlinear parameters' first values. A subclass may stand in a file."""
+    """An effect given by a formula. ``start`` holds the start values of its nonlinear parameters. A file may subclass it."""
 
-    cause, looks_like = "Given by the user as a formula.", "whatever has the same shape on this session"
-    measure_next = "vary what the formula depends on"
+    cause, looks_like = "Given by the user as a formula.", "any effect with the same shape in this session"
+    measure_next = "vary the quantities on which the formula depends"
 
     def __init__(self, text: str, name: str = "formula") -> None:
         if not name.isidentifier() or (type(self) is FormulaEffect and (name in effects() or name in COMPONENTS)):
@@ -86,7 +87,7 @@ class FormulaEffect(Effect):
         return np.array([values.get(n, 0.0) for n in self.used(values)]) if self.scope == "run" else super().spread(values)
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        """Of coefficients that differ from run to run about zero the value is their root mean square."""
+        """Root mean square as the value of coefficients that differ from run to run about zero."""
         return dict(zip(self.used(values), map(float, spread), strict=True))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
@@ -101,7 +102,7 @@ class FormulaEffect(Effect):
 
 
 def effect_or_formula(text: str) -> Effect:
-    """An effect's id, or ``[NAME:] FORMULA`` as on the command line."""
+    """The effect given by an id or by ``[NAME:] FORMULA``, as on the command line. Raises InputError if it is neither."""
     if not any(c in text for c in "*+-/(: "):
         return effect(text)
     name, colon, rest = text.partition(":")
@@ -127,7 +128,7 @@ def _parse(expression: str, text: str) -> ast.expr:
 
 
 def _check(node: ast.AST, text: str) -> None:
-    """Only what a formula is made of; anything else of the language is refused by name."""
+    """Accept only the elements of a formula. Raises InputError, which names the element, for anything else of Python."""
     fine = isinstance(node, ast.Name | ast.Load | ast.UnaryOp | ast.USub | ast.UAdd)
     fine = fine or (isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool))
     fine = fine or (isinstance(node, ast.BinOp) and type(node.op) in OPERATORS) or type(node) in OPERATORS
@@ -162,7 +163,7 @@ def _factors(node: ast.expr) -> list[ast.expr]:
 
 
 def _term(node: ast.expr, sign: float, start: Mapping[str, float], text: str) -> tuple[str, ast.expr]:
-    """(its linear parameter, the rest of it): exactly one free name multiplies a term."""
+    """The linear parameter of a term and the rest of the term. Exactly one free name must multiply the term."""
     factors = _factors(node)
     fixed = symbols().keys() | CONSTANTS.keys() | start.keys()
     free = [f for f in factors if isinstance(f, ast.Name) and f.id not in fixed]
@@ -185,7 +186,7 @@ def _names(node: ast.expr) -> set[str]:
 
 
 def _value(node: ast.expr, known: Mapping[str, Any]) -> Any:
-    """The formula's value, node by node."""
+    """The value of the formula, evaluated node by node."""
     if isinstance(node, ast.Constant):
         return float(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):

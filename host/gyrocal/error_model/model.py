@@ -1,4 +1,4 @@
-"""An error model: which effects and which noise make the reading of each axis; the TOML file a person edits."""
+"""An error model: the effects and the noise of each axis, and the TOML file that a person can edit."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ HEADER = """\
 
 @dataclass(frozen=True)
 class Term:
-    """One effect on one axis. ``values`` holds its parameters (none yet where it has not been fitted), ``se`` their errors."""
+    """One effect on one axis. ``values`` holds its parameters (empty before a fit), ``se`` their standard errors."""
 
     effect_id: str
     axis: str
     values: Values = field(default_factory=dict)
     se: Values = field(default_factory=dict)
     own: Effect | None = field(default=None, repr=False, compare=False)
-    """An effect that is not in the library: a user's, or a probe of the comparison."""
+    """An effect that is not in the library: a user's own, or a probe of the comparison."""
     of_run: Mapping[int, Values] = field(default_factory=dict, repr=False)
-    """Nonlinear parameters that a fit has found to be a run's own, by the run's index."""
+    """Nonlinear parameters that differ from run to run, by the run's index."""
 
     @staticmethod
     def of(kind: Effect, axis: str, values: Values | None = None) -> Term:
-        """A term of an effect that may be a user's own."""
+        """A term of an effect, which may be a user's own."""
         own = None if base.effects().get(kind.id) is kind else kind
         return Term(kind.id, axis, {} if values is None else values, own=own)
 
@@ -58,16 +58,16 @@ class Term:
 
     @property
     def fault(self) -> ReadingFault | None:
-        """The fault of the reading that the values describe; None where they describe a term of the reading."""
+        """The fault of the reading that the values describe; None if they describe a term of the reading."""
         return self.effect.fault_of(self.values)
 
     def values_in(self, run: Run) -> Values:
-        """The values that hold in one run."""
+        """The values in one run."""
         return {**self.values, **self.of_run.get(run.index, {})}
 
     @property
     def spreadable(self) -> str | None:
-        """The nonlinear parameter that may differ from run to run: that of an effect with one column of each run's own."""
+        """The nonlinear parameter that may differ from run to run: only an effect of each run with one column has one."""
         kind = self.effect
         if kind.scope != "run" or len(kind.groups(self.values)) != 1:
             return None
@@ -95,7 +95,7 @@ class Line:
 
     @property
     def inherent(self) -> bool:
-        """Whether every sensor has it: scale, bias and noise are reported, but never called missing."""
+        """True if every sensor has it. Scale, bias and noise are reported but never called missing."""
         return not isinstance(self.kind, Effect) or self.kind.role is not None
 
 
@@ -109,7 +109,11 @@ class Model:
 
     @staticmethod
     def builtin(name: str) -> Model:
-        """``paper``: scale, bias and white noise, eq. (4) to the letter. ``default``: also turn-on bias and coloured noise."""
+        """The built-in model of this name.
+
+    ``paper`` has scale, bias and white noise, exactly as in eq. (4). ``default`` also has turn-on bias and coloured noise.
+    Raises InputError for another name.
+    """
         noises = {"paper": AxisNoise(), "default": AxisNoise(drift=Drift(), turn_on_bias=TurnOnBias())}
         if name not in noises:
             raise InputError(f"--model {name}: neither a file nor one of {', '.join(noises)}")
@@ -140,12 +144,12 @@ class Model:
 
     @property
     def ids(self) -> list[str]:
-        """Ids of effects and noises, each once, in order."""
+        """Ids of all effects and noise components, in order and without repetition."""
         return list(dict.fromkeys(line.id for line in self.lines()))
 
     @property
     def axes(self) -> list[str]:
-        """The axes that the model says anything of."""
+        """The axes on which the model has a term."""
         return [axis for axis in AXES if self.on(axis) or self.noise_on(axis).components]
 
     def on(self, axis: str) -> list[Term]:
@@ -156,15 +160,15 @@ class Model:
 
     @property
     def effect_ids(self) -> list[str]:
-        """Ids of the effects that not every sensor has, each once, in order."""
+        """Ids of the effects that not every sensor has, in order and without repetition."""
         return list(dict.fromkeys(line.id for line in self.lines() if not line.inherent))
 
     def faults(self, axis: str) -> list[tuple[ReadingFault, Values]]:
-        """The faults of the reading that the model knows on an axis, with their values."""
+        """The faults of the reading that the model contains on an axis, with their values."""
         return [(t.fault, t.values) for t in self.on(axis) if t.values and t.fault is not None]
 
     def lines(self) -> Iterator[Line]:
-        """All effects and noises: the noises after scale and bias."""
+        """The lines of all effects and noise components; noise follows scale and bias."""
         last = max((i for i, t in enumerate(self.terms) if t.effect.role is not None), default=-1)
         for term in self.terms[: last + 1]:
             yield self._line(term)
@@ -177,7 +181,7 @@ class Model:
             yield self._line(term)
 
     def _line(self, term: Term) -> Line:
-        """A term's line; that of the scale also tells its spread over power cycles."""
+        """The line of a term; that of the scale also gives its spread over power cycles."""
         spread = self.noise_on(term.axis).turn_on_scale
         if term.effect.role is not Role.SCALE or spread is None:
             return Line(term.effect, term.axis, term.values, term.se)
@@ -189,23 +193,26 @@ class Model:
         return next((t for t in self.terms if t.effect_id == effect_id and t.axis == axis), None)
 
     def line(self, effect_id: str, axis: str) -> Line | None:
-        """The line of an effect or a noise on one axis."""
+        """The line of an effect or a noise component on one axis."""
         return next((line for line in self.lines() if (line.id, line.axis) == (effect_id, axis)), None)
 
     def value(self, effect_id: str, axis: str, name: str, default: float = 0.0) -> float:
-        """One parameter's value of an effect or a noise, or ``default`` where the model has none."""
+        """The value of one parameter of an effect or a noise component; ``default`` if the model does not have it."""
         line = self.line(effect_id, axis)
         return default if line is None else line.values.get(name, default)
 
     def with_term(self, term: Term) -> Model:
-        """The model with a term added, or replaced where effect and axis are there."""
+        """The model with a term added, or replaced if the model already has its effect on its axis."""
         if self.term(term.effect_id, term.axis) is None:
             return replace(self, name=self._name(add=term.effect_id), terms=(*self.terms, term))
         same = (term.effect_id, term.axis)
         return replace(self, terms=tuple(term if (t.effect_id, t.axis) == same else t for t in self.terms))
 
     def add(self, effect_id: str, axis: str = "z") -> Model:
-        """The model with an effect, a formula or a noise on one axis, not fitted yet: ``compare`` and ``fit`` find its size."""
+        """The model with an effect, a formula or a noise component on one axis; ``compare`` and ``fit`` determine its size.
+
+        Raises InputError for an unknown id, an invalid formula or another axis than x, y or z.
+        """
         if axis not in AXES:
             raise InputError(f"axis is {axis!r}, not x, y or z")
         if effect_id in COMPONENTS:
@@ -214,7 +221,7 @@ class Model:
         return self.with_term(Term.of(effect_or_formula(effect_id), axis))
 
     def without(self, effect_id: str, axis: str | None = None) -> Model:
-        """The model without an effect or a noise, on one axis or all."""
+        """The model without an effect or a noise component, on one axis or on all axes."""
         if effect_id in COMPONENTS:
             changed = {a: n.without(effect_id) if axis in (None, a) else n for a, n in self.noise.items()}
             return replace(self, noise=changed)
@@ -233,18 +240,18 @@ class Model:
             raise InputError(f"{target}: {error.strerror}") from None
 
     def _check_written(self, partial: Path) -> None:
-        """Raises InputError where a file does not hold this model: what it was to replace is then kept."""
+        """Raise InputError if a file does not contain this model. The file that it should replace is then kept."""
         read = _parse(tomllib.loads(partial.read_text(encoding="utf-8")), partial)
         if read.name != self.name or [_shape(line) for line in read.lines()] != [_shape(line) for line in self._grouped()]:
             raise InputError(f"the model {self.name!r} cannot be written so that it reads back; the file is left as it was")
 
     def _grouped(self) -> list[Line]:
-        """The lines as the file has them: effect by effect."""
+        """The lines in the order of the file, effect by effect."""
         listed = list(self.lines())
         return [line for effect_id in self.ids for line in listed if line.id == effect_id]
 
     def toml(self) -> str:
-        """The file's text: one line an effect, the equation above it."""
+        """The text of the file: one line for each effect, with its equation above it."""
         lines = [HEADER + f'format = "{FORMAT}"', f"name = {_quoted(self.name)}"]
         white = {axis: n.white_sd_dps for axis, n in self.noise.items() if n.white_sd_dps is not None}
         if white:
@@ -270,12 +277,13 @@ def _quoted(text: str) -> str:
 
 
 def _one_line(text: str) -> str:
-    """A text fit for a comment: no line breaks, nothing that cannot be printed."""
+    """A text without line breaks and unprintable characters, for a comment."""
     return "".join(c if c.isprintable() else " " for c in text)
 
 
 def _shape(line: Line) -> tuple[str, str, str, dict[str, str], dict[str, str]]:
-    """What a file holds of a line, numbers to the digits that it keeps."""
+    """The content of a line as a file stores it, with numbers rounded to the digits of the file."""
+    formula = line.kind.equation if isinstance(line.kind, FormulaEffect) else ""
     se = {n: _number(v) for n, v in line.se.items() if math.isfinite(v)}
     return line.id, line.axis, line.formula, {n: _number(v) for n, v in line.values.items()}, se
 
@@ -318,7 +326,7 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
 
 
 def _term(kind: Effect, line: Line) -> tuple[Term, TurnOnScale | None]:
-    """The term of a line, and the spread over power cycles that the scale's line also holds."""
+    """The term of a line, and the spread over power cycles that the line of the scale also contains."""
     name = _turn_on_scale_name(kind) if kind.role is Role.SCALE else ""
     values, se = ({n: v for n, v in given.items() if n != name} for given in (line.values, line.se))
     spread = TurnOnScale(line.values[name], line.se.get(name)) if name in line.values else None
@@ -326,7 +334,7 @@ def _term(kind: Effect, line: Line) -> tuple[Term, TurnOnScale | None]:
 
 
 def _turn_on_scale_name(kind: Effect) -> str:
-    """How the line of the scale names its spread over power cycles."""
+    """The name of the spread over power cycles in the line of the scale."""
     return f"{kind.linear[0]}_sd"
 
 

@@ -1,8 +1,8 @@
-"""A session reduced to block means: what slow effects are fitted on.
+"""Block means of a session, to which slow effects are fitted.
 
-All effects but tones and reading faults vary slowly against a tenth of a second. Means over blocks of that length lose nothing
-of them (columns are averaged alike, so the fit stays exact) and are a dozen times fewer. Single readings that stand far out are
-brought back to their neighbours first.
+All effects except tones and faults of the reading vary slowly compared with a tenth of a second. Means over blocks of that
+length keep all information about them, because columns are averaged in the same way, and are about a dozen times fewer.
+Outliers are moved back to their neighbours first.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 
 @dataclass(frozen=True)
 class Blocks:
-    """One run in blocks of equally many samples; a block never spans a gap, a short one at the end is left out.
+    """One run in blocks of equally many samples. A block never spans a gap, and an incomplete last block is left out.
 
-    ``start`` [m] first sample of each block, ``n`` [m] samples in it, ``t_s`` [m] its mean time, ``y_dps`` [m, 3] mean of
-    measured minus true rate, ``within_ss`` [3] sum of squares about the blocks' means, ``within_n`` its degrees of freedom.
+    ``start`` [m] is the first sample of each block, ``n`` [m] its number of samples, ``t_s`` [m] its mean time in s, and
+    ``y_dps`` [m, 3] the mean of measured minus true rate. ``within_ss`` [3] is the sum of squares about the block means, dps^2,
+    and ``within_n`` its degrees of freedom.
     """
 
     run: Run
@@ -45,7 +46,7 @@ class Blocks:
         """Block means of per-sample columns [n_samples, k], shape [m, k]."""
         if not self.start.size:
             return np.zeros((0, columns.shape[1]))
-        if self.start.size == len(self.run):  # each sample a block
+        if self.start.size == len(self.run):  # each sample is a block
             return columns
         stop = int(self.start[-1] + self.n[-1])
         sums = np.add.reduceat(columns[:stop], self._edges, axis=0)[self._picked]
@@ -53,7 +54,7 @@ class Blocks:
 
     @cached_property
     def _edges(self) -> Index:
-        # reduceat sums up to the next edge: the end of each block is an edge too where samples between blocks are left out
+        # reduceat sums up to the next edge, so the end of each block is also an edge if samples between blocks are left out
         stops = (self.start + self.n.astype(np.intp))[:-1]
         return np.unique(np.concatenate([self.start, stops]))
 
@@ -62,7 +63,7 @@ class Blocks:
         return np.searchsorted(self._edges, self.start)
 
     def select(self, kept: np.ndarray[Any, np.dtype[np.bool_]]) -> Blocks:
-        """Some of the blocks, with their part of the scatter within blocks."""
+        """A selection of the blocks, with the corresponding fraction of the scatter within blocks."""
         share = float(kept.mean())
         return Blocks(
             self.run, self.scenario, self.start[kept], self.n[kept], self.t_s[kept], self.y_dps[kept],
@@ -71,18 +72,18 @@ class Blocks:
 
 
 def known_dps(run: Run, axis: int) -> Array:
-    """What is known of an axis's true rate, shape [n]: the table's, and the Earth's where the latitude is given."""
+    """Known true rate about an axis, shape [n], deg/s: the table's, plus the Earth's if the latitude is given."""
     known = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
     return known if run.latitude_deg is None else known + earth_dps(run, axis, run.latitude_deg)
 
 
 def residual_dps(run: Run) -> Array:
-    """Measured minus true rate, shape [n, 3]."""
+    """Measured minus true rate, shape [n, 3], deg/s."""
     return run.gyro_dps - np.column_stack([known_dps(run, axis) for axis in range(3)])
 
 
 def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
-    """Blocks of one run; a run known by its net angle alone is one block."""
+    """Blocks of one run. A run of which only the net angle is known is a single block."""
     n = len(run)
     y = residual_dps(run)
     if not run.rate_is_mean:
@@ -97,7 +98,7 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
         whole = length // size
         starts.append(first + size * np.arange(whole))
     start = np.concatenate(starts).astype(np.intp) if starts else np.zeros(0, dtype=np.intp)
-    if start.size == 0:  # nothing but gaps: every sample a block
+    if start.size == 0:  # only gaps: every sample is a block
         size, start = 1, np.arange(n, dtype=np.intp)
     rows = start[:, None] + np.arange(size)
     grouped = y[rows]
@@ -111,13 +112,13 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
 
 
 def reduce_session(session: Session, block_s: float = BLOCK_S) -> list[Blocks]:
-    """Blocks of every run, scenarios numbered in order."""
+    """Blocks of every run, with its power cycle numbered in order."""
     number = {name: i for i, name in enumerate(session.scenarios)}
     return [reduce_run(run, number[run.scenario], block_s) for run in session.runs]
 
 
 def by_sample(blocks: Sequence[Blocks]) -> list[Blocks]:
-    """The same runs with each sample a block of its own: for what varies from sample to sample."""
+    """The same runs with each sample as a block, for effects that vary from sample to sample."""
     return [b if b.run.rate_is_mean else reduce_run(b.run, b.scenario, 0.0) for b in blocks]
 
 

@@ -1,7 +1,7 @@
-"""Block-mean regressors of one axis for a list of terms: what the fit solves.
+"""Block-mean regressors of one axis for a list of terms: the equations that the fit solves.
 
-``y = X·beta + Z_run·u + Z_scenario·v + noise``: the columns of X, Z_run and Z_scenario come from the effects, reduced to
-block means run by run; a column that says nothing beside the others is left out.
+The model is ``y = X·beta + Z_run·u + Z_scenario·v + noise``. The columns of X, Z_run and Z_scenario (one scenario is one power
+cycle) are the effects' columns as block means of each run. A column that depends linearly on the others is left out.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from gyrocal.recording.session import Array
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
 UNIDENTIFIED = 1e-7
-"""A column with less of its (whitened, squared) norm left after the others cannot be told from them."""
+"""A column counts as dependent if less than this fraction of its whitened squared norm is independent of the others."""
 LEAST_DPS = 1e-9
-"""Root mean square of a column, per unit of its coefficient: less is nothing."""
+"""Smallest root mean square of a column that is used, deg/s per unit of its coefficient."""
 SLOW_S = 4.0
-"""Drift is slower than this: a bias wanders over many seconds. Anything faster is a signal for the tests of whiteness."""
+"""Shortest time scale of drift, s. Variations that are faster are left to the tests of whiteness."""
 LEAST_SCENARIOS = 3
-"""Fewer power cycles say nothing of their spread."""
+"""Smallest number of power cycles from which their spread is estimated."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Which column belongs to which term: ``fixed`` and ``run`` hold (term index, column within the term)."""
+    """The assignment of columns to terms: ``fixed`` and ``run`` hold pairs of term index and column within the term."""
 
     fixed: tuple[tuple[int, int], ...]
     run: tuple[tuple[int, int], ...]
     run_group: tuple[int, ...]
     scenario: tuple[int, ...]
-    """Fixed columns that also vary, at random, from scenario to scenario."""
+    """Fixed columns whose coefficients also vary at random from power cycle to power cycle."""
 
     @property
     def random(self) -> np.ndarray[Any, np.dtype[np.intp]]:
-        """Columns of ``[y | fixed | run]`` whose coefficients are random in one run: its own, and its power cycle's."""
+        """Columns of ``[y | fixed | run]`` with random coefficients: those of each run and those of each power cycle."""
         own = 1 + len(self.fixed) + np.arange(len(self.run))
         return np.concatenate([own, np.array(self.scenario) + 1]).astype(np.intp)
 
@@ -57,8 +57,8 @@ class Layout:
 class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
 
-    ``noise_model``: which noise is reckoned with; with a turn-on bias the bias is random from power cycle to power cycle.
-    ``cell_s``: how long drift is taken to be constant, s; 0 = a block.
+    ``noise_model`` lists the noise components; with a turn-on bias, the bias is random from power cycle to power cycle.
+    ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Design:
         self.layout, self._summed = self._build()
 
     def changed(self, terms: Sequence[Term]) -> Design:
-        """The same runs with other terms; what stays the same is not computed again."""
+        """The same runs with other terms. Columns of unchanged terms are not computed again."""
         return Design(self.blocks, self.axis, terms, self.noise_model, self.cell_s, like=self)
 
     def with_values(self, i: int, values: Values) -> Design:
@@ -87,7 +87,7 @@ class Design:
         return self.changed(terms)
 
     def over(self, blocks: Sequence[Blocks], terms: Sequence[Term] | None = None, cell_s: float | None = None) -> Design:
-        """The same noise model, and terms and cells unless others are given, on other blocks of these runs."""
+        """The same noise model on other blocks of these runs, with the same terms and cells unless others are given."""
         cell_s = self.cell_s if cell_s is None else cell_s
         return Design(blocks, self.axis, self.terms if terms is None else terms, self.noise_model, cell_s)
 
@@ -106,7 +106,7 @@ class Design:
         return out
 
     def _usable(self, b: Blocks) -> Blocks:
-        """The blocks of a run without samples that a fault of the reading has emptied of meaning."""
+        """The blocks of a run without samples that a fault of the reading makes useless."""
         for term in self.terms:
             fault = term.fault if term.values else None
             usable = None if fault is None else fault.usable(b.run, self.axis, term.values)
@@ -137,7 +137,7 @@ class Design:
             Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.n, self.cell_s)
             for index, b in ((index, self.blocks[index[0]]) for index in self.alike)
         ]
-        # where two columns say the same, the bias stays: power cycles have an offset of their own
+        # of two dependent columns the bias stays, because each power cycle has its own offset
         order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect.role is not Role.BIAS)
         kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, LEAST_DPS**2 * self._samples)
         if not kept.all():
@@ -147,14 +147,14 @@ class Design:
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
 
     def _varies(self, role: Role | None) -> bool:
-        """Whether an effect of this role is another one in each power cycle."""
+        """True if an effect with this role varies from power cycle to power cycle."""
         if self.noise_model.turn_on_bias is None:
             return False
         return role is Role.BIAS or (role is Role.SCALE and self._scale_within_scenarios)
 
     @cached_property
     def _scale_within_scenarios(self) -> bool:
-        """Two or more scenarios that each hold two true rates: their scales can be told apart one by one."""
+        """True if there are enough power cycles that each contain two true rates, which determine a scale in each."""
         rates: dict[int, set[float]] = {}
         for b in self.blocks:
             on_axis = b.run.axis_index == self.axis
@@ -174,9 +174,9 @@ class Design:
 
     @staticmethod
     def _identified(gram: Array, order: Sequence[int], least: float) -> Mask:
-        """Keep a shared column [p] only if something of it is left when those kept before it, in that order, are taken out.
+        """Mask [p] of the shared columns that are independent of the columns kept before them, in the given order.
 
-        ``least``: of a column's squared norm; less is nothing (a transient that is long over).
+        A column with a squared norm below ``least`` is also left out (for example, a transient that ended before the run).
         """
         keep = np.zeros(len(order), dtype=bool)
         for j in order:
@@ -189,7 +189,7 @@ class Design:
         return keep
 
     def _alike(self, like: Design | None) -> list[list[int]]:
-        """Indices of runs that share their blocks' times."""
+        """Groups of indices of runs with the same block times."""
         if like is not None and len(like.blocks) == len(self.blocks) and all(map(operator.is_, like.blocks, self.blocks)):
             return like.alike
         together: dict[Any, list[int]] = {}
@@ -215,7 +215,7 @@ class Design:
         return out
 
     def grams(self, noise: Noise) -> tuple[Array, Array]:
-        """Whitened normal equations of each run, shape [runs, q, q], and log-determinants [runs]."""
+        """Whitened normal equations of each run, shape [runs, q, q], and log-determinants of the noise, shape [runs]."""
         q = 1 + len(self.layout.fixed) + len(self.layout.run)
         grams = np.zeros((len(self.blocks), q, q))
         logdet = np.zeros(len(self.blocks))
@@ -233,13 +233,13 @@ class Design:
 
     @cached_property
     def extent_s(self) -> tuple[float, float]:
-        """Longest run and shortest step from block to block, s."""
+        """Length of the longest run and shortest time between blocks, s."""
         longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size)
         return longest_s, min((float(np.median(np.diff(b.t_s))) for b in self.blocks if b.t_s.size > 1), default=1.0)
 
     @cached_property
     def column_rms(self) -> Array:
-        """Root mean square of each column [q] over all samples: the natural scale of its coefficient."""
+        """Root mean square of each column over all samples, shape [q], which sets the scale of its coefficient."""
         squares = sum(np.diagonal(s.gram, axis1=1, axis2=2).sum(axis=0) for s in self._summed)
         return np.asarray(np.sqrt(squares / self._samples) + 1e-300)
 
@@ -249,5 +249,5 @@ class Design:
 
 
 def _off_grid_s(t_s: Array) -> float:
-    """How far times [n] stray from an even grid, s."""
+    """Largest deviation of times [n] from an even grid, s."""
     return float(np.max(np.abs(t_s - np.linspace(t_s[0], t_s[-1], t_s.size))))

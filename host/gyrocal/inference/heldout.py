@@ -1,8 +1,8 @@
-"""Held-out evaluation: parameters from all runs but some, judged on those.
+"""Held-out evaluation: parameters are fitted to a part of the data and judged on the rest.
 
-The unit left out is a day if there are two or more, else a scenario if there are three or more, else a run; where leaving one
-out would leave a parameter unidentified, blocks of time with gaps about them. Samples are never left out at random: they
-share their run's drift.
+The unit that is left out is a day if there are two or more, else a power cycle if there are three or more, else a run. If this
+would leave a parameter unidentified, the units are blocks of time with gaps around them. Samples are never left out at random,
+because they share the drift of their run.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gyrocal.recording.session import Array, Run
 
 @dataclass(frozen=True)
 class Fold:
-    """What one step leaves out: whole runs (``time`` is None), or a stretch of time of every run (fractions of its length)."""
+    """The data that one step leaves out: whole runs (``time`` is None), or a time interval of every run (as fractions)."""
 
     label: str
     runs: tuple[int, ...]
@@ -33,7 +33,7 @@ class Fold:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Held-out samples of one run and axis: their rows, measured and modelled rate."""
+    """Held-out samples of one run and axis: their rows, and measured and modelled rate [rows] in deg/s."""
 
     run: Run
     axis: int
@@ -50,7 +50,7 @@ class Prediction:
 
 
 def folds(fit: Fit, only_day: int | None = None) -> list[Fold]:
-    """The steps of leave-one-out for a fitted model; empty where nothing can be left out."""
+    """The steps of leave-one-out for a fitted model; empty if nothing can be left out."""
     runs = [b.run for b in fit.blocks]
     everything = range(len(runs))
 
@@ -104,11 +104,14 @@ class Step:
     solution: Solution
     spreads: Spreads
     gain: dict[str, float]
-    """Predictive log-likelihood of each held-out scenario (of each run, where runs are all there is)."""
+    """Predictive log-likelihood of each held-out power cycle, or of each run if runs are left out."""
 
 
 def steps(axis: AxisFit, all_folds: list[Fold]) -> Iterator[Step]:
-    """Leave each fold out in turn: shared parameters and the spreads of runs' own from the rest, noise as fitted."""
+    """Leave each fold out in turn.
+
+    The shared parameters and the spreads over runs are fitted to the rest. The noise stays as fitted to all data.
+    """
     for fold in all_folds:
         if fold.time is None:
             held = np.zeros(len(axis.design.blocks), dtype=bool)
@@ -159,7 +162,7 @@ def _time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
 
 
 def predictions(fit: Fit, all_folds: list[Fold]) -> Iterator[Prediction]:
-    """Every held-out sample, run by run and axis by axis; a run's own phases and onsets are refitted in it."""
+    """Every held-out sample by run and axis. The phases and sizes of each run are refitted in the held-out run."""
     for axis in fit.axes.values():
         for step in steps(axis, all_folds):
             for i in step.fold.runs:
@@ -168,7 +171,7 @@ def predictions(fit: Fit, all_folds: list[Fold]) -> Iterator[Prediction]:
 
 
 def fitted(fit: Fit) -> Iterator[Prediction]:
-    """The same, in sample: where nothing can be left out."""
+    """The same predictions in sample, if nothing can be left out."""
     for axis in fit.axes.values():
         everything = Step(Fold("all", tuple(range(len(fit.blocks)))), axis, axis.solution, axis.spreads, {})
         for i, b in enumerate(fit.blocks):

@@ -1,7 +1,7 @@
 """Restricted maximum likelihood (REML) of a design whose random coefficients are integrated out.
 
-Whitened normal equations ("Grams") of each run are all that is needed here: spreads, held-out runs and competing models are
-algebra on these small matrices.
+This file needs only the whitened normal equations ("Gram matrices") of each run. Spreads, held-out runs and competing models
+are all computed from these small matrices.
 
 Reference: Harville, J. Am. Stat. Assoc. 72 (1977) 320, for REML in mixed linear models.
 """
@@ -21,28 +21,30 @@ from gyrocal.recording.session import Array
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
 TOLERANCE = 1e-3
-"""Log-likelihood to which noise and spreads are found, about: the optimiser stops at this over the number of blocks."""
+"""Approximate log-likelihood to which noise and spreads converge. The optimiser uses it divided by the number of blocks."""
 NO_SPREAD = 1e-6
-"""Of a variance, against what one run knows of it: less is none."""
+"""A variance below this fraction of the variance with which one run determines the coefficient counts as zero."""
 LARGEST_SPREAD: dict[Role | None, float] = {Role.BIAS: 5.0, Role.SCALE: 0.05}
-"""Of power cycles, deg/s and fraction: a hundred times the datasheets' repeatability. More is a mistake and not a spread."""
+"""Largest spread over power cycles, deg/s and fraction: a hundred times the repeatability in datasheets."""
 
 
 @dataclass(frozen=True)
 class Spreads:
-    """Standard deviations of random coefficients: of each run group, and of each scenario-random column."""
+    """Standard deviations of random coefficients: ``run`` for each group of columns of each run, ``scenario`` for each column
+    that is random from power cycle to power cycle.
+    """
 
     run: Array
     scenario: Array
 
     def of(self, layout: Layout) -> Array:
-        """Of each of the layout's :attr:`~Layout.random` columns."""
+        """The standard deviation of each of the layout's :attr:`~Layout.random` columns."""
         return np.concatenate([self.run[list(layout.run_group)], self.scenario])
 
 
 @dataclass(frozen=True)
 class Solution:
-    """What the Grams say under given spreads: REML log-likelihood, ``beta`` [p], its covariance [p, p], chi-square."""
+    """The solution for given spreads: REML log-likelihood, ``beta`` [p], its covariance [p, p] and chi-square."""
 
     loglik: float
     beta: Array
@@ -52,9 +54,10 @@ class Solution:
 
 @dataclass(frozen=True)
 class Integrated:
-    """Grams with random coefficients integrated out, and what is known of these: standardised, ``v = weights (y, -X)``.
+    """Gram matrices with random coefficients integrated out.
 
-    ``inverse`` is the covariance of v given the rest; one of each for every Gram.
+    The expectation of the standardised coefficients is ``v = weights (y, -X)``. ``inverse`` is the covariance of v given the
+    other coefficients. There is one of each for every Gram matrix.
     """
 
     grams: Array
@@ -64,7 +67,7 @@ class Integrated:
 
 
 def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:
-    """Integrate out coefficients ``~ N(0, sd^2)`` of columns ``index``; Grams of columns ``keep`` are left."""
+    """Integrate out the coefficients ``~ N(0, sd^2)`` of the columns ``index``. The columns ``keep`` remain."""
     b = sd[:, None] * gram[..., index, :][..., keep]
     m = np.eye(index.size) + sd[:, None] * gram[..., index, :][..., index] * sd
     chol = np.linalg.cholesky(m)
@@ -78,7 +81,9 @@ def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:
 
 @dataclass(frozen=True)
 class _Solved:
-    """A solution with what was integrated out on the way to it. ``grams``: of each power cycle (run, where none is random)."""
+    """A solution with its integrated coefficients. ``grams`` has one matrix for each power cycle, or for each run if no
+    coefficient varies over power cycles.
+    """
 
     solution: Solution
     grams: Array
@@ -87,12 +92,12 @@ class _Solved:
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
-    """Integrate out the random coefficients, solve for the shared ones."""
+    """Integrate out the random coefficients and solve for the shared ones."""
     return _solve(layout, grams, logdet, _members(scenarios), n, spreads).solution
 
 
 def _members(scenarios: Index) -> Array:
-    """Which run is of which power cycle, shape [cycles, runs], 0 or 1."""
+    """Matrix [cycles, runs] that is 1 if the run belongs to the power cycle, else 0."""
     return (np.unique(scenarios)[:, None] == scenarios).astype(float)
 
 
@@ -131,10 +136,10 @@ def _solve(layout: Layout, grams: Array, logdet: Array, members: Array, n: int, 
 def solve_with_slopes(
     layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads
 ) -> tuple[Solution, Array]:
-    """The solution, and the slopes of its log-likelihood in the logarithm of each spread, runs' first.
+    """The solution, and the derivatives of its log-likelihood by the logarithm of each spread, those of runs first.
 
-    By Fisher's identity the slope is the sum, over the coefficients that share a spread, of E[v^2 | y] - 1, v the coefficient
-    over its spread.
+    By Fisher's identity the derivative is the sum of E[v^2 | y] - 1 over the coefficients that share a spread, where v is the
+    coefficient divided by its spread.
     """
     p, members = len(layout.fixed), _members(scenarios)
     solved = _solve(layout, grams, logdet, members, n, spreads)
@@ -146,7 +151,7 @@ def solve_with_slopes(
     of_scenarios, cycles = solved.of_scenarios, solved.grams.shape[0]
     if of_scenarios is not None:
         slope_scenario = _slopes(of_scenarios, center, spread).sum(axis=0)
-        pull = np.zeros((cycles, p, 1 + p))  # a power cycle's own coefficients: beta plus what is random of them
+        pull = np.zeros((cycles, p, 1 + p))  # the coefficients of a power cycle: beta plus their random part
         pull[:, layout.scenario] = spreads.scenario[:, None] * of_scenarios.weights
         own = np.eye(p) - pull[:, :, 1:]
         random = np.zeros((cycles, p, p))
@@ -170,10 +175,10 @@ def _slopes(of: Integrated, center: Array, spread: Array) -> Array:
 
 @dataclass(frozen=True)
 class SpreadScale:
-    """Spreads as coordinates of a search, ``log(1 + (sd / unit)^2)``: the variance where it is small, else its logarithm.
+    """Spreads as search coordinates ``log(1 + (sd / unit)^2)``: the variance for small spreads, else its logarithm.
 
-    ``unit`` [k]: what one run (power cycle) by itself knows of its coefficient. A spread far below that is none, and there the
-    likelihood is straight in the variance, where in the logarithm it is flat and a search would be lost.
+    ``unit`` [k] is the standard error with which one run (or power cycle) alone determines its coefficient. For spreads far
+    below it, the likelihood is linear in the variance but flat in the logarithm, where a search would not converge.
     """
 
     unit: Array
@@ -196,7 +201,7 @@ class SpreadScale:
         return SpreadScale(unit, np.log1p((largest / np.maximum(unit, 1e-300)) ** 2))
 
     def coordinates(self, sd: Array) -> Array:
-        """Of spreads [k]; what is not known yet (NaN) starts at its unit."""
+        """Coordinates [k] of spreads [k]. A spread that is not known yet (NaN) starts at its unit."""
         given = np.where(np.isnan(sd), self.unit, sd)
         ratio = np.divide(given, self.unit, out=np.zeros_like(given), where=self.unit > 0)
         return np.clip(np.log1p(ratio**2), NO_SPREAD, np.maximum(self.high, NO_SPREAD))
@@ -205,11 +210,11 @@ class SpreadScale:
         return self.unit * np.sqrt(np.expm1(x))
 
     def slopes(self, x: Array, of_log_sd: Array) -> Array:
-        """Slopes in the coordinates from those in log sd."""
+        """Derivatives by the coordinates, from derivatives by log sd."""
         return of_log_sd / (-2 * np.expm1(-x))
 
     def settled(self, x: Array) -> Array:
-        """The spreads at the end of a search: a vanishing one is none."""
+        """The spreads at the end of a search. A vanishing spread is set to zero."""
         return np.where(x > 10 * NO_SPREAD, self.spreads(x), 0.0)
 
     @property
@@ -218,7 +223,7 @@ class SpreadScale:
 
 
 def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]], n: int) -> Array:
-    """Where a log-likelihood, given with its slopes, is largest."""
+    """The coordinates of the maximum of a log-likelihood, which is given with its derivatives."""
     from scipy.optimize import minimize
 
     def cost(x: Array) -> tuple[float, Array]:
@@ -232,7 +237,7 @@ def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: 
 
 
 def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
-    """REML of the spreads alone; those of ``start`` that are NaN are not known yet."""
+    """Estimate only the spreads by REML. Spreads of ``start`` that are NaN are not known yet."""
     k = start.run.size
     if k + start.scenario.size == 0:
         return start
@@ -264,5 +269,5 @@ def unknown_spreads(design: Design) -> Spreads:
 
 
 def _largest_dps(design: Design) -> float:
-    """Ten times what the readings themselves stray: no random term is larger."""
+    """Upper limits of the spreads: ten times the standard deviation of the readings."""
     return 10 * float(design.column_rms[0]) + 1e-3

@@ -1,7 +1,8 @@
-"""Does a session contradict itself: units, axes, faces, rates, dead or clipped readings, columns in another unit?
+"""Checks whether a session contradicts itself: units, axes, faces, rates, constant or clipped readings, units of columns.
 
-One file for each kind of evidence; :func:`check` collects them in the order in which a person should read them. Every warning
-is a :class:`~gyrocal.warning.Warning`; docs/warnings.md explains each code. It imports ``inference`` and what lies below it.
+There is one file for each kind of evidence. :func:`check` collects the warnings in the order in which people should read them.
+Each is a :class:`~gyrocal.warning.Warning`; docs/warnings.md explains each code. This folder imports ``inference`` and the
+folders below it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from gyrocal.warning import Warning, accepted
 
 
 def check(session: Session, model: Model | str | Path | None = None) -> list[Warning]:
-    """All warnings of a session; ``model`` is the one in use, None: ``default``. Accepted ones no longer block."""
+    """All warnings of a session. ``model`` is the one in use, None = ``default``. Accepted warnings do not block."""
     dead = readings.constant(session)
     means = Means(session, skip={(w.axis, w.file) for w in dead} | readings.cut_off(session))
     lines = slopes.lines(means)
@@ -36,5 +37,5 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
 
 
 def blocked(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
-    """The axes that are left out of every judgement: a blocking warning stands against them, or they hold no readings."""
+    """The axes that are not judged, because they have a blocking warning or no readings."""
     return {a for a in axes if any(w.blocks(a) or (w.code == "axis_absent" and w.axis == a) for w in warnings)}

@@ -1,4 +1,4 @@
-"""session.toml and the tables as files: keys that nobody reads, and rows that were left out."""
+"""Checks of session.toml and the tables as files: unknown keys, and rows that were left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The noise of the readings, and whether it can be that of the stated unit."""
+"""The noise of the readings, and whether its size is plausible for the stated unit."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gyrocal.warning import Warning
 DENSITY_DPS = 0.005
 """Noise density of consumer MEMS gyroscopes, dps/sqrt(Hz): 0.003 to 0.015 by their data sheets."""
 LEAST_BAND_HZ = 50.0
-"""A slow log does not narrow the sensor's own band."""
+"""Smallest bandwidth of a sensor, Hz. Recording at a lower rate does not reduce the bandwidth."""
 WITHIN = 3.5
-"""Sensors' noise differs by this factor either way."""
+"""Factor by which the noise of sensors may differ from the usual, in both directions."""
 LEAST_STEP_DPS = 0.0035
 """One count of the finest usual range, in deg/s: a grid as coarse as this is in deg/s."""
 ROUNDING_DPS = 1e-6
@@ -26,7 +26,7 @@ SHEPPARD = 1 / 12
 
 
 def still_dps(run: Run, axis: int) -> Array:
-    """Readings less the true rate where that is known at each moment, shape [n], deg/s."""
+    """Readings minus the true rate if it is known at each sample, shape [n], deg/s."""
     about = axis == run.axis_index and not run.rate_is_mean
     return run.gyro_dps[:, axis] - (run.rate_dps if about else 0.0)
 
@@ -38,7 +38,7 @@ def step_dps(session: Session, axis: int) -> float:
 
 
 def own_sd_dps(session: Session, axis: int) -> float | None:
-    """One sample's noise without that of rounding, deg/s, the median over the runs that move at all; None where none does."""
+    """Noise of one sample without rounding, deg/s: the median over runs with changing readings; None if there are none."""
     step = step_dps(session, axis)
     variances = [
         max(0.0, _change_dps2(r, axis) / 2 - SHEPPARD * step**2) for r in session.runs if np.ptp(r.gyro_dps[:, axis]) > 0
@@ -60,7 +60,7 @@ def _change_dps2(run: Run, axis: int) -> float:
 
 
 def unit_unsure(session: Session) -> list[Warning]:
-    """Nothing turns, and the noise is 57 times off the usual."""
+    """``unit_unsure``: no run turns, and the noise differs from the usual by a factor of 57."""
     if any(r.rate_is_mean or bool(np.any(r.rate_dps)) for r in session.runs):
         return []
     usual_dps = DENSITY_DPS * float(np.sqrt(max(session.sample_rate_hz / 2, LEAST_BAND_HZ)))
@@ -76,8 +76,8 @@ def unit_unsure(session: Session) -> list[Warning]:
     if not (small or large):
         return []
     text = (
-        f"nothing turns in this session, so nothing tells deg/s from rad/s, and the noise of {np.median(found):.2g} dps is "
-        f"{1 / ratio if small else ratio:.0f} times {'less' if small else 'more'} than usual: the readings may be in "
+        f"no run turns in this session, so deg/s and rad/s cannot be told apart. The noise of {np.median(found):.2g} dps is "
+        f"{1 / ratio if small else ratio:.0f} times {'less' if small else 'more'} than usual; the readings may be in "
         f"{'rad/s' if small else 'deg/s already when they were converted'}. Check the unit of --map, and record a known turn"
     )
     return [Warning("unit_unsure", None, None, text)]

@@ -1,4 +1,4 @@
-"""The readings by themselves: do they move where they must, stay within the range, and begin as they go on?"""
+"""Checks of the readings by themselves: whether they change when they must, stay within the range, and start regularly."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ STANDS_OFF_STEPS = 3.0
 
 
 def constant(session: Session) -> list[Warning]:
-    """``constant_reading`` and ``axis_absent``: readings that do not move although they should."""
+    """``constant_reading`` and ``axis_absent``: readings that do not change although they should."""
     out: list[Warning] = []
     own = {session.axis, *(r.axis for r in session.runs)}
     for i, axis in enumerate(AXES):
@@ -64,7 +64,7 @@ def constant(session: Session) -> list[Warning]:
 
 
 def _should_move(session: Session, axis: int) -> bool:
-    """Is an axis of one value throughout contradicted: by the rates, or by the noise of its neighbours or of its kind?"""
+    """True if the rates, the noise of the other axes or the usual noise contradict a constant reading of an axis."""
     rates = [r.rate_dps if r.axis_index == axis else np.zeros(1) for r in session.runs]
     if max(float(r.max()) for r in rates) - min(float(r.min()) for r in rates) > 1.0 or any(
         r.rate_is_mean for r in session.runs
@@ -82,7 +82,7 @@ def _noise_counts(session: Session, axis: int) -> float:
 
 
 def _moves(run: Run, axis: int, start: int, stop: int, session: Session) -> bool:
-    """Does the true rate about this axis move between two rows by far more than counts and noise hide?"""
+    """True if the true rate about this axis changes between two rows by far more than one count and the noise."""
     if run.axis_index != axis or run.rate_is_mean:
         return False
     least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0), 0.1)
@@ -131,7 +131,7 @@ def _misses_the_rate(run: Run, axis: int, start: int, stop: int, session: Sessio
 
 
 def _longest(y: Array, level: float | None) -> tuple[int, int]:
-    """First row and number of the longest stretch of equal readings, those at the limit left out."""
+    """First row and length in samples of the longest sequence of equal readings, except readings at the limit."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
     lengths = np.diff(edges)
     if level is not None:
@@ -145,7 +145,7 @@ def _at(value: float, level: float | None) -> bool:
 
 
 def clip_level_dps(session: Session, axis: int) -> float | None:
-    """The reading at which an axis is cut off, deg/s; None where none is.
+    """The reading at which an axis is clipped, deg/s; None if it is not clipped.
 
     Readings heap at the largest value that occurs, and this is the end of a range: as stated or usual; or by the readings
     themselves, which noise or the true rate would have carried further. One run that is stuck there by itself is not cut off,
@@ -183,7 +183,7 @@ def _rates_differ(session: Session, axis: int, at: list[Mask]) -> bool:
 
 
 def cut_off(session: Session) -> set[tuple[str | None, str | None]]:
-    """(axis, file) of runs whose mean is not that of the rate, for more than :data:`CUT_OFF` of their readings are clipped."""
+    """(axis, file) of runs whose mean is unreliable, because more than :data:`CUT_OFF` of their readings are clipped."""
     out: set[tuple[str | None, str | None]] = set()
     for i, axis in enumerate(AXES):
         level = clip_level_dps(session, i)
@@ -210,7 +210,7 @@ def clipped(session: Session, model: Model) -> list[Warning]:
 
 
 def first_sample(session: Session) -> list[Warning]:
-    """``first_sample``: the first readings of a run off the line through those that follow."""
+    """``first_sample``: the first readings of a run deviate from the line through the following readings."""
     out = []
     for i, axis in enumerate(AXES):
         off = {r.file: apart for r in session.runs if (apart := _first_apart_dps(r, i)) is not None}

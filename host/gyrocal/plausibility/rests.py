@@ -1,4 +1,4 @@
-"""Runs that are said to be at rest: do their means agree, and does gravity stay where it is?"""
+"""Checks of runs at rest: whether their means agree, and whether the direction of gravity is constant."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gyrocal.warning import Warning
 
 OFF_DPS = 1.0
 SPREADS = 6.0
-"""Of the other rests: where all of them scatter, none stands out."""
+"""Standard deviations of the other rests by which a rest must deviate, so that none is reported if all scatter."""
 TURNED_DEG = 5.0
 WINDOW_S = 1.0
 
@@ -38,13 +38,13 @@ def _said_at_rest(run: Run) -> bool:
 
 
 def _scatter_dps(lines: Lines, axis: str) -> float:
-    """By how much the runs about an axis scatter anyway."""
+    """Usual scatter of the runs about an axis, deg/s."""
     line = lines.get((axis, axis))
     return 0.0 if line is None else line.scatter_dps
 
 
 def _apart(rests: list[Mean], scatter_dps: float) -> list[Mean]:
-    """Rests whose mean is off the others'; of two that disagree the one farther from zero."""
+    """Rests whose mean deviates from the other rests. Of two rests that disagree, the one farther from zero is reported."""
     if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > max(OFF_DPS, SPREADS * scatter_dps):
         return [max(rests, key=lambda m: abs(m.mean_dps))]
     values = np.array([m.mean_dps for m in rests])

@@ -1,4 +1,4 @@
-"""What the checks need of each run: mean rate and mean reading of every axis, and the slope where the true rate moves."""
+"""Statistics of each run for the checks: mean rate and mean reading of every axis, and the slope if the true rate varies."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
 MOVES_DPS = 1.0
-"""Standard deviation of a true rate that moves; an encoder's noise is far less."""
+"""Smallest standard deviation of a varying true rate, deg/s. The noise of an encoder is far smaller."""
 STILL_DPS = 0.01
 CLUSTERS = 16
-"""Stretches of a run whose scatter gives standard errors: noise within each may be of any colour."""
+"""Number of segments of a run whose scatter gives standard errors. Noise within a segment may be correlated."""
 LONGEST_LAG_S = 0.1
 
 
 @dataclass(frozen=True)
 class Mean:
-    """One run on one axis. ``slope`` and ``offset_dps`` are a regression's where the true rate moves, else None."""
+    """Statistics of one run on one axis. ``slope`` and ``offset_dps`` come from a regression if the true rate varies, else
+    they are None.
+    """
 
     run: Run
     rate_dps: float
@@ -37,14 +39,14 @@ class Mean:
 
 
 class Means:
-    """Means of all runs of a session on all axes; ``skip`` are (axis, file) whose readings say nothing (file None: any)."""
+    """Means of all runs of a session on all axes, without ``skip``: pairs (axis, file) of useless readings (None: any file)."""
 
     def __init__(self, session: Session, skip: Set[tuple[str | None, str | None]] = frozenset()) -> None:
         self.session, self._skip = session, skip
 
     @cached_property
     def by_axis(self) -> dict[str, list[Mean]]:
-        """For each axis of the readings, every run's; the true rate is that about the run's own axis."""
+        """The statistics of every run for each axis of the readings. The true rate is that about the run's own axis."""
         return {axis: [_mean(r, i) for r in self.session.runs if self._says(axis, r)] for i, axis in enumerate(AXES)}
 
     def _says(self, axis: str, run: Run) -> bool:
@@ -66,7 +68,7 @@ def _mean(run: Run, axis: int) -> Mean:
         y, rate = _shifted(y, rate, lag_samples(y, rate, longest_lag(run)))
         slope, se, offset = _regression(y, rate)
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset)
-    if run.rate_is_mean:  # what varies is the turn itself
+    if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
     return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
 
@@ -79,7 +81,7 @@ def _regression(y: Array, rate: Array) -> tuple[float, float, float]:
 
 
 def _clustered_se(x: Array, residual: Array) -> float:
-    """Standard error of a regression on ``x`` [n] with ``residual`` [n] correlated within each of :data:`CLUSTERS` stretches.
+    """Standard error of a regression on ``x`` [n] with ``residual`` [n] correlated within each of :data:`CLUSTERS` segments.
 
     The sandwich estimator of Liang and Zeger, Biometrika 73 (1986) 13.
     """
@@ -123,7 +125,7 @@ def spread(values: Array) -> float:
 def told(
     session: Session, code: str, axis: str | None, runs: Iterable[Run], text: Callable[[Run | None], str], blocking: bool
 ) -> list[Warning]:
-    """One warning a run, or a single one without a file where it holds for all runs about the axis."""
+    """One warning for each run, or a single one without a file if it applies to all runs about the axis."""
     hit = list(runs)
     concerned = [r for r in session.runs if r.axis == axis or axis is None] or list(session.runs)
     if len(hit) > 1 and len(hit) >= len(concerned):

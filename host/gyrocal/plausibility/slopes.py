@@ -1,7 +1,7 @@
-"""How each axis follows the true rate: the unit, the axes, the signs, the rates, and the sizes of scale, bias and their spread.
+"""Checks of the slope of each axis: unit, axes, signs, rates, and the sizes of scale, bias and their spread.
 
 The slope of a run is the regression of its readings on the true rate or, at one rate, (mean - bias) / rate. The bias is that of
-the line which most runs agree on; a run that disagrees does not move it.
+the line on which most runs agree. A run that disagrees does not change it.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ RATE_OFF, RATE_ERRORS = 0.02, 10.0
 SCALE_LIMIT, BIAS_LIMIT_DPS = 0.15, 50.0
 TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE = LARGEST_SPREAD[Role.BIAS], LARGEST_SPREAD[Role.SCALE]
 TURN_ON_DPS = 0.05
-"""Spread of power cycles that is granted where fewer than FEW show it: the upper end of what data sheets give."""
+"""Assumed spread over fewer than FEW power cycles: the upper end of the values in datasheets."""
 FEW = 4
 UNKNOWN_BIAS_DPS = 10.0
-"""Standard error of a bias that no run shows."""
+"""Standard error of a bias that no run determines."""
 STANDS_STILL = 5.0
-"""Standard errors: a slope of less than these may be of a table that does not turn."""
+"""A slope of fewer standard errors than this may come from a table that does not turn."""
 INFORMATIVE = 0.05
-"""Standard error of a slope that says something."""
+"""Largest standard error of a slope that is used."""
 AGREE_DPS, AGREE = 0.3, 0.02
-"""Runs that differ by less than this (and this fraction of their rate) are taken to agree on a line."""
+"""Runs agree on a line if they differ by less than this (and this fraction of their rate)."""
 MOST_POINTS = 80
 POINTS_ALONG = 0.7
 """Part of gravity that must lie along an axis for the accelerometer to say which way it points."""
@@ -43,7 +43,7 @@ POINTS_ALONG = 0.7
 
 @dataclass(frozen=True)
 class Slope:
-    """How one run's readings follow the true rate; ``raw`` with no bias taken off, which is in the unit of the other runs."""
+    """The slope of one run. ``raw`` is the slope without subtraction of the bias, which has the unit of the other runs."""
 
     run: Run
     value: float
@@ -53,9 +53,9 @@ class Slope:
 
 @dataclass(frozen=True)
 class Line:
-    """What the runs about an axis agree on. ``bias_dps`` is None where they show none; ``slopes`` are of turning runs.
+    """The line on which the runs about an axis agree. ``bias_dps`` is None if they do not determine it.
 
-    ``scatter_dps`` is the spread of the bulk of the runs about the line.
+    ``slopes`` are those of turning runs. ``scatter_dps`` is the spread of the bulk of the runs about the line.
     """
 
     bias_dps: float | None
@@ -98,9 +98,9 @@ def _line(points: list[Mean]) -> Line:
 
 
 def _agreed(rates: Array, values: Array) -> tuple[float | None, float]:
-    """Bias and slope of the line through two runs that the others agree with best (Cauchy's loss); None where rates are one.
+    """Bias and slope of the line through two runs with which the others agree best (Cauchy's loss); None at a single rate.
 
-    Where several lines suit as many runs, the slope nearest to 1 wins.
+    If several lines agree with equally many runs, the slope nearest to 1 is chosen.
     """
     if rates.size == 0:
         return None, 1.0
@@ -125,7 +125,7 @@ def _agreed(rates: Array, values: Array) -> tuple[float | None, float]:
 
 
 def contradictions(means: Means, found: Lines) -> list[Warning]:
-    """Of each axis that the table turns about, the first code of the slopes that fits; and faces that gravity contradicts."""
+    """The first matching slope code for each axis about which the table turns, and faces that gravity contradicts."""
     out: list[Warning] = []
     for axis in means.turned:
         told_of = _of_axis(means, axis, found)
@@ -192,7 +192,7 @@ def _follows(line: Line, run: Run) -> bool:
 
 
 def _middle(values: Array) -> float:
-    """The median; of two middle values the one nearer to 1."""
+    """The median, or of two middle values the one nearer to 1."""
     ordered = np.sort(values)
     low, high = float(ordered[(values.size - 1) // 2]), float(ordered[values.size // 2])
     return min((low, high), key=lambda v: abs(v - 1))
@@ -255,7 +255,10 @@ def _rate_text(s: Slope, middle: float, axis: str) -> str:
 
 
 def _against_gravity(means: Means, axis: str, line: Line | None) -> list[Warning]:
-    """Faces that the accelerometer contradicts; where it does in all runs and the gyroscope agrees, its sign is another one."""
+    """Faces that the accelerometer contradicts.
+
+    If it contradicts all runs and the gyroscope agrees with them, the sign of the accelerometer is wrong.
+    """
     runs = [r for r in means.session.runs if r.axis == axis and r.acc_g is not None]
     up = {r.index: _upwards(r) for r in runs}
     hit = [r for r in runs if up[r.index] * r.face_sign < 0]
@@ -285,7 +288,7 @@ def _upwards(run: Run) -> float:
 
 
 def sizes(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
-    """Biases and spreads of power cycles beyond what a gyroscope has, runs that are explained otherwise left out."""
+    """Biases and spreads over power cycles that no gyroscope has, without runs that another warning explains."""
     accused = contradictions(means, found)
     whole = {w.axis for w in accused if w.file is None}
     if any(w.code == "axes_swapped" for w in accused):

@@ -1,4 +1,4 @@
-"""What people see: the terminal's tables, pictures, the report's page, the effects' pages.
+"""Presentation: tables on the terminal, figures, the report's page, the effects' pages.
 
-It imports whatever lies below it; no layer of computation imports it.
+This folder imports all folders below it. No folder of computation imports it.
 """

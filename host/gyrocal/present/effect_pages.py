@@ -1,6 +1,7 @@
-"""A page an effect or a noise, made from its file: ``python -m gyrocal.present.effect_pages FOLDER``, or ``make docs``.
+"""A page for each effect and noise component, made from its file.
 
-The picture shows what the effect adds to the reading, at the size that the simulator plants, on the usual protocols.
+Use ``python -m gyrocal.present.effect_pages FOLDER`` or ``make docs``. The figure shows the term that the effect adds to the
+reading on the usual protocols, at the size that the simulator plants.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SECONDS = 20.0
 FACES: tuple[Face, ...] = ("up", "down")
 RATES_DPS = (-150.0, -78.0, -30.0, 0.0, 30.0, 78.0, 150.0)
 TILT_G = 0.035
-"""A table tilted by 2 degrees: gravity in its plane."""
+"""Component of gravity in the plane of a table that is tilted by 2 degrees."""
 
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#6f6f6f"
 TOP, BOTTOM = 34.0, 190.0
@@ -47,7 +48,7 @@ CAPTION = (
 
 
 def pages() -> dict[str, str]:
-    """Text of every file of the folder, by name."""
+    """The text of every file of the folder, by name."""
     made = {"README.md": _index()}
     for kind in kinds():
         made[f"{kind.id}.md"] = _page(kind)
@@ -56,7 +57,7 @@ def pages() -> dict[str, str]:
 
 
 def kinds() -> list[Described]:
-    """Every effect and every noise that has a page, by id."""
+    """Every effect and noise component with a page, by id."""
     everything: list[Described] = [*effects().values(), *COMPONENTS.values()]
     return sorted(everything, key=lambda kind: kind.id)
 
@@ -99,12 +100,12 @@ def _page(kind: Described) -> str:
 
 
 def _source(kind: Described) -> str:
-    """The file of an effect or a noise, in the repository."""
+    """The file of an effect or a noise component in the repository."""
     return f"host/{type(kind).__module__.replace('.', '/')}.py"
 
 
 def _attempt(kind: Described) -> list[str]:
-    """How to see it in the simulator: its first case, or whatever size the simulator plants."""
+    """Commands that show the effect in the simulator, with its first case or the default size."""
     campaign = [demonstration_run(face, np.full(2900, rate), 3.0) for face in FACES for rate in RATES_DPS]
     lacking = kind.missing(campaign, shown_axis(kind, campaign[0])) if isinstance(kind, Effect) else None
     if lacking is not None:
@@ -117,7 +118,7 @@ def _attempt(kind: Described) -> list[str]:
 
 
 def _planted(kind: Described, case: Case) -> str:
-    """A case as the command line plants it."""
+    """A case as an argument of the command line."""
     return f"{kind.id}:{','.join(f'{name}={value:g}' for name, value in case.values.items())}"
 
 
@@ -161,7 +162,7 @@ def demonstration_run(face: Face, rate_dps: Array, power_on_s: float) -> Run:
 
 
 def shown_axis(kind: Described, run: Run) -> int:
-    """The table's axis where it shows on that, else the first that it shows on."""
+    """The table's axis if the effect acts on it, else the first axis on which it acts."""
     if not isinstance(kind, Effect):
         return run.axis_index
     axes = kind.axes(run)
@@ -169,7 +170,7 @@ def shown_axis(kind: Described, run: Run) -> int:
 
 
 def signature_dps(kind: Described, run: Run, rng: np.random.Generator) -> Array:
-    """What it adds to the reading of :func:`shown_axis`, shape [n], deg/s."""
+    """The term that it adds to the reading of :func:`shown_axis`, shape [n], deg/s."""
     values = kind.draw({}, rng)
     axis = shown_axis(kind, run)
     if isinstance(kind, NoiseComponent):
@@ -237,7 +238,7 @@ def _picture(kind: Described) -> str:
 
 
 def _trace(values: Array, left: float, y: Callable[[float], str]) -> str:
-    """A path through the least and the largest value of each pixel."""
+    """An SVG path through the smallest and the largest value of each pixel."""
     points = []
     for i, part in enumerate(np.array_split(values, STRIP_WIDTH)):
         points += [f"{left + i:.0f} {at}" for at in dict.fromkeys((y(float(part.min())), y(float(part.max()))))]

@@ -1,4 +1,4 @@
-"""What commands print: one JSON object, a table, progress on stderr."""
+"""Output of the commands: one JSON object, tables, progress on stderr."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ stderr = Console(stderr=True, highlight=False)
 
 
 def emit(value: Any) -> None:
-    """One JSON object alone on stdout; numbers that are not finite become null, as JSON has none."""
+    """Print one JSON object alone on stdout. Numbers that are not finite become null, because JSON does not have them."""
     print(json.dumps(_plain(value), indent=1))
 
 
@@ -34,7 +34,7 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def working(quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """A line on stderr that says what is being done, while it is done; nothing where nobody looks."""
+    """Show a line of progress on stderr if it is a terminal."""
     if quiet or not stderr.is_terminal:
         yield lambda _: None
         return
@@ -43,7 +43,7 @@ def working(quiet: bool = False) -> Iterator[Callable[[str], None]]:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table on stdout; columns whose names end in a colon are text, the others numbers."""
+    """Print a table on stdout. Columns whose names end in a colon are text, the others are numbers."""
     grid = Table(title=title or None, title_justify="left", title_style="bold", header_style="bold")
     for name in columns:
         grid.add_column(name.rstrip(":"), justify="left" if name.endswith(":") else "right", overflow="fold")
@@ -53,12 +53,12 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def mdps(value_dps: float | None, digits: int = 1) -> str:
-    """deg/s as thousandths of it."""
+    """A rate in deg/s as text in mdps."""
     return "-" if value_dps is None else f"{value_dps * 1e3:.{digits}f}"
 
 
 def plus_minus(value: float, se: float | None, unit: str = "") -> str:
-    """A value with its standard error, to the error's first two digits."""
+    """A value with its standard error as text, rounded to the first two digits of the error."""
     if se is None or not math.isfinite(se) or se <= 0:
         return f"{value:.4g} {unit}".strip()
     places = max(0, 1 - math.floor(math.log10(se)))

@@ -1,4 +1,4 @@
-"""Pictures of a comparison and of a calibration's errors, by matplotlib."""
+"""Figures of a comparison and of a calibration's errors, by matplotlib."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gyrocal.variables.shapes import ShapeOfEachRun, Steps
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, told apart by colour-blind eyes too.
+# Okabe and Ito's colours, which colour-blind people can also distinguish.
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#6f6f6f"
 AXIS_COLOURS = {"x": ORANGE, "y": GREEN, "z": BLUE}
 
@@ -43,7 +43,7 @@ def _figure(width: float, height: float) -> tuple[Figure, Any]:
 
 
 def residual_against_time(comparison: Comparison) -> Figure:
-    """Block means of the residual against time in the run, runs on top of each other."""
+    """Block means of the residual against time in the run, with all runs in one plot."""
     figure, axes = _figure(8, 3.2)
     for p in heldout.fitted(comparison.fit):
         name = AXES[p.axis]
@@ -58,11 +58,11 @@ def residual_against_time(comparison: Comparison) -> Figure:
 
 
 def residual_against(comparison: Comparison, finding: Finding) -> Figure | None:
-    """Residual of the finding's axis against what it is found against; None where that has no values (a frequency).
+    """Residual of the finding's axis against the finding's variable; None if the variable has no values (a frequency).
 
-    Dots are means of a second; the line is the mean over as many of them in each of some steps. What grows with the rate is
-    shown as a part of it. What repeats after a period (a turn) is folded there; where its phase differs from run to run, a line
-    a run is drawn instead.
+    Dots are one-second means. The line is the mean over steps that contain equally many dots. A residual that grows with the
+    rate is shown as a fraction of it. A periodic variable (a turn) is folded at its period. If the phase differs from run to
+    run, there is one line for each run.
     """
     variable = variables()[finding.against](comparison.fit.session.runs)
     of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
@@ -96,10 +96,10 @@ def residual_against(comparison: Comparison, finding: Finding) -> Figure | None:
 
 
 def _means(comparison: Comparison, variable: Variable, axis: int) -> list[Array]:
-    """Means of a second (of a quarter, where the variable has a period) of each run that has the variable.
+    """One-second means (a quarter of a second for a periodic variable) of each run that has the variable.
 
-    Shape [m, 3]: the variable (its component along the axis, where it has components), the residual (mdps) and the true rate
-    about the axis (deg/s).
+    Each has the shape [m, 3]: the variable (its component along the axis if it has components), the residual (mdps) and the
+    true rate about the axis (deg/s).
     """
     per_second = 1 if variable.period is None else 4
     blocks = {b.run.index: b for b in comparison.fit.blocks}
@@ -117,7 +117,7 @@ def _means(comparison: Comparison, variable: Variable, axis: int) -> list[Array]
 
 
 def spectra(comparison: Comparison) -> Figure:
-    """Amplitude spectral density of the residual, and its level between lines."""
+    """Amplitude spectral density of the residual, and its level between the lines."""
     figure, axes = _figure(8, 3.2)
     for name, lines in comparison.spectra.items():
         if lines.frequency_hz.size:
@@ -146,7 +146,7 @@ def allan(comparison: Comparison) -> Figure:
 
 
 def levels(comparison: Comparison) -> Figure:
-    """Excess over the floor, axis by axis."""
+    """Excess over the floor for each axis."""
     figure, axes = _figure(8, 1.9)
     for i, (name, level) in enumerate(comparison.per_axis.items()):
         axes.barh(i, level.floor_dps * 1e3, color=GREY, height=0.6)
@@ -169,7 +169,10 @@ def levels(comparison: Comparison) -> Figure:
 
 
 def calibration_errors(errors: Mapping[str, Mapping[float, tuple[float, float]]], title: str) -> Figure:
-    """Mean absolute error of scale and bias against seconds, a line a method: {method: {seconds: (scale, bias_dps)}}."""
+    """Mean absolute error of scale and bias against seconds, one line for each method.
+
+    ``errors`` maps method and seconds to (scale, bias_dps).
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 3.4), layout="constrained", dpi=110)
@@ -194,7 +197,7 @@ def calibration_errors(errors: Mapping[str, Mapping[float, tuple[float, float]]]
 
 
 def of_comparison(comparison: Comparison) -> dict[str, tuple[str, Figure]]:
-    """Every picture of a comparison: {file name: (title, figure)}."""
+    """Every figure of a comparison: {file name: (title, figure)}."""
     drawn = {"levels": ("Excess over the floor", levels(comparison))}
     if comparison.where:
         first = comparison.where[0]
@@ -209,7 +212,7 @@ def of_comparison(comparison: Comparison) -> dict[str, tuple[str, Figure]]:
 
 
 def save(comparison: Comparison, folder: Path) -> None:
-    """Every picture of a comparison as PNG in a folder, made if it is not there."""
+    """Write every figure of a comparison as PNG into a folder, which is created if necessary."""
     try:
         folder.mkdir(exist_ok=True)
         for name, (_, figure) in of_comparison(comparison).items():
@@ -219,7 +222,7 @@ def save(comparison: Comparison, folder: Path) -> None:
 
 
 def png_data(figure: Figure) -> str:
-    """The figure as a data URL: smaller than SVG where there are many points."""
+    """The figure as a data URL of a PNG, which is smaller than SVG for many points."""
     import base64
 
     buffer = io.BytesIO()

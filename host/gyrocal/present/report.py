@@ -1,4 +1,4 @@
-"""Comparison and diagnosis in words: on the terminal, and as a page that stands alone."""
+"""Comparison and diagnosis as text on the terminal, and as a self-contained page."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
 CONTRADICTED = (
-    "The session contradicts itself, so nothing is judged on its axis: mend what the warnings say, or overrule them with "
+    "The session contradicts itself, so its axis is not judged. Correct what the warnings describe, or overrule them with "
     "accept in session.toml."
 )
 
 
 def print_warnings(warnings: Iterable[Warning]) -> None:
-    """One paragraph each, the blocking ones first."""
+    """One paragraph for each warning, blocking ones first."""
     for told in by_weight(warnings):
         kind = "" if told.blocking else "note: "
         stdout.print(kind + line(told), style="bold red" if told.blocking else None, markup=False)
 
 
 def headline(c: Comparison) -> str:
-    """The verdict in a sentence."""
+    """The verdict in one sentence."""
     if c.verdict == "implausible":
         return CONTRADICTED
     if c.verdict == "adequate":
@@ -92,7 +92,7 @@ def by_effect(candidates: Iterable[Candidate]) -> str:
 
 
 def verdict_text(d: Diagnosis) -> str:
-    """The diagnosis in a sentence or two."""
+    """The diagnosis in one or two sentences."""
     best = d.best
     if d.verdict == "implausible":
         return CONTRADICTED
@@ -108,7 +108,7 @@ def verdict_text(d: Diagnosis) -> str:
 
 
 def sizes(c: Candidate) -> str:
-    """A candidate's parameters with their errors."""
+    """A candidate's parameters with their standard errors, as text."""
     units = {p.name: p.unit for p in c.effect.parameters}
     parts = []
     for name, value in c.values.items():

@@ -1,4 +1,4 @@
-"""The workbench: a local page from "does my model fit?" to "this is what was missing". No logic of diagnosis is in it.
+"""The workbench: a local web page for comparison, diagnosis and calibration. It contains no logic of the diagnosis.
 
-It imports ``api`` and what lies below it.
+This folder imports ``api`` and the folders below it.
 """

@@ -1,4 +1,4 @@
-"""Pictures of the residual against each variable: which there are, and where their points are kept."""
+"""Plots of the residual against each variable: their list, and the names under which their points are stored."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Panel:
         return self.variable.label(self.component)
 
     def key(self, axis: str) -> str:
-        """The name of its points for the residual of an axis."""
+        """The name of the stored points for the residual of an axis."""
         return f"{self.name}_{axis}" if self.variable.of_axis else self.name
 
     def values(self, variable: Variable, run: Run, axis: int) -> Array | None:
-        """Values [n] in a run for the residual of an axis (0, 1, 2); None where the run has none."""
+        """Values [n] in a run for the residual of an axis (0, 1, 2); None if the run has none."""
         values = variable.values(run, axis)
         if values is None or not self.component:
             return values

@@ -1,4 +1,4 @@
-"""What the worker process does: the engine's functions, their answers made ready for the page."""
+"""The functions of the worker process: they call the engine and prepare its results for the page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SIGNATURE_DOTS = 140
 
 
 class Bench:
-    """Holds the session that is looked at, and its last comparison; what is too large to send goes to ``scratch``."""
+    """Holds the current session and its last comparison. Results that are too large to send are written to ``scratch``."""
 
     def __init__(self, scratch: Path) -> None:
         self._scratch = scratch
@@ -52,10 +52,10 @@ class Bench:
         self._compared: Comparison | None = None
         self._number = 0
 
-    # Each of these is called by name (jobs.Jobs.run); they begin by reading the session, for a worker may be a new one.
+    # jobs.Jobs.run calls these methods by name. Each begins by reading the session, because the worker may be a new one.
 
     def open(self, folder: Path, progress: Progress) -> SessionView:
-        """Read and check a session, write its traces."""
+        """Read and check a session, and write its traces."""
         progress("reading the recordings")
         session = Session.open(folder)
         self._session, self._compared = session, None
@@ -81,7 +81,7 @@ class Bench:
     def simulate(
         self, out: Path, effects: Sequence[str], seed: int, scenarios: int, seconds: float, progress: Progress
     ) -> Path:
-        """A campaign with planted effects, to try things on."""
+        """Simulate a campaign with planted effects, for trying out the workbench."""
         simulate(
             out, "paper", effects, seed, scenarios=scenarios, seconds=seconds,
             progress=lambda done, total: progress(f"run {done} of {total}"),
@@ -89,11 +89,11 @@ class Bench:
         return out
 
     def compare(self, folder: Path, model: str, progress: Progress) -> ModelView:
-        """Hold a model (TOML, or a built-in's name) against the session."""
+        """Compare a model (TOML text, or the name of a built-in model) with the session."""
         return self._view(compare(self._opened(folder), self._model(model), progress=progress), progress)
 
     def diagnose(self, folder: Path, model: str, progress: Progress) -> DiagnosisView:
-        """Which effect is missing."""
+        """Diagnose which effect is missing."""
         found = diagnose(self._opened(folder), self._model(model), progress=progress)
         self._compared = found.comparison
         return _diagnosis_view(found)
@@ -111,7 +111,7 @@ class Bench:
         return proposed.formula, self._view(after, progress)
 
     def without(self, folder: Path, model: str, effect: str, progress: Progress) -> ModelView:
-        """The model less an effect."""
+        """The model without an effect."""
         return self._view(compare(self._opened(folder), self._model(model).without(effect), progress=progress), progress)
 
     def calibrate(self, folder: Path, models: dict[str, str], progress: Progress) -> CalibrationView:
@@ -156,14 +156,14 @@ class Bench:
         self, folder: Path, source: str, toml: str, remark: str, bars: Sequence[Bar], floor_mdps: float,
         diagnosis: DiagnosisView | None, calibration: CalibrationView | None, progress: Progress,
     ) -> str:  # fmt: skip
-        """Everything on the screen as one HTML file."""
+        """Write everything on the screen as one HTML file."""
         session, found = self._opened(folder), self._compared
         if found is None or found.fit.model.toml() != toml:
             found = compare(session, self._model(source), progress=progress)
         progress("drawing")
         return page(folder.name, found, remark, bars, floor_mdps, diagnosis, calibration)
 
-    # What these share.
+    # Functions that several of these methods use.
 
     def _opened(self, folder: Path) -> Session:
         if self._session is None or self._session.path != folder:
@@ -180,7 +180,7 @@ class Bench:
         return opened
 
     def _room(self) -> Path:
-        """A new folder in the scratch folder; a worker that took another's place finds that one's there."""
+        """A new folder in the scratch folder, which may already contain the folders of an earlier worker."""
         while True:
             self._number += 1
             room = self._scratch / f"{self._number:06d}"
@@ -236,17 +236,17 @@ def _effects(model: Model) -> list[tuple[str, str, bool]]:
 
 
 def _remark(c: Comparison) -> str:
-    """How much of what is left no model can foretell."""
+    """The part of the residual that no model can predict, in a sentence."""
     parts = [
         f"{f.scale_spread_dps * 1e3:.1f} mdps on {axis}"
         for axis, f in c.fit.axes.items()
         if f.scale_spread_dps > 0.1 * c.per_axis[axis].floor_dps
     ]
-    return f"Of what is left, {', '.join(parts)} is the scale's own change from one power cycle to the next." if parts else ""
+    return f"{', '.join(parts)} of the residual is the scale's own change from one power cycle to the next." if parts else ""
 
 
 def _points(blocks: Sequence[Blocks], means: dict[tuple[int, int], Array]) -> dict[str, Any]:
-    """Block means of the residual of each axis, and of every variable that it can be drawn against; shape [blocks] each."""
+    """Block means of the residual of each axis and of every variable for its plots; shape [blocks] each."""
 
     def stacked(of: Callable[[Run], Array | None]) -> Any:
         parts = []
@@ -294,7 +294,7 @@ def _title(effect_id: str) -> str:
 
 
 def _signature(c: Candidate, found: Comparison, residuals: dict[tuple[int, str], Array]) -> Signature | None:
-    """The run in which the effect shows most: what the model left over there, and what the effect makes of it."""
+    """The run in which the effect is largest: its residual without the effect, and the fitted effect."""
     blocks = found.fit.blocks
     if c.effect.fast:
         s = found.spectra[c.axis]

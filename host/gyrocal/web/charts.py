@@ -1,4 +1,4 @@
-"""ECharts options, and the colours: Okabe and Ito's, told apart by colour-blind eyes, in a light and a dark shade."""
+"""ECharts options and colours: those of Okabe and Ito, which colour-blind people can distinguish, in light and dark shades."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def axis(p: Palette, name: str = "", *, kind: str = "value", label: Options | No
 
 
 def line(name: str, data: Points, colour: str, *, on: int = 0, style: Options | None = None, **more: Any) -> Options:
-    """A line in grid ``on``."""
+    """A line in the grid ``on``."""
     return {
         "type": "line", "name": name, "data": data, "showSymbol": False, "animation": False, "silent": True,
         "xAxisIndex": on, "yAxisIndex": on, "lineStyle": {"color": colour, "width": 1, **(style or {})},
@@ -92,7 +92,7 @@ def tooltip(p: Palette) -> Options:
 
 
 def marks(p: Palette, data: Sequence[Options], colour: str, kind: str = "dotted") -> Options:
-    """Vertical lines that say something."""
+    """Vertical lines with labels."""
     style = {"color": colour, "type": kind, "width": 1}
     return {"silent": True, "symbol": "none", "animation": False, "lineStyle": style, "data": list(data)}
 
@@ -109,7 +109,7 @@ class Block:
 
 
 def blocks(p: Palette, bars: Sequence[Bar]) -> list[Block]:
-    """The first model's excess, what each step takes from it, and what is left."""
+    """The excess of the first model, the reduction by each step, and the remaining excess."""
     if not bars:
         return []
     out = [Block(bars[0].label, 0.0, bars[0].after, p.bad, f"{bars[0].after:.2f}")]
@@ -123,7 +123,7 @@ def blocks(p: Palette, bars: Sequence[Bar]) -> list[Block]:
 
 
 def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
-    """Excess error step by step down to the floor (zero); the last bar is what is left."""
+    """Excess error step by step above the floor (zero). The last bar is the remaining excess."""
     drawn = blocks(p, bars)
     wrapped = {"color": p.ink, "interval": 0, "lineHeight": 13, "width": max(64, 420 // len(drawn)), "overflow": "break"}
     shown = [
@@ -149,7 +149,7 @@ def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
 
 
 def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, float]]]) -> Options:
-    """Mean difference of the first seconds from the whole recording: scale left, bias right, a line a method."""
+    """Mean difference between the first seconds and the whole recording, one line for each method; scale left, bias right."""
     order = [m for m in METHODS if m in errors]
     seconds = sorted({s for by in errors.values() for s in by})
     labels = [f"{s:g}" for s in seconds]
@@ -175,7 +175,7 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
 
 
 def signature_svg(dots: Sequence[tuple[float, float]], curve: Sequence[tuple[float, float]], label: str) -> str:
-    """A small picture of what is left over (dots) and what the effect makes of it (line), in the page's own colours."""
+    """A small plot of the residual (dots) and the fitted effect (line), in the colours of the page."""
     width, height = 220.0, 76.0
     everything = [*dots, *curve]
     if not everything:

@@ -13,5 +13,5 @@ def chip(text: str, act: Callable[[], Any]) -> ui.button:
 
 
 def press(button: ui.button, on: bool) -> None:
-    """Show whether it is pressed, to eyes and to screen readers."""
+    """Show whether the button is pressed, visually and for screen readers."""
     button.classes(add="on" if on else "", remove="" if on else "on").props(f'aria-pressed="{str(on).lower()}"')

@@ -1,7 +1,7 @@
-"""Long traces made short enough for a screen, without losing a spike: minimum and maximum of each stretch.
+"""Reduction of long traces to the resolution of a screen by the minimum and maximum of each interval, which keeps spikes.
 
-A :class:`Pyramid` keeps minima and maxima of 16, 256, 4096, ... samples beside the samples, in files that are mapped, not read.
-Any stretch of ten million samples then costs the same few thousand numbers.
+A :class:`Pyramid` stores minima and maxima of 16, 256, 4096, ... samples in memory-mapped files beside the samples. Any
+interval of ten million samples then costs the same few thousand numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Array = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
 
 class Pyramid:
-    """Channels [k, n] with their minima and maxima, in a folder of ``.npy`` files."""
+    """Channels [k, n] with their minima and maxima in a folder of ``.npy`` files."""
 
     def __init__(self, folder: Path) -> None:
         self.samples: Array = np.load(folder / "samples.npy", mmap_mode="r")
@@ -29,7 +29,7 @@ class Pyramid:
 
     @staticmethod
     def write(folder: Path, channels: int, n: int, fill: Callable[[Array], None]) -> None:
-        """Make the folder; ``fill`` writes the samples into the array [channels, n] that it is given."""
+        """Create the folder. ``fill`` writes the samples into the given array [channels, n]."""
         folder.mkdir(parents=True)
         samples = np.lib.format.open_memmap(folder / "samples.npy", "w+", np.float32, (channels, n))
         samples[:] = np.nan
@@ -67,7 +67,7 @@ class Pyramid:
 
 
 def zigzag(low: Array, high: Array, first: int = 0) -> Array:
-    """Minima and maxima [n] of stretches as one curve [2 n]: up in those of even number, the first one's being ``first``."""
+    """Minima and maxima [n] of intervals as one curve [2 n], rising in even intervals; ``first`` numbers the first one."""
     pairs = np.column_stack([low, high])
     odd = slice(1 - first % 2, None, 2)
     pairs[odd] = pairs[odd, ::-1]
@@ -75,12 +75,12 @@ def zigzag(low: Array, high: Array, first: int = 0) -> Array:
 
 
 def quarters(first: Array, last: Array) -> Array:
-    """Where the two points of each stretch [n] stand: at a quarter and at three quarters of it, [2 n]."""
+    """Positions [2 n] of the two points of each interval [n]: at a quarter and at three quarters of it."""
     return np.column_stack([0.75 * first + 0.25 * last, 0.25 * first + 0.75 * last]).ravel()
 
 
 def binned(x: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
-    """Means of ``y`` [n] in equal bins of ``x`` [n]: (centre, mean, standard error of the mean), empty bins left out."""
+    """Means of ``y`` [n] in equal bins of ``x`` [n] without empty bins: (centre, mean, standard error of the mean)."""
     use = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x[use], dtype=float), np.asarray(y[use], dtype=float)
     if x.size == 0:
@@ -98,7 +98,7 @@ def binned(x: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
 
 
 def thinned(x: Array, y: Array, stretches: int) -> tuple[Array, Array]:
-    """A curve [n] by minimum and maximum of each stretch, where it has more points than a screen shows."""
+    """A curve [n], reduced to minimum and maximum of each interval if it has more points than a screen shows."""
     if x.size <= 2 * stretches:
         return x, y
     edges = np.unique(np.linspace(0, x.size, stretches + 1).astype(np.intp))[:-1]

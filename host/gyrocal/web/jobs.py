@@ -1,4 +1,4 @@
-"""Long work in a process of its own, one piece at a time: progress comes back, and it can be stopped at any moment."""
+"""Long jobs in a separate process, one at a time, with progress. A job can be stopped at any time."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from typing import Any
 from gyrocal.errors import GyrocalError
 
 NICE = 10
-"""The worker yields to the page and to the serial port."""
+"""Niceness of the worker, so that the page and the serial port have priority."""
 
 
 class Cancelled(GyrocalError):
-    """A person stopped it."""
+    """The user stopped the job."""
 
 
 @dataclass
 class Job:
-    """What is being done, for the page."""
+    """The current job, for the page."""
 
     title: str
     method: str
@@ -41,7 +41,7 @@ class Job:
 class Jobs:
     """One worker process, started with the first job and kept.
 
-    ``changed`` is called in the event loop whenever ``current`` says something new.
+    ``changed`` is called in the event loop whenever ``current`` changes.
     """
 
     def __init__(self, scratch: Path, changed: Callable[[], None]) -> None:
@@ -84,7 +84,7 @@ class Jobs:
             except (EOFError, OSError):
                 if not self._cancelled:
                     self._end()
-                    raise GyrocalError(f"{title}: the worker died; is there enough memory?") from None
+                    raise GyrocalError(f"{title}: the worker process ended; check that there is enough memory") from None
             finally:
                 if self._cancelled:  # it was killed, whether or not its answer was on its way
                     self._end()

@@ -1,4 +1,4 @@
-"""The device as the page knows it: the latest samples, state, results; the process that reads its port."""
+"""The state of the device for the page: the latest samples, state and results, and the process that reads its port."""
 
 from __future__ import annotations
 

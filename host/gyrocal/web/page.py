@@ -1,4 +1,4 @@
-"""The page around the panels: header, what is being done, words to the person."""
+"""The page around the panels: header, current job, messages to the user."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page may read and write: sessions inside the chosen folders, nothing else; an upload is data and never run."""
+"""The files that the page may read and write: only sessions inside the chosen folders. An upload is never executed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gyrocal.files import new_folder
 TABLES = (".csv", ".parquet")
 LARGEST_BYTES = 8 << 30
 LARGEST_RATIO = 200
-"""No table of rates packs better; a bomb does."""
+"""Largest compression ratio of a zip member. Tables of rates stay below it; zip bombs exceed it."""
 DEPTH = 2
 MOST_SHOWN = 200
 

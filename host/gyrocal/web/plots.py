@@ -1,4 +1,4 @@
-"""The pictures of a comparison: timeline, folds, spectrum, Allan deviation; what is not on the screen is not sent."""
+"""The plots of a comparison: timeline, folds, spectrum, Allan deviation. Only data on the screen are sent."""
 
 from __future__ import annotations
 

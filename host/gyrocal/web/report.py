@@ -1,4 +1,4 @@
-"""Everything on the screen as one HTML file that needs nothing else."""
+"""Everything on the screen as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def page(
     name: str, found: Comparison, remark: str, bars: Sequence[Bar], floor_mdps: float,
     diagnosis: DiagnosisView | None, calibration: CalibrationView | None,
 ) -> str:  # fmt: skip
-    """The page's text."""
+    """The text of the HTML file."""
     import jinja2
 
     drawn = [

@@ -1,4 +1,4 @@
-"""The last samples of a sensor, and what of them is drawn."""
+"""The last samples of a sensor, and the curves that are drawn from them."""
 
 from __future__ import annotations
 

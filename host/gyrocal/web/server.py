@@ -1,4 +1,4 @@
-"""Starts the page: where it binds, who may see it."""
+"""The server of the page: its address, and the access control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all tabs share: the session, the models tried in turn, the diagnosis, the device. Long work goes to the worker."""
+"""The state that all tabs share: session, sequence of models, diagnosis, device. The worker process does long jobs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the worker tells the page: plain values, no engine object."""
+"""The values that the worker sends to the page. They contain no objects of the engine."""
 
 from __future__ import annotations
 
