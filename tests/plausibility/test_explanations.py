@@ -111,3 +111,8 @@ def test_scales_that_scatter_from_cycle_to_cycle() -> None:
 def test_a_scale_that_no_bias_explains(scale: float, codes: list[str]) -> None:
     runs = [turn(150.0, scenario=f"s{k}", scale=scale) for k in range(3)]
     assert [w.code for w in check(make_session(*runs))] == codes
+
+
+def test_a_bias_that_cancels_a_slow_rate_is_no_unit() -> None:
+    """The readings of one run are near zero by chance, about pi/180 of the rate."""
+    assert check(pairs(5.0, [4.937, 4.937, 4.937])) == []

@@ -239,7 +239,7 @@ def _one_face(points: list[Mean]) -> Slope | None:
 
 
 def _is_in_rad(s: Slope) -> bool:
-    by_itself = abs(s.raw * DEG - 1) < UNIT_WITHIN and abs(s.value) > STANDS_STILL * s.se
+    by_itself = abs(s.raw * DEG - 1) < UNIT_WITHIN and abs(s.value) > STANDS_STILL * s.se and abs(s.value - 1) > SIGN_WITHIN
     return by_itself or abs(s.value * DEG - 1) < UNIT_WITHIN
 
 
