@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gyrocal.error_model.model import Model
-from gyrocal.plausibility import columns, header, noise, readings, rests, slopes
+from gyrocal.plausibility import columns, header, noise, readings, rests, sizes, slopes
 from gyrocal.plausibility.runs import Means
 from gyrocal.recording.session import Session
 from gyrocal.warning import Warning, accepted
@@ -24,7 +24,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
     moved = rests.moved(means, lines)
     found = [
         *slopes.contradictions(means, lines),
-        *slopes.sizes(means, lines, moved),
+        *sizes.check(means, lines, moved),
         *moved,
         *dead,
         *noise.unit_unsure(session),

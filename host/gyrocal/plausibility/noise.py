@@ -47,12 +47,12 @@ def own_sd_dps(session: Session, axis: int) -> float | None:
 
 
 def _change_dps2(run: Run, axis: int) -> float:
-    """Mean square of a sample's change, (deg/s)^2; where the true rate moves, that of its stillest tenth.
+    """Mean square of a sample's change, (deg/s)^2; where the axis turns unsteadily, that of its stillest tenth.
 
     A noisy reference puts more into readings less true rate than a slow movement puts into readings.
     """
     readings = np.diff(run.gyro_dps[:, axis]) ** 2
-    if axis != run.axis_index or run.rate_is_mean or np.ptp(run.rate_dps) == 0:
+    if axis != run.axis_index or (np.ptp(run.rate_dps) == 0 and not run.rate_is_mean):
         return float(readings.mean())
     parts = max(1, min(STRETCHES, readings.size // LEAST_STRETCH))
     left = np.diff(still_dps(run, axis)) ** 2

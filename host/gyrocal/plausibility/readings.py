@@ -176,8 +176,8 @@ def _rates_differ(session: Session, axis: int, at: list[Mask]) -> bool:
             for sign, rates in limits.items():
                 rates.append(np.abs(run.rate_dps[mask & (np.sign(run.gyro_dps[:, axis]) == sign)]))
     least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0))
-    for of_sign in (np.concatenate(parts) for parts in limits.values() if parts):
-        if of_sign.size and float(np.ptp(np.quantile(of_sign, (0.05, 0.95)))) > max(least, DIFFER * float(of_sign.max())):
+    for stated in (np.concatenate(parts) for parts in limits.values() if parts):
+        if stated.size and float(np.ptp(np.quantile(stated, (0.05, 0.95)))) > max(least, DIFFER * float(stated.max())):
             return True
     return False
 

@@ -14,6 +14,7 @@ from gyrocal.warning import Warning
 MOVES_DPS = 1.0
 """Smallest standard deviation of a varying true rate, deg/s. The noise of an encoder is far smaller."""
 STILL_DPS = 0.01
+FOLLOWS = 0.9
 CLUSTERS = 16
 """Number of segments of a run whose scatter gives standard errors. Noise within a segment may be correlated."""
 LONGEST_LAG_S = 0.1
@@ -64,13 +65,18 @@ class Means:
 
 def _mean(run: Run, axis: int) -> Mean:
     y, rate = run.gyro_dps[:, axis], run.rate_dps
-    if not run.rate_is_mean and float(np.std(rate)) > MOVES_DPS:
+    if not run.rate_is_mean and float(np.std(rate)) > STILL_DPS and (np.std(rate) > MOVES_DPS or _follows(y, rate)):
         y, rate = _shifted(y, rate, lag_samples(y, rate, longest_lag(run)))
         slope, se, offset = _regression(y, rate)
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset)
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
     return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
+
+
+def _follows(y: Array, rate: Array) -> bool:
+    """Does a reading follow a reference that moves little, as one in rad/s does? An encoder's noise nobody follows."""
+    return bool(np.ptp(y) > 0) and abs(float(np.corrcoef(y, rate)[0, 1])) > FOLLOWS
 
 
 def _regression(y: Array, rate: Array) -> tuple[float, float, float]:

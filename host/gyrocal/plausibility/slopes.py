@@ -1,4 +1,4 @@
-"""Checks of the slope of each axis: unit, axes, signs, rates, and the sizes of scale, bias and their spread.
+"""Checks of how each axis follows the true rate: the unit, the axes, the signs, the rates and the scale.
 
 The slope of a run is the regression of its readings on the true rate or, at one rate, (mean - bias) / rate. The bias is that of
 the line on which most runs agree. A run that disagrees does not change it.
@@ -13,9 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gyrocal.effects.base import Role
-from gyrocal.inference.reml import LARGEST_SPREAD
-from gyrocal.plausibility.runs import Mean, Means, spread, told
+from gyrocal.plausibility.runs import Mean, Means, told
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.warning import Warning
 
@@ -24,7 +22,6 @@ UNIT_WITHIN, SIGN_WITHIN = 0.1, 0.15
 FOLLOWS_NOT, FOLLOWS = 0.1, (0.9, 1.1)
 RATE_OFF, RATE_ERRORS = 0.02, 10.0
 SCALE_LIMIT, BIAS_LIMIT_DPS = 0.15, 50.0
-TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE = LARGEST_SPREAD[Role.BIAS], LARGEST_SPREAD[Role.SCALE]
 TURN_ON_DPS = 0.05
 """Assumed spread over fewer than FEW power cycles: the upper end of the values in datasheets."""
 FEW = 4
@@ -33,10 +30,12 @@ UNKNOWN_BIAS_DPS = 10.0
 STANDS_STILL = 5.0
 """A slope of fewer standard errors than this may come from a table that does not turn."""
 INFORMATIVE = 0.05
-"""Largest standard error of a slope that is used."""
+"""Largest relative standard error of a slope that is used."""
 AGREE_DPS, AGREE = 0.3, 0.02
 """Runs agree on a line if they differ by less than this (and this fraction of their rate)."""
 MOST_POINTS = 80
+CYCLES_EXPLAIN = 4.0
+"""Offsets of power cycles explain runs that differ by this many times what their slopes then differ by."""
 POINTS_ALONG = 0.7
 """Part of gravity that must lie along an axis for the accelerometer to say which way it points."""
 
@@ -49,6 +48,11 @@ class Slope:
     value: float
     se: float
     raw: float
+
+    @property
+    def informs(self) -> bool:
+        """Is its error small against itself, or against 1 where the axis does not follow?"""
+        return self.se < INFORMATIVE * max(1.0, abs(self.value))
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ def _line(points: list[Mean]) -> Line:
     steady = [m for m in points if m.slope is None]
     swings = [m for m in points if m.slope is not None]
     rates, values = np.array([m.rate_dps for m in steady]), np.array([m.mean_dps for m in steady])
-    bias, slope = _agreed(rates, values)
+    bias, slope = agreed(rates, values)
     if bias is None and swings:
         bias = float(np.median([m.offset_dps for m in swings]))
     scatter = 0.0
@@ -88,16 +92,38 @@ def _line(points: list[Mean]) -> Line:
     if len({m.run.scenario for m in steady}) < FEW:
         scatter = max(scatter, TURN_ON_DPS * min(1.0, abs(slope)))
     unknown = UNKNOWN_BIAS_DPS if bias is None else 0.0
+    own = _of_cycles(steady, bias or 0.0, slope)
     found = [Slope(m.run, float(m.slope), m.slope_se, float(m.slope)) for m in swings if m.slope is not None]
     for m in steady:
         if not m.rests:
             error = float(np.hypot(np.hypot(m.se_dps, scatter), unknown)) / abs(m.rate_dps)
             value, raw = (m.mean_dps - (bias or 0.0)) / m.rate_dps, m.mean_dps / m.rate_dps
+            value = own.get(m.run.scenario, value)
             found.append(Slope(m.run, value, error, raw))
     return Line(bias, found, scatter)
 
 
-def _agreed(rates: Array, values: Array) -> tuple[float | None, float]:
+def _of_cycles(points: list[Mean], bias: float, slope: float) -> dict[str, float]:
+    """Slope of each power cycle with an offset of its own, where this brings runs together that the common line does not.
+
+    The runs of a cycle share its offset; a wrong rate or face of one of them does not look like that.
+    """
+    slopes = {}
+    for scenario in {m.run.scenario for m in points}:
+        cycle = [m for m in points if m.run.scenario == scenario]
+        rates = np.array([m.rate_dps for m in cycle])
+        if np.ptp(rates) <= 0.1 * float(np.max(np.abs(rates))):
+            return {}
+        slopes[scenario] = float(np.polyfit(rates, [m.mean_dps for m in cycle], 1)[0])
+    if len(slopes) < 2:
+        return {}
+    apart = float(np.ptp(list(slopes.values())))
+    single = max((abs((m.mean_dps - bias) / m.rate_dps - slope) for m in points if not m.rests), default=0.0)
+    middle = abs(float(np.median(list(slopes.values()))))
+    return slopes if apart < RATE_OFF * middle and single > CYCLES_EXPLAIN * apart else {}
+
+
+def agreed(rates: Array, values: Array) -> tuple[float | None, float]:
     """Bias and slope of the line through two runs with which the others agree best (Cauchy's loss); None at a single rate.
 
     If several lines agree with equally many runs, the slope nearest to 1 is chosen.
@@ -140,7 +166,7 @@ def contradictions(means: Means, found: Lines) -> list[Warning]:
 def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     line = found[axis, axis]
     # the window about pi/180 is narrow, and a bias that no run shows would be in rad/s too
-    informed = [s for s in line.slopes if s.se < INFORMATIVE or line.bias_dps is None]
+    informed = [s for s in line.slopes if s.informs or line.bias_dps is None]
     if not informed:
         return []
 
@@ -163,26 +189,57 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
         return _told(means, "sign_flipped", axis, flipped, informed, _flipped_text)
     if flipped:
         return [Warning("face_wrong", axis, s.run.file, _face_text(s, axis), True) for s in flipped]
-    sure = [s for s in informed if s.se < INFORMATIVE]
+    sure = [s for s in informed if s.informs]
     if not sure:
-        return []
+        return _beyond_any_bias(informed, axis)
     values = np.array([s.value for s in sure])
-    middle = _middle(values)
-    own = spread(values) if values.size >= FEW else 0.0
-    off = [s for s in sure if abs(s.value - middle) > max(RATE_OFF * abs(middle), RATE_ERRORS * float(np.hypot(s.se, own)))]
+    middle = middle_of(values)
+    beyond = abs(values - middle) / [max(s.se, 1e-12) for s in sure]
+    errors = RATE_ERRORS * (max(1.0, 1.4826 * float(np.median(beyond))) if values.size >= FEW else 1.0)
+    off = [s for s in sure if abs(s.value - middle) > max(RATE_OFF * abs(middle), errors * s.se)]
+    scaled = abs(middle - 1) > SCALE_LIMIT and line.bias_dps is not None
+    turned = _one_face(means.about(axis)) if scaled else None
+    if turned is not None:
+        return [Warning("face_wrong", axis, turned.run.file, _face_text(turned, axis), True)]
     if off:
         return [Warning("rate_wrong", axis, s.run.file, _rate_text(s, middle, axis), True) for s in off]
-    if abs(middle - 1) > SCALE_LIMIT and line.bias_dps is not None:
-        text = (
-            f"{axis} reads {middle:.3g} of the true rate, a scale error of {middle - 1:+.0%}; gyroscopes have a few percent. "
-            "Check table_rate_dps of all runs, the sensor's range and the size of one count (--lsb-dps when importing)"
-        )
-        return [Warning("scale_implausible", axis, None, text, True)]
-    return []
+    return [_scale(middle, axis)] if scaled else _beyond_any_bias(sure, axis) if line.bias_dps is None else []
+
+
+def _scale(middle: float, axis: str) -> Warning:
+    text = (
+        f"{axis} reads {middle:.3g} of the true rate, a scale error of {middle - 1:+.0%}; gyroscopes have a few percent. "
+        "Check table_rate_dps of all runs, the sensor's range and the size of one count (--lsb-dps when importing)"
+    )
+    return Warning("scale_implausible", axis, None, text, True)
+
+
+def _beyond_any_bias(slopes: list[Slope], axis: str) -> list[Warning]:
+    """``scale_implausible`` at a single rate, which shows no bias: no plausible bias and scale together give these readings."""
+    middle = middle_of(np.array([s.value for s in slopes]))
+    rate_dps = max(abs(float(s.run.rate_dps.mean())) for s in slopes)
+    return [_scale(middle, axis)] if abs(middle - 1) > SCALE_LIMIT + BIAS_LIMIT_DPS / rate_dps else []
+
+
+def _one_face(points: list[Mean]) -> Slope | None:
+    """The only run whose face, turned over, makes an implausible line a plausible one that all runs agree on."""
+    found = []
+    values = np.array([m.mean_dps for m in points])
+    for i, m in enumerate(points):
+        rates = np.array([p.rate_dps for p in points])
+        rates[i] *= -1
+        bias, slope = agreed(rates, values)
+        if bias is None:
+            bias, slope = 0.0, float(np.median(values / rates))
+        left = np.abs(values - bias - slope * rates)
+        agrees = bool(np.all(left < STANDS_STILL * (AGREE_DPS + AGREE * np.abs(rates))))
+        if not m.rests and m.slope is None and agrees and abs(slope - 1) < SIGN_WITHIN and abs(bias) < BIAS_LIMIT_DPS:
+            found.append(Slope(m.run, -slope, 0.0, -slope))
+    return found[0] if len(found) == 1 else None
 
 
 def _is_in_rad(s: Slope) -> bool:
-    by_itself = abs(s.raw * DEG - 1) < UNIT_WITHIN and abs(s.value) > STANDS_STILL * s.se
+    by_itself = abs(s.raw * DEG - 1) < UNIT_WITHIN and abs(s.value) > STANDS_STILL * s.se and abs(s.value - 1) > SIGN_WITHIN
     return by_itself or abs(s.value * DEG - 1) < UNIT_WITHIN
 
 
@@ -191,7 +248,7 @@ def _follows(line: Line, run: Run) -> bool:
     return slope is not None and FOLLOWS[0] <= abs(slope.value) <= FOLLOWS[1]
 
 
-def _middle(values: Array) -> float:
+def middle_of(values: Array) -> float:
     """The median, or of two middle values the one nearer to 1."""
     ordered = np.sort(values)
     low, high = float(ordered[(values.size - 1) // 2]), float(ordered[values.size // 2])
@@ -285,57 +342,3 @@ def _upwards(run: Run) -> float:
     assert run.acc_g is not None
     along = float(np.nanmean(run.acc_g[:, run.axis_index])) / max(float(np.nanmedian(np.linalg.norm(run.acc_g, axis=1))), 1e-12)
     return float(np.sign(along)) if abs(along) > POINTS_ALONG else 0.0
-
-
-def sizes(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
-    """Biases and spreads over power cycles that no gyroscope has, without runs that another warning explains."""
-    accused = contradictions(means, found)
-    whole = {w.axis for w in accused if w.file is None}
-    if any(w.code == "axes_swapped" for w in accused):
-        return []
-    out = []
-    for axis in AXES:
-        bad = {w.file for w in (*accused, *moved) if w.axis == axis}
-        line = found.get((axis, axis))
-        points = means.about(axis) if line is not None else means.by_axis[axis]
-        points = [m for m in points if m.run.file not in bad]
-        if not points:
-            continue
-        bias = line.bias_dps if line is not None else float(np.median([m.mean_dps for m in points]))
-        if bias is None:
-            continue
-        if abs(bias) > BIAS_LIMIT_DPS:
-            text = (
-                f"the bias of {axis} is {bias:.4g} dps; gyroscopes have a few. Check the zero of the counts "
-                "(an offset that was not subtracted), the unit, and that the table stood still in runs at rest"
-            )
-            out.append(Warning("bias_implausible", axis, None, text, True))
-        if axis not in whole:
-            slope = _middle(np.array([s.value for s in line.slopes])) if line is not None and line.slopes else 0.0
-            out += _turn_on(axis, points, bias, slope)
-    return out
-
-
-def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[Warning]:
-    cycles: dict[str, list[Mean]] = {}
-    for m in points:
-        cycles.setdefault(m.run.scenario, []).append(m)
-    offsets, scales = [], []
-    for runs in cycles.values():
-        rates = np.array([m.rate_dps for m in runs])
-        left = np.array([m.mean_dps - bias - slope * m.rate_dps for m in runs])
-        if slope and np.ptp(rates) > 0.1 * np.max(np.abs(rates)):
-            offset, scale = np.linalg.lstsq(np.column_stack([np.ones(rates.size), rates]), left, rcond=None)[0]
-            scales.append(float(scale))
-        else:
-            offset = left.mean()
-        offsets.append(float(offset))
-    bias_sd, scale_sd = (float(np.std(v, ddof=1)) if len(v) > 1 else 0.0 for v in (offsets, scales))
-    if bias_sd <= TURN_ON_LIMIT_DPS and scale_sd <= TURN_ON_LIMIT_SCALE:
-        return []
-    how = f"bias by {bias_sd:.3g} dps" if bias_sd > TURN_ON_LIMIT_DPS else f"scale by {scale_sd:.0%}"
-    text = (
-        f"on {axis}, {len(cycles)} power cycles scatter in their {how} (one sigma); a sound part has hundredths of that. "
-        "Check faces and rates of the runs, and which of them share a scenario (a power cycle)"
-    )
-    return [Warning("turn_on_implausible", axis, None, text, True)]

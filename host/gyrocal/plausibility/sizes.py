@@ -1,0 +1,84 @@
+"""Biases and spreads of power cycles beyond what a gyroscope has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.effects.base import Role
+from gyrocal.inference.reml import LARGEST_SPREAD
+from gyrocal.plausibility.runs import Mean, Means
+from gyrocal.plausibility.slopes import BIAS_LIMIT_DPS, FEW, Lines, agreed, contradictions, middle_of
+from gyrocal.recording.session import AXES
+from gyrocal.warning import Warning
+
+TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE = LARGEST_SPREAD[Role.BIAS], LARGEST_SPREAD[Role.SCALE]
+OFFSET_DPS = 2.0
+"""Spread of power cycles' offsets that is granted before their slopes are said to scatter."""
+
+
+def check(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
+    """Biases and spreads of power cycles beyond what a gyroscope has, runs that are explained otherwise left out."""
+    accused = contradictions(means, found)
+    whole = {w.axis for w in accused if w.file is None}
+    if any(w.code == "axes_swapped" for w in accused):
+        return []
+    out = []
+    for axis in AXES:
+        bad = {w.file for w in (*accused, *moved) if w.axis == axis}
+        line = found.get((axis, axis))
+        points = means.about(axis) if line is not None else means.by_axis[axis]
+        points = [m for m in points if m.run.file not in bad]
+        if not points:
+            continue
+        bias = line.bias_dps if line is not None else float(np.median([m.mean_dps for m in points]))
+        if bad and line is not None and all(m.slope is None for m in points):
+            bias, _ = agreed(np.array([m.rate_dps for m in points]), np.array([m.mean_dps for m in points]))
+        if bias is None:
+            continue
+        if abs(bias) > BIAS_LIMIT_DPS:
+            text = (
+                f"the bias of {axis} is {bias:.4g} dps; gyroscopes have a few. Check the zero of the counts "
+                "(an offset that was not subtracted), the unit, and that the table stood still in runs at rest"
+            )
+            out.append(Warning("bias_implausible", axis, None, text, True))
+        if axis not in whole:
+            slope = middle_of(np.array([s.value for s in line.slopes])) if line is not None and line.slopes else 0.0
+            out += _turn_on(axis, points, bias, slope)
+    return out
+
+
+def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[Warning]:
+    cycles: dict[str, list[Mean]] = {}
+    for m in points:
+        cycles.setdefault(m.run.scenario, []).append(m)
+    offsets, scales = [], []
+    for runs in cycles.values():
+        rates = np.array([m.rate_dps for m in runs])
+        left = np.array([m.mean_dps - bias - slope * m.rate_dps for m in runs])
+        if slope and np.ptp(rates) > 0.1 * np.max(np.abs(rates)):
+            offset, scale = np.linalg.lstsq(np.column_stack([np.ones(rates.size), rates]), left, rcond=None)[0]
+            scales.append(float(scale))
+        else:
+            offset = left.mean()
+        offsets.append(float(offset))
+    bias_sd, scale_sd = (float(np.std(v, ddof=1)) if len(v) > 1 else 0.0 for v in (offsets, scales))
+    if slope and len(points) == len(cycles):
+        scale_sd = _scale_sd_of_single_runs(points, bias)
+    if bias_sd <= TURN_ON_LIMIT_DPS and scale_sd <= TURN_ON_LIMIT_SCALE:
+        return []
+    how = f"bias by {bias_sd:.3g} dps" if bias_sd > TURN_ON_LIMIT_DPS else f"scale by {scale_sd:.0%}"
+    text = (
+        f"on {axis}, {len(cycles)} power cycles scatter in their {how} (one sigma); a sound part has hundredths of that. "
+        "Check faces and rates of the runs, and which of them share a scenario (a power cycle)"
+    )
+    return [Warning("turn_on_implausible", axis, None, text, True)]
+
+
+def _scale_sd_of_single_runs(points: list[Mean], bias: float) -> float:
+    """Scatter of the scale over power cycles of one run each, beyond what :data:`OFFSET_DPS` of offset make of it."""
+    turning = [m for m in points if m.slope is None and not m.rests]
+    if len(turning) < FEW:
+        return 0.0
+    rates = np.array([m.rate_dps for m in turning])
+    values = (np.array([m.mean_dps for m in turning]) - bias) / rates
+    return float(np.sqrt(max(0.0, np.var(values, ddof=1) - np.mean((OFFSET_DPS / rates) ** 2))))

@@ -1,0 +1,118 @@
+"""The smallest change of labels that makes a session consistent is told; slopes are judged by their own relative errors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.compare import compare
+from gyrocal.plausibility import check
+from gyrocal.recording.session import Run, Session
+from make_runs import make_run, make_session
+
+DEG = 180 / np.pi
+
+
+def turn(
+    rate_dps: float,
+    face: str = "up",
+    *,
+    scenario: str = "s0",
+    stated: float | None = None,
+    labelled: str = "",
+    scale: float = 1.005,
+    bias_dps: float = 1.2,
+    noise_dps: float = 0.05,
+) -> Run:
+    """Six seconds at a constant rate; ``stated`` and ``labelled`` are what session.toml says instead."""
+    rng = np.random.default_rng([int(abs(rate_dps) * 8), len(face), *scenario.encode()])
+    t_s = np.arange(600) / 100.0
+    sign = 1.0 if face == "up" else -1.0
+    gyro = rng.normal([0.2, -0.1, bias_dps + scale * sign * rate_dps], noise_dps, (600, 3))
+    return make_run(t_s, gyro, table_rate_dps=rate_dps if stated is None else stated, face=labelled or face, scenario=scenario)
+
+
+def pairs(rate_dps: float, offsets: Sequence[float], unit: float = 1.0) -> Session:
+    return make_session(
+        *(
+            turn(rate_dps, face, scenario=f"s{k}", bias_dps=offset, stated=rate_dps / unit)
+            for k, offset in enumerate(offsets)
+            for face in ("up", "down")
+        )
+    )
+
+
+@pytest.mark.parametrize("rate_dps", [20.0, 30.0, 50.0, 78.0, 150.0])
+@pytest.mark.parametrize("offsets", [[0.5], [0.5, -0.3, 0.9], [0.1 * k for k in range(8)]], ids=["1", "3", "8"])
+def test_a_table_in_rad_s(rate_dps: float, offsets: list[float]) -> None:
+    assert check(pairs(rate_dps, offsets)) == []
+    assert [(w.code, w.file) for w in check(pairs(rate_dps, offsets, DEG))] == [("unit_rad_s", None)]
+
+
+def test_a_table_in_rad_s_is_never_adequate() -> None:
+    runs = [turn(r, f, scenario=f"{f}{r}", stated=r / DEG) for f in ("up", "down") for r in (0.0, 30.0, -30.0, 78.0, -78.0)]
+    compared = compare(make_session(*runs))
+    assert ([w.code for w in compared.warnings], compared.verdict) == (["unit_rad_s"], "implausible")
+
+
+@pytest.mark.parametrize("noise_dps", [0.0, 0.3])
+@pytest.mark.parametrize("unit", [1.0, DEG])
+def test_a_reference_in_rad_s(noise_dps: float, unit: float) -> None:
+    """A swing whose reference moves by less than 1 in rad/s; the noise of one that stands is no movement."""
+    rng = np.random.default_rng(1)
+    t_s = np.arange(2000) / 100.0
+    for rate in (40 * np.sin(3 * t_s), np.full(2000, 60.0)):
+        gyro = rng.normal(0, 0.05, (2000, 3)) + np.outer(rate * 1.004 + 0.4, [0, 0, 1])
+        reference = (rate + rng.normal(0, noise_dps, 2000)) / unit
+        told = check(make_session(make_run(t_s, gyro, rate_ref_dps=reference)))
+        assert [w.code for w in told] == ([] if unit == 1 else ["unit_rad_s"])
+
+
+def test_cycles_that_differ_by_their_offsets() -> None:
+    assert [(w.code, w.axis) for w in check(pairs(60.0, [18.0, -16.0, 17.0]))] == [("turn_on_implausible", "z")]
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.05, 1.2])
+def test_one_rate_in_cycles_of_pairs(factor: float) -> None:
+    session = pairs(78.0, [0.5, 0.45, 0.52])
+    wrong = turn(78.0, "down", scenario="s1", stated=78.0 * factor)
+    told = check(make_session(*(wrong if i == 3 else r for i, r in enumerate(session.runs))))
+    assert [(w.code, w.file) for w in told] == [("rate_wrong", "003_down.csv")]
+
+
+def test_one_rate_among_slow_runs() -> None:
+    """Slow runs, each a power cycle, scatter by their offsets; the fast ones are as sure as they are."""
+    offsets = [0.87, 1.14, 2.0, 2.06, 2.5, 2.6]
+    rates = [29.7, -29.6, 155.7, -30.2, 29.9, -150.0]
+    runs = [turn(r, scenario=f"s{k}", bias_dps=b, scale=1.0) for k, (r, b) in enumerate(zip(rates, offsets, strict=True))]
+    assert check(make_session(*runs)) == []
+    runs[2] = turn(155.7, scenario="s2", bias_dps=offsets[2], stated=136.4)
+    assert [(w.code, w.file) for w in check(make_session(*runs))] == [("rate_wrong", "002_up.csv")]
+
+
+@pytest.mark.parametrize("rate_dps", [30.0, 78.0, 200.0])
+@pytest.mark.parametrize("count", [3, 4])
+def test_one_face_wins_over_a_scale_and_a_bias(rate_dps: float, count: int) -> None:
+    runs = [turn(rate_dps, scenario=f"s{k}", labelled="down" if k == count - 1 else "up") for k in range(count)]
+    assert [(w.code, w.file) for w in check(make_session(*runs))] == [("face_wrong", f"{count - 1:03d}_down.csv")]
+
+
+def test_scales_that_scatter_from_cycle_to_cycle() -> None:
+    rates = [-30.0, 29.0, 76.0, -79.0, 0.0, 30.5, -30.3, -77.0, 78.6, 0.0]
+    scales = [0.70, 0.95, 1.04, 1.01, 1.0, 0.93, 0.96, 1.0, 0.98, 1.0]
+    runs = [turn(r, scenario=f"s{k}", scale=s) for k, (r, s) in enumerate(zip(rates, scales, strict=True))]
+    assert [w.code for w in check(make_session(*runs))] == ["turn_on_implausible"]
+    offsets = [3.0, -1.0, 0.5, 2.0, 1.2, -2.5, 0.0, 1.0, 2.0, 1.5]
+    runs = [turn(r, scenario=f"s{k}", bias_dps=b) for k, (r, b) in enumerate(zip(rates, offsets, strict=True))]
+    assert "turn_on_implausible" not in {w.code for w in check(make_session(*runs))}
+
+
+@pytest.mark.parametrize(("scale", "codes"), [(0.1, ["scale_implausible"]), (0.9, []), (1.005, [])])
+def test_a_scale_that_no_bias_explains(scale: float, codes: list[str]) -> None:
+    runs = [turn(150.0, scenario=f"s{k}", scale=scale) for k in range(3)]
+    assert [w.code for w in check(make_session(*runs))] == codes
+
+
+def test_a_bias_that_cancels_a_slow_rate_is_no_unit() -> None:
+    """The readings of one run are near zero by chance, about pi/180 of the rate."""
+    assert check(pairs(5.0, [4.937, 4.937, 4.937])) == []
