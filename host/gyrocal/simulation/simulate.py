@@ -169,8 +169,7 @@ def simulate(
         if progress is not None:
             progress(i + 1, len(plan))
     session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
-    ids = {e["id"] for t in truths for e in t.effects} | {i for i, _ in wanted}
-    record = _record(campaign, seed, ids, sensor, truths)
+    record = _record(campaign, seed, {i for i, _ in wanted}, sensor, truths)
     if out is not None:
         session = session.save(out, parquet=parquet)
         replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
@@ -184,11 +183,11 @@ def _check(campaign: str, seconds: float | None) -> None:
         raise InputError(f"--seconds {seconds:g}: a run lasts two samples of 1/{RATE_HZ:g} s at least")
 
 
-def _record(campaign: str, seed: int, ids: set[str], sensor: Sensor, truths: Sequence[RunTruth]) -> dict[str, Any]:
+def _record(campaign: str, seed: int, wanted: set[str], sensor: Sensor, truths: Sequence[RunTruth]) -> dict[str, Any]:
     """What ``out.truth.json`` holds."""
     return {
         "format": TRUTH_FORMAT, "campaign": campaign, "seed": seed,
-        "effects": sorted(ids),
+        "effects": sorted({e["id"] for t in truths for e in t.effects} | wanted),
         "noise": {
             "white_sd_dps": WHITE_SD_DPS, "ou_sd_dps": sensor.drift.sd_dps, "ou_tau_s": sensor.drift.tau_s,
             "turn_on_sd_dps": sensor.turn_on_bias.sd_dps,
