@@ -43,7 +43,8 @@ def check(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
             out.append(Warning("bias_implausible", axis, None, text, True))
         if axis not in whole:
             slope = middle_of(np.array([s.value for s in line.slopes])) if line is not None and line.slopes else 0.0
-            out += _turn_on(axis, points, bias, slope)
+            steady = points if line is not None else [m for m in points if m.rests]  # else misalignment shows the table's rate
+            out += _turn_on(axis, steady, bias, slope)
     return out
 
 
