@@ -283,7 +283,6 @@ def _one_line(text: str) -> str:
 
 def _shape(line: Line) -> tuple[str, str, str, dict[str, str], dict[str, str]]:
     """The content of a line as a file stores it, with numbers rounded to the digits of the file."""
-    formula = line.kind.equation if isinstance(line.kind, FormulaEffect) else ""
     se = {n: _number(v) for n, v in line.se.items() if math.isfinite(v)}
     return line.id, line.axis, line.formula, {n: _number(v) for n, v in line.values.items()}, se
 
