@@ -497,8 +497,8 @@ def test_real_time_is_real(build: Build, tmp_path: Path) -> None:
 def test_over_a_population_the_baseline_is_trusted_where_it_is_right(sim: Sim, tmp_path: Path) -> None:
     """Sound sensors of any scale within 3 % and bias within 10 dps: trusted, and off by what their standard errors say.
 
-    These allow for drift and for effects that 6 s cannot exclude, so white noise alone leaves less than one of them; each face's
-    drift of 2.3 mdps, nearly constant over 6 s, is drawn here.
+    These allow for drift and for effects that 6 s cannot exclude, so white noise alone leaves less than one of them; each
+    face's drift of 2.3 mdps, nearly constant over 6 s, is drawn here.
     """
     rng = np.random.default_rng(40)
     n, truth, runs = 900, [], []
