@@ -83,12 +83,13 @@ def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model
 
 
 def test_what_takes_long_comes_in_parts(model: Model, tmp_path: Path, require_tool) -> None:
-    """Fourteen parts of the baseline's standard errors, six alternatives of the model's answer, a part a sample, so that none is
-    missed meanwhile; then the network's, a face in eight. At the end of a run that is over sooner, all that is left at once."""
+    """Fourteen parts of the baseline's standard errors, six alternatives of the model's answer, a part a sample, so that none
+    is missed meanwhile; then the network's, a face in eight. At the end of a run that is over sooner, all that is left at
+    once."""
     require_tool("cc")
     header.write(model, tmp_path / "calibration.h")
     whole, _ = simulate(None, "table2", seed=7, scenarios=1, seconds=7.0)
-    short = whole.with_runs(r.part(0, n) for r, n in zip(whole.runs, (1015, 881), strict=True))
+    short = whole.with_runs(r.part(0, n) for r, n in zip(whole.runs, (1015, 887), strict=True))
     said = [[s for s in replay(of, include_dir=tmp_path) if s.tag in ("RAW", "CAL")] for of in (whole, short)]
     for sentences, gaps in zip(said, ([6, 16] * 3, [6, 16] * 2 + [2, 0]), strict=True):
         at = [i for i, s in enumerate(sentences) if s.tag == "CAL"]
