@@ -84,8 +84,8 @@ def test_a_broken_sign_does_not_pass(replayed: tuple[Session, list[dict]], model
 
 def test_what_takes_long_comes_in_parts(model: Model, tmp_path: Path, require_tool) -> None:
     """Fourteen parts of the baseline's standard errors, six alternatives of the model's answer, a part a sample, so that none
-    is missed meanwhile; then the network's, a face in eight. At the end of a run that is over sooner, all that is left at once:
-    the shorter one ends with the second of the fourteen parts after 6 s."""
+    is missed meanwhile; then the network's, a face in eight. At the end of a run that is over sooner, all that is left at
+    once."""
     require_tool("cc")
     header.write(model, tmp_path / "calibration.h")
     whole, _ = simulate(None, "table2", seed=7, scenarios=1, seconds=7.0)

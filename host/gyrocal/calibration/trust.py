@@ -41,7 +41,7 @@ STILL_S, STILL_SAMPLES = 0.5, 40
 """A reading that does not change for so long, and for so many samples, stands still."""
 EXPECTED_SD_DPS = 0.0448
 """Noise of a sample where the readings show none: the LSM6DSO's (datasheet, table 3)."""
-DISAGREES = 3.5
+DISAGREES = 4.5
 """The root of an answer's expected squared error, by a fit that holds the effects, over the standard error that it claims. Of
 2000 sound sensors none is above; a smaller one flags more of the tables that a network was trained for (`gyrocal benchmark
 population`)."""
