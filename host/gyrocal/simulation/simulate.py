@@ -47,8 +47,12 @@ WHITE_SD_DPS = 0.0038 * np.sqrt(136.0)
 OU_SD_DPS = 0.002
 OU_TAU_S = 30.0
 TURN_ON_SD_DPS = 0.005
-SCALE_MEAN, SCALE_SD = 0.004, 0.0005
-BIAS_MEAN_DPS, BIAS_SD_DPS = -0.05, 0.04
+SCALE_LIMIT, BIAS_LIMIT_DPS = 0.03, 10.0
+"""Each axis of a part has a scale and a bias of its own, drawn evenly within these: what is met before a calibration."""
+SCALE_MEAN, BIAS_MEAN_DPS = 0.004, -0.05
+"""Mean scale and bias of the paper's sensors (its Fig. 4), which the campaign ``table2`` has instead."""
+SCALE_SD, BIAS_SD_DPS = 0.0005, 0.04
+"""How scale and bias differ between the paper's scenarios."""
 
 # The campaign whose baseline errs as the paper's Table 2 does (bias, and 78 deg/s times scale, within 30 % of 55, 35 and
 # 30 mdps at 2, 4 and 6 s): what each run draws. Measured by `gyrocal benchmark paper`.
@@ -76,14 +80,20 @@ class Sensor:
 
     turn_on_bias: TurnOnBias
     drift: Drift
+    mean_scale: Array
+    mean_bias_dps: Array
+    """Of the axes, [3]."""
     given: Mapping[base.Role, float] = field(default_factory=dict)
     """Scale (fraction) and bias (deg/s), where they are not drawn."""
 
     @staticmethod
     def of(
-        wanted: Sequence[tuple[str, base.Values]], turn_on_sd_dps: float, rng: np.random.Generator
+        wanted: Sequence[tuple[str, base.Values]], turn_on_sd_dps: float, means: tuple[Array, Array], rng: np.random.Generator
     ) -> tuple[Sensor, list[tuple[str, base.Values]]]:
-        """The sensor that the wanted effects ask for, and the effects that are left to plant."""
+        """The sensor that the wanted effects ask for, and the effects that are left to plant.
+
+        ``means``: scale and bias (deg/s) of the axes, [3] each.
+        """
         noise = AxisNoise(drift=Drift(OU_SD_DPS, OU_TAU_S), turn_on_bias=TurnOnBias(turn_on_sd_dps))
         given: dict[base.Role, float] = {}
         left = []
@@ -97,16 +107,24 @@ class Sensor:
                 left.append((effect_id, values))
         assert noise.drift is not None
         assert noise.turn_on_bias is not None
-        return Sensor(noise.turn_on_bias, noise.drift, given), left
+        return Sensor(noise.turn_on_bias, noise.drift, *means, given), left
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, Array]:
         """Scale and bias of the three axes, [3] each."""
-        scale = rng.normal(SCALE_MEAN, SCALE_SD, 3)
-        bias_dps = rng.normal(BIAS_MEAN_DPS, BIAS_SD_DPS, 3)
+        scale = rng.normal(self.mean_scale, SCALE_SD)
+        bias_dps = rng.normal(self.mean_bias_dps, BIAS_SD_DPS)
         return (
             np.full(3, self.given[base.Role.SCALE]) if base.Role.SCALE in self.given else scale,
             np.full(3, self.given[base.Role.BIAS]) if base.Role.BIAS in self.given else bias_dps,
         )
+
+
+def part(campaign: str, seed: int) -> tuple[Array, Array]:
+    """Scale and bias (deg/s) of the axes of a simulated part, [3] each: the paper's for ``table2``, else drawn by the seed."""
+    if campaign == "table2":
+        return np.full(3, SCALE_MEAN), np.full(3, BIAS_MEAN_DPS)
+    rng = np.random.default_rng((seed, 2))
+    return rng.uniform(-SCALE_LIMIT, SCALE_LIMIT, 3), rng.uniform(-BIAS_LIMIT_DPS, BIAS_LIMIT_DPS, 3)
 
 
 def _kind(effect_id: str) -> Described:
@@ -130,9 +148,10 @@ def simulate(
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. ``scale``, ``bias``, ``turn_on_bias`` and ``colored_noise`` set what every simulated sensor has. With
-    ``vary`` scale and bias are drawn for each scenario, as the paper's differ. The campaign ``table2`` is ``paper`` with the
-    ripple and the transient that make its baseline err as the paper's Table 2. Returns the session and its truth; with
+    drawn for each run. The part has a scale within 3 % and a bias within 10 deg/s on each axis, by the seed; ``scale``, ``bias``,
+    ``turn_on_bias`` and ``colored_noise`` set them and the noise. With ``vary`` scale and bias differ between scenarios, as the
+    paper's do. The campaign ``table2`` is ``paper`` with the paper's sensors, and with the ripple and the transient that make its
+    baseline err as the paper's Table 2. Returns the session and its truth; with
     ``out=None`` nothing is written.
     """
     _check(campaign, seconds)
@@ -142,7 +161,7 @@ def simulate(
     chosen = CAMPAIGNS[campaign]
     plan = chosen.plan(scenarios, seconds)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
-    sensor, planted = Sensor.of(wanted, turn_on_sd_dps, rng)
+    sensor, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed), rng)
     rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in sorted({p.day for p in plan})}
     days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
     scale, bias_dps = sensor.draw(rng)
