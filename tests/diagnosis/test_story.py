@@ -55,7 +55,7 @@ def test_nothing_is_named_where_nothing_is(null: Diagnosis) -> None:
     ("effect_id", "record"),
     [
         ("lag", "swing"), ("clock_error", "swing"), ("centripetal", "three different speeds"),
-        ("scale_nonlinearity", "two rates"), ("scale_asymmetry", "speeds"), ("earth_rate", "latitude_deg"),
+        ("scale_nonlinearity", "two or more rates"), ("scale_asymmetry", "speeds"), ("earth_rate", "latitude_deg"),
     ],
 )  # fmt: skip
 def test_one_speed_cannot_show_it_and_what_can_is_said(null: Diagnosis, effect_id: str, record: str) -> None:

@@ -16,6 +16,7 @@ from gyrocal.cli import main
 from gyrocal.core.verify import TOLERANCE, verify, windows
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
+from gyrocal.noise.axis import AxisNoise
 from gyrocal_firmware import INCLUDE
 
 
@@ -187,7 +188,7 @@ def test_the_shipped_network_and_a_model_need_no_torch(tmp_path: Path) -> None:
         "from gyrocal.cli import main\n"
         f"sys.exit(main(['export', '--model', {str(tmp_path / 'm.toml')!r}, '--out', {str(tmp_path)!r}]))"
     )
-    replace(Model.builtin("paper"), white_sd_dps={"z": 0.04}).save(tmp_path / "m.toml")
+    replace(Model.builtin("paper"), noise={"z": AxisNoise(0.04)}).save(tmp_path / "m.toml")
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.PIPE)
     assert (tmp_path / "calibration.h").is_file()
     assert (tmp_path / "model.int8.onnx").read_bytes() == shipped("paper.int8.onnx").read_bytes()

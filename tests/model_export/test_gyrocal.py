@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gyrocal
 from gyrocal.calibration import limit
 from gyrocal.calibration.network import STAGES_S, FaceNetwork
 from gyrocal.calibration.scenarios import Faces, Protocol, Simulation, block_means
@@ -103,7 +104,7 @@ def test_a_run_of_another_shape_goes_to_c(exported: Path, require_tool: Callable
     with pytest.raises(InputError, match="export both together"):
         verify(exported / "model.int8.onnx")
     with pytest.raises(InputError, match="export both together"):
-        verify(Path(str(limit.__file__)).parent / "data" / "paper.int8.onnx", exported / "weights.h")
+        verify(Path(gyrocal.__file__).parent / "data" / "paper.int8.onnx", exported / "weights.h")
 
 
 def test_a_run_folder_says_how_it_was_made(run: Path) -> None:

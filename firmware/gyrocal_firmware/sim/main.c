@@ -22,6 +22,7 @@
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
 #define FAULT_FROM_US 1000000u /* after the first sample of the first run */
+#define FASTEST_SINGLE_HZ 833.0f
 #define USAGE "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--fault NAME|list] [--hold]"
 
 static const struct {
@@ -298,8 +299,12 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
-    command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
+    const bool fast = sim->fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ; /* refused before the FIFO is in use */
+    command_set(sim, "rate_hz", fast ? FASTEST_SINGLE_HZ : sim->rows.sample_rate_hz, "");
     command_set(sim, "fifo", (float)sim->fifo, "");
+    if (fast) {
+        command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
+    }
     command(sim, "hello"); /* the one at boot came before these */
     if (stream) {
         command(sim, "stream raw");

@@ -111,9 +111,9 @@ class Model:
     def builtin(name: str) -> Model:
         """The built-in model of this name.
 
-    ``paper`` has scale, bias and white noise, exactly as in eq. (4). ``default`` also has turn-on bias and coloured noise.
-    Raises InputError for another name.
-    """
+        ``paper`` has scale, bias and white noise, exactly as in eq. (4). ``default`` also has turn-on bias and coloured noise.
+        Raises InputError for another name.
+        """
         noises = {"paper": AxisNoise(), "default": AxisNoise(drift=Drift(), turn_on_bias=TurnOnBias())}
         if name not in noises:
             raise InputError(f"--model {name}: neither a file nor one of {', '.join(noises)}")
