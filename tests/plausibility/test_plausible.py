@@ -291,7 +291,9 @@ def test_every_code_of_the_documentation_can_be_accepted() -> None:
 
 def test_exchanged_axes_say_what_each_follows() -> None:
     (told,) = check(everywhere(sound(), swapped))
-    assert "x with 1.00" in told.text or "x with 0.99" in told.text
+    figure = re.search(r"z follows its rate with 0\.0\d* and x with (\d\.\d+)", told.text)
+    assert figure is not None
+    assert float(figure[1]) == pytest.approx(1.0, abs=0.031)  # sensors differ by up to 3 %
 
 
 def test_accepting_another_axis_is_no_acceptance() -> None:
@@ -342,7 +344,7 @@ def test_a_turn_by_hand() -> None:
 
 def test_spreads_of_power_cycles_do_not_absorb_a_mistake() -> None:
     found = compare(cycles_apart(56.0)(sound()))
-    assert found.fit.axes["z"].turn_on_sd_dps <= 5.0
+    assert found.fit.axes["z"].turn_on_sd_dps <= 5.0 * (1 + 1e-12)  # the bound is held in the logarithm
     assert found.per_axis["z"].floor_dps < 5.1
 
 

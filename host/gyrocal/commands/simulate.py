@@ -22,6 +22,9 @@ def run(
     ] = None,
     effects: OwnEffects = None,
     seed: Annotated[int, typer.Option(help="The same seed gives the same session.")] = 0,
+    sensor: Annotated[
+        int | None, typer.Option(help="Number of the part: sessions of one number are of one part. Left out: the seed.")
+    ] = None,
     scenarios: Annotated[int | None, typer.Option(help="How many scenarios (paper: 48) or days (others: 3).")] = None,
     seconds: Annotated[float | None, typer.Option(help="Length of a run, s (paper: 70, full: 40).")] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet instead of CSV.")] = False,
@@ -32,7 +35,7 @@ def run(
 
     with working() as say:
         session, truth = simulate(
-            out, campaign, effect or (), seed, scenarios=scenarios, seconds=seconds, parquet=parquet,
+            out, campaign, effect or (), seed, scenarios=scenarios, seconds=seconds, sensor=sensor, parquet=parquet,
             progress=lambda done, total: say(f"run {done} of {total}"),
         )  # fmt: skip
     samples = sum(len(r) for r in session.runs)

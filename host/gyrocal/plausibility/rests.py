@@ -28,7 +28,7 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
             seen.add(run.file)
     for axis in AXES:
         rests = [m for m in means.by_axis[axis] if _said_at_rest(m.run) and m.run.file not in seen]
-        apart = _apart(rests, _scatter_dps(lines, axis))
+        apart = _apart(rests, _scatter_dps(lines, axis), _bias_dps(means, lines, axis))
         out += [Warning("not_at_rest", axis, m.run.file, _text(m, rests, axis), True) for m in apart]
     return out
 
@@ -43,10 +43,19 @@ def _scatter_dps(lines: Lines, axis: str) -> float:
     return 0.0 if line is None else line.scatter_dps
 
 
-def _apart(rests: list[Mean], scatter_dps: float) -> list[Mean]:
-    """Rests whose mean deviates from the other rests. Of two rests that disagree, the one farther from zero is reported."""
+def _bias_dps(means: Means, lines: Lines, axis: str) -> float:
+    """The bias that other runs than the rests show: of the line, else of runs about another axis; 0 if there are none."""
+    line = lines.get((axis, axis))
+    if line is not None and line.bias_dps is not None:
+        return line.bias_dps
+    across = [m.mean_dps for m in means.by_axis[axis] if m.run.axis != axis and not _said_at_rest(m.run)]
+    return float(np.median(across)) if across else 0.0
+
+
+def _apart(rests: list[Mean], scatter_dps: float, bias_dps: float) -> list[Mean]:
+    """Rests whose mean deviates from the other rests. Of two rests that disagree, the one farther from the bias is reported."""
     if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > max(OFF_DPS, SPREADS * scatter_dps):
-        return [max(rests, key=lambda m: abs(m.mean_dps))]
+        return [max(rests, key=lambda m: abs(m.mean_dps - bias_dps))]
     values = np.array([m.mean_dps for m in rests])
     out = []
     for i, m in enumerate(rests if len(rests) > 2 else []):

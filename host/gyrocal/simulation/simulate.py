@@ -119,11 +119,11 @@ class Sensor:
         )
 
 
-def part(campaign: str, seed: int) -> tuple[Array, Array]:
-    """Scale and bias (deg/s) of the axes of a simulated part, [3] each: the paper's for ``table2``, else drawn by the seed."""
+def part(campaign: str, number: int) -> tuple[Array, Array]:
+    """Scale and bias (deg/s) of the axes of a simulated part, [3] each: the paper's for ``table2``, else drawn by its number."""
     if campaign == "table2":
         return np.full(3, SCALE_MEAN), np.full(3, BIAS_MEAN_DPS)
-    rng = np.random.default_rng((seed, 2))
+    rng = np.random.default_rng((number, 2))
     return rng.uniform(-SCALE_LIMIT, SCALE_LIMIT, 3), rng.uniform(-BIAS_LIMIT_DPS, BIAS_LIMIT_DPS, 3)
 
 
@@ -142,16 +142,18 @@ def simulate(
     seconds: float | None = None,
     vary: bool = False,
     turn_on_sd_dps: float = TURN_ON_SD_DPS,
+    sensor: int | None = None,
     parquet: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Session, dict[str, Any]]:
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. The part has a scale within 3 % and a bias within 10 deg/s on each axis, by the seed; ``scale``, ``bias``,
-    ``turn_on_bias`` and ``colored_noise`` set them and the noise. With ``vary`` scale and bias differ between scenarios, as the
-    paper's do. The campaign ``table2`` is ``paper`` with the paper's sensors, and with the ripple and the transient that make its
-    baseline err as the paper's Table 2. Returns the session and its truth; with
+    drawn for each run. The part has a scale within 3 % and a bias within 10 deg/s on each axis, drawn by the number ``sensor``
+    (None: the seed), so sessions of one number are of one part; ``scale``, ``bias``, ``turn_on_bias`` and ``colored_noise`` among
+    the effects set them and the noise. With ``vary`` scale and bias differ between scenarios, as the paper's do. The campaign
+    ``table2`` is ``paper`` with the paper's sensors, and with the ripple and the transient that make its baseline err as the
+    paper's Table 2. Returns the session and its truth; with
     ``out=None`` nothing is written.
     """
     _check(campaign, seconds)
@@ -161,10 +163,10 @@ def simulate(
     chosen = CAMPAIGNS[campaign]
     plan = chosen.plan(scenarios, seconds)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
-    sensor, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed), rng)
+    own, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed if sensor is None else sensor), rng)
     rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in sorted({p.day for p in plan})}
     days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
-    scale, bias_dps = sensor.draw(rng)
+    scale, bias_dps = own.draw(rng)
     runs: list[Run] = []
     truths: list[RunTruth] = []
     shared: dict[str, base.Values] = {}
@@ -177,18 +179,18 @@ def simulate(
                 day.switch_off(plan[i - 1].power_on_s + plan[i - 1].seconds)
                 cycles = len({p.scenario for p in plan[:i] if p.day == planned.day})
                 day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
-            turn_on_dps = np.array([sensor.turn_on_bias.draw_dps(rng) for _ in AXES])
+            turn_on_dps = np.array([own.turn_on_bias.draw_dps(rng) for _ in AXES])
             # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
             if vary or campaign == "table2":
-                scale, bias_dps = sensor.draw(rng)
+                scale, bias_dps = own.draw(rng)
         truth = RunTruth(f"{i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
         extra = table2_draw(rng) if campaign == "table2" else []
-        runs.append(simulate_run(i, planned, truth, [*planted, *extra], shared, sensor, day, several, rng))
+        runs.append(simulate_run(i, planned, truth, [*planted, *extra], shared, own, day, several, rng))
         truths.append(truth)
         if progress is not None:
             progress(i + 1, len(plan))
     session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
-    record = _record(campaign, seed, {i for i, _ in wanted}, sensor, truths)
+    record = _record(campaign, seed, {i for i, _ in wanted}, own, truths)
     if out is not None:
         session = session.save(out, parquet=parquet)
         replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
