@@ -120,7 +120,7 @@ class Sensor:
 
 
 def part(campaign: str, number: int) -> tuple[Array, Array]:
-    """Scale and bias (deg/s) of the axes of a simulated part, [3] each: the paper's for ``table2``, else drawn by its number."""
+    """Scale and bias (deg/s) of a simulated part's axes, [3] each: the paper's for ``table2``, else drawn by its number."""
     if campaign == "table2":
         return np.full(3, SCALE_MEAN), np.full(3, BIAS_MEAN_DPS)
     rng = np.random.default_rng((number, 2))
@@ -149,12 +149,10 @@ def simulate(
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. The part has a scale within 3 % and a bias within 10 deg/s on each axis, drawn by the number ``sensor``
-    (None: the seed), so sessions of one number are of one part; ``scale``, ``bias``, ``turn_on_bias`` and ``colored_noise`` among
-    the effects set them and the noise. With ``vary`` scale and bias differ between scenarios, as the paper's do. The campaign
-    ``table2`` is ``paper`` with the paper's sensors, and with the ripple and the transient that make its baseline err as the
-    paper's Table 2. Returns the session and its truth; with
-    ``out=None`` nothing is written.
+    drawn for each run. The part has a scale within 3 % and a bias within 10 deg/s on each axis, drawn by its number ``sensor``
+    (None: the seed); ``scale``, ``bias``, ``turn_on_bias`` and ``colored_noise`` set them and the noise. With ``vary`` scale and
+    bias differ between scenarios. ``table2`` is ``paper`` with the paper's sensors, and with the ripple and the transient that
+    make its baseline err as the paper's Table 2. Returns the session and its truth; ``out`` None: nothing is written.
     """
     _check(campaign, seconds)
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
