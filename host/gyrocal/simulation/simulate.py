@@ -148,11 +148,10 @@ def simulate(
 ) -> tuple[Session, dict[str, Any]]:
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
-    ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. The part has a scale within 3 % and a bias within 10 deg/s on each axis, drawn by its number ``sensor``
-    (None: the seed); ``scale``, ``bias``, ``turn_on_bias`` and ``colored_noise`` set them and the noise. With ``vary`` scale and
-    bias differ between scenarios. ``table2`` is ``paper`` with the paper's sensors, and with the ripple and the transient that
-    make its baseline err as the paper's Table 2. Returns the session and its truth; ``out`` None: nothing is written.
+    ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are drawn
+    for each run. A part, drawn by its number ``sensor`` (None: the seed), has a scale within 3 % and a bias within 10 deg/s on
+    each axis. With ``vary`` they differ between scenarios. ``table2`` is ``paper`` with sensors and effects that make its
+    baseline err as the paper's. Returns the session and its truth; ``out`` None: nothing is written.
     """
     _check(campaign, seconds)
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
