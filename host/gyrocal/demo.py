@@ -109,9 +109,9 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
     hidden, _ = simulate(
         None, "paper", [HIDDEN], seed, scenarios=CAMPAIGN_SCENARIOS, seconds=CAMPAIGN_SECONDS, vary=True
     )
-    # the same sensor with one truth, so that every answer can be compared with it
+    # one sensor with one truth, so that every answer can be held against it
     fresh, truth = simulate(
-        None, "paper", [HIDDEN], seed + 1000, scenarios=TEST_SCENARIOS, seconds=TEST_SECONDS, turn_on_sd_dps=0.0, sensor=seed
+        None, "paper", [HIDDEN], seed + 1000, scenarios=TEST_SCENARIOS, seconds=TEST_SECONDS, turn_on_sd_dps=0.0
     )  # fmt: skip
     truths = {run.scenario: t for run, t in zip(fresh.runs, truth["runs"], strict=True)}
 
