@@ -37,9 +37,14 @@ def test_a_signal_ends_the_recording_with_its_report(name: str, tmp_path: Path) 
     out = tmp_path / "out"
     with FakeDevice(slow_samples) as fake:
         command = [sys.executable, "-m", "gyrocal", "record", str(out), "--port", fake.port, *RUN, "--json"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        number = getattr(signal, name)
+
+        def heard() -> None:
+            signal.signal(number, signal.SIG_DFL)  # under nohup the signal is ignored, and the recorder leaves it so
+
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=heard) as process:
             wait_for(out / "000_up.csv", 40)
-            os.kill(process.pid, getattr(signal, name))
+            os.kill(process.pid, number)
             report = json.loads(process.communicate(timeout=20)[0])
         assert process.returncode == 0
         assert fake.commands[-1] == "stop"
