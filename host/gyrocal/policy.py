@@ -178,6 +178,15 @@ class Policy:
     )  # fmt: skip
 
     # Diagnosis: rivals
+    overlap: float = threshold(
+        0.3, "cosine similarity of two fitted signals above which `explain` compares the effects as sets",
+        larger="effects that absorb a part of each other are added one by one",
+        smaller="more sets are fitted, which takes longer",
+    )  # fmt: skip
+    noticeable: float = threshold(
+        0.1, "fraction of an axis's squared excess, without a step of `explain`, that the step must remove to matter",
+        larger="more effects are reported as too small to matter", smaller="fewer effects are reported as too small to matter",
+    )  # fmt: skip
     similar_shape: float = threshold(
         0.7, "cosine similarity of two fitted signals above which they may be one cause",
         larger="an effect is named although the session cannot tell it from another",

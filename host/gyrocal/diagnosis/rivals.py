@@ -31,9 +31,9 @@ def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
 def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:
     group = [c]
     for rival in rivals:
-        cosine = _cosine(c.signal, rival.signal)
-        same = cosine > POLICY.same_shape
-        if cosine <= POLICY.similar_shape or not _as_good(c, rival, _price(c, rival) if same else 0.0):
+        overlap = cosine(c.signal, rival.signal)
+        same = overlap > POLICY.same_shape
+        if overlap <= POLICY.similar_shape or not _as_good(c, rival, _price(c, rival) if same else 0.0):
             continue
         if same and c.parameters != rival.parameters:
             if rival.parameters < c.parameters and rival.decision == "add":
@@ -51,7 +51,7 @@ def _price(c: Candidate, other: Candidate) -> float:
     return POLICY.parameter_gain * max(0, c.parameters - other.parameters)
 
 
-def _cosine(a: Array | None, b: Array | None) -> float:
+def cosine(a: Array | None, b: Array | None) -> float:
     """Absolute cosine similarity of two signals [blocks]; 0 if they are not comparable."""
     if a is None or b is None or a.shape != b.shape:
         return 0.0

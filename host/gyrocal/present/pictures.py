@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,35 +57,41 @@ def residual_against_time(comparison: Comparison) -> Figure:
     return figure
 
 
-def residual_against(comparison: Comparison, finding: Finding) -> Figure | None:
+def residual_against(comparison: Comparison, finding: Finding, after: Comparison | None = None) -> Figure | None:
     """Residual of the finding's axis against the finding's variable; None if the variable has no values (a frequency).
 
     Dots are one-second means. The line is the mean over steps that contain equally many dots. A residual that grows with the
     rate is shown as a fraction of it. A periodic variable (a turn) is folded at its period. If the phase differs from run to
-    run, there is one line for each run.
+    run, there is one line for each run. ``after`` is a comparison with a richer model, whose residual is drawn on top.
     """
     variable = variables()[finding.against](comparison.fit.session.runs)
     of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
     each_run = variable.period is not None and isinstance(finding.shape, ShapeOfEachRun)
-    points = _means(comparison, variable, AXES.index(finding.axis))
-    if of_rate:
-        points = [run[np.abs(run[:, 2]) > LEAST_RATE_DPS] for run in points]
-    if not points:
-        return None
     figure, axes = _figure(8, 3.2)
-    style = {"ls": "-", "lw": 1.2, "alpha": 0.8} if each_run else {"ls": "", "marker": ".", "ms": 3, "alpha": 0.25}
-    shown = points[:RUNS_SHOWN] if each_run else points
-    x, y, rate_dps = np.concatenate(shown).T
-    y = y * 1e3 / rate_dps if of_rate else y
-    if variable.period is not None:
-        x = np.abs(x) if each_run else x % variable.period
-    for part in np.split(np.arange(x.size), np.cumsum([len(run) for run in shown])[:-1]):
-        axes.plot(x[part], y[part], color=AXIS_COLOURS[finding.axis], **style)
-    if each_run and variable.period is not None:
-        axes.set_xlim(0, PERIODS_SHOWN * variable.period)
-    else:
-        order = np.array_split(np.argsort(x), STEPS_SHOWN)
-        axes.plot([x[k].mean() for k in order], [y[k].mean() for k in order], "o-", color="black", ms=4, lw=1.2)
+    for drawn, colour, line in ((comparison, AXIS_COLOURS[finding.axis], "black"), (after, GREY, PURPLE)):
+        points = [] if drawn is None else _means(drawn, variable, AXES.index(finding.axis))
+        if of_rate:
+            points = [run[np.abs(run[:, 2]) > LEAST_RATE_DPS] for run in points]
+        if not any(run.size for run in points):
+            if drawn is comparison:
+                return None
+            continue
+        style = {"ls": "-", "lw": 1.2, "alpha": 0.8} if each_run else {"ls": "", "marker": ".", "ms": 3, "alpha": 0.25}
+        shown = points[:RUNS_SHOWN] if each_run else points
+        x, y, rate_dps = np.concatenate(shown).T
+        y = y * 1e3 / rate_dps if of_rate else y
+        if variable.period is not None:
+            x = np.abs(x) if each_run else x % variable.period
+        for part in np.split(np.arange(x.size), np.cumsum([len(run) for run in shown])[:-1]):
+            axes.plot(x[part], y[part], color=colour, **style)
+        if each_run and variable.period is not None:
+            axes.set_xlim(0, PERIODS_SHOWN * variable.period)
+        else:
+            order = [k for k in np.array_split(np.argsort(x), STEPS_SHOWN) if k.size]
+            label = "mean before" if drawn is comparison else "mean after"
+            axes.plot([x[k].mean() for k in order], [y[k].mean() for k in order], "o-", color=line, ms=4, lw=1.2, label=label)
+            if after is not None:
+                axes.legend(frameon=False, fontsize=9)
     axes.axhline(0.0, color=GREY, lw=0.8)
     label = variable.label(finding.axis if variable.components else "")
     axes.set(
@@ -165,6 +171,23 @@ def levels(comparison: Comparison) -> Figure:
         xlabel="rms of held-out samples, mdps (grey: noise floor)",
     )
     axes.margins(x=0.15)
+    return figure
+
+
+def waterfall(labels: Sequence[str], excess_dps: Sequence[float], floor_dps: float) -> Figure:
+    """Held-out excess (deg/s) of the given model and after each step, as falling bars over the noise floor's level."""
+    figure, axes = _figure(8, 0.9 + 0.45 * len(labels))
+    values = np.asarray(excess_dps) * 1e3
+    for i, value in enumerate(values):
+        axes.barh(i, value, color=GREY if i == 0 else BLUE, height=0.6)
+        if i and values[i - 1] > value:
+            axes.barh(i, values[i - 1] - value, left=value, color=BLUE, alpha=0.2, height=0.6)
+        axes.text(max(value, values[i - 1] if i else value), i, f"  {value:.2f}", va="center", fontsize=9)
+    axes.axvline(floor_dps * 1e3, color=ORANGE, lw=1, ls="--", label="noise floor")
+    axes.set(yticks=range(len(labels)), yticklabels=labels, xlabel="rms of the held-out error beyond the noise floor, mdps")
+    axes.invert_yaxis()
+    axes.margins(x=0.12)
+    axes.legend(frameon=False, fontsize=9, loc="lower right")
     return figure
 
 

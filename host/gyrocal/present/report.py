@@ -159,7 +159,7 @@ def write_page(path: Path, c: Comparison) -> None:
         name=c.fit.session.path.name if c.fit.session.path else "session", adequate=c.verdict == "adequate",
         headline=headline(c), warnings=[(w.blocking, line(w)) for w in by_weight(c.warnings)],
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
-        parameters=_parameters(c), version=__version__,
+        parameters=parameter_rows(c), version=__version__,
     )  # fmt: skip
     try:
         replace_text(path, text)
@@ -167,7 +167,7 @@ def write_page(path: Path, c: Comparison) -> None:
         raise InputError(f"{path}: {error.strerror}") from None
 
 
-def _parameters(c: Comparison) -> list[list[Any]]:
+def parameter_rows(c: Comparison) -> list[list[Any]]:
     rows = []
     for listed in c.fit.model.lines():
         units = {p.name: p.unit for p in listed.kind.parameters}

@@ -1,0 +1,229 @@
+"""Explain a session: diagnose it, add what is certain, and repeat until nothing is left or nothing is certain.
+
+Each step starts from the diagnosis of the model so far. The first candidate with decision ``add`` leads. Effects whose signals
+overlap with its signal, including those that an earlier step added, are compared as sets (:mod:`gyrocal.diagnosis.sets`). What
+every equally good set contains is added. What only some of them contain stays open, with the measurement that decides. A step
+is taken back if it does not decrease the held-out excess of its axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.compare import Comparison, with_floor_of
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.sets import choose, overlapping, without
+from gyrocal.effects import base
+from gyrocal.effects.base import Effect
+from gyrocal.error_model.model import Model, Term
+from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Session
+from gyrocal.threads import one_thread
+
+Progress = Callable[[str], None]
+
+MOST_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Step:
+    """Effects that were added together, with the comparisons before and after over the same noise floor.
+
+    ``removed`` lists effects of an earlier step that this step's set replaces. ``matters`` is False if the effects are certain
+    but, without them, the error of the final model would hardly be larger.
+    """
+
+    effects: tuple[str, ...]
+    axes: tuple[str, ...]
+    removed: tuple[str, ...]
+    before: Comparison = field(repr=False)
+    after: Comparison = field(repr=False)
+    matters: bool = True
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "effects": list(self.effects), "axes": list(self.axes), "removed": list(self.removed),
+            "excess_before_dps": self.before.pooled.excess_dps, "excess_after_dps": self.after.pooled.excess_dps,
+            "matters": self.matters,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Open:
+    """Effects on one axis that the session cannot tell apart, and the measurement that would."""
+
+    group: tuple[str, ...]
+    axis: str
+    next_measurement: str
+
+    def to_json(self) -> dict[str, Any]:
+        return {"group": list(self.group), "axis": self.axis, "next_measurement": self.next_measurement}
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The result of :func:`explain`. ``first`` and ``last`` are the diagnoses of the given model and of the final model."""
+
+    steps: list[Step]
+    left: list[Open]
+    first: Diagnosis = field(repr=False)
+    last: Diagnosis = field(repr=False)
+
+    @property
+    def verdict(self) -> str:
+        """The verdict on the final model."""
+        return self.last.verdict
+
+    @property
+    def model(self) -> Model:
+        """The final model, with its parameters fitted to all data."""
+        return self.last.comparison.fit.model
+
+    def to_json(self) -> dict[str, Any]:
+        compared = self.last.comparison.to_json()
+        return {
+            "steps": [s.to_json() for s in self.steps],
+            "left": [o.to_json() for o in self.left],
+            "verdict": self.verdict,
+            "model": self.model.ids,
+            "parameters": compared["parameters"],
+            "unknown": self.last.unknown,
+            "warnings": compared["warnings"],
+        }
+
+
+@one_thread
+def explain(
+    session: Session, model: Model | str | Path | None = None, *, most_steps: int = MOST_STEPS,
+    progress: Progress | None = None,
+) -> Explanation:  # fmt: skip
+    """Add effects to a model as long as one is certain, and state what stays open or unknown.
+
+    ``most_steps`` limits the number of steps. Raises InputError where :func:`gyrocal.diagnosis.diagnose.diagnose` does, and for
+    a negative ``most_steps``.
+    """
+    if most_steps < 0:
+        raise InputError(f"--max is {most_steps}; give the largest number of steps, 0 or more")
+    start = Model.open(model)
+    first = last = diagnose(session, start, progress=progress)
+    steps: list[Step] = []
+    added: dict[str, list[str]] = {}
+    refused: set[tuple[str, frozenset[str]]] = set()
+    while True:
+        plans = list(_plans(last, added, progress))
+        left = [plan.left for plan in plans if plan.left is not None]
+        tried = iter(plans if len(steps) < most_steps else ())
+        taken = next(filter(None, (_taken(session, last, plan, refused, progress) for plan in tried)), None)
+        if taken is None:
+            return Explanation([replace(s, matters=_matters(s, last.comparison)) for s in steps], left, first, last)
+        step, last = taken
+        steps.append(step)
+        for axis in step.axes:
+            added[axis] = [*(i for i in added.get(axis, []) if i not in step.removed), *step.effects]
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What the sets of one axis say: effects to add to the model, effects to remove from it, and ids that stay open."""
+
+    lead: Candidate
+    new: tuple[Effect, ...]
+    removed: tuple[str, ...] = ()
+    open: tuple[str, ...] = ()
+
+    @property
+    def left(self) -> Open | None:
+        if not self.open:
+            return None
+        known = base.effects().get(self.open[0])
+        return Open(self.open, self.lead.axis, self.lead.next_measurement if known is None else known.measure_next)
+
+
+def _plans(diagnosis: Diagnosis, added: dict[str, list[str]], progress: Progress | None) -> Iterator[_Plan]:
+    """The plan of each axis, in the order of its leading candidate."""
+    seen: set[str] = set()
+    for lead in diagnosis.candidates:
+        if lead.decision != "add" or lead.axis in seen:
+            continue
+        seen.add(lead.axis)
+        if progress is not None:
+            progress(f"comparing sets with {lead.effect.id} on {lead.axis}")
+        yield _plan(diagnosis, lead, added.get(lead.axis, []))
+
+
+def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Plan:
+    """The best set with the leading candidate, or the leading candidate alone if nothing overlaps with it."""
+    alone = _Plan(lead, (lead.effect,)) if len(lead.group) < 2 else _Plan(lead, (), open=lead.group)
+    current = Current.of(diagnosis.comparison, lead.axis)
+    pool = overlapping(lead, [c for c in diagnosis.candidates if c.decision in ("add", "suggest")])
+    again = _pool_with(current, lead, pool, earlier)
+    reconsidered = [e.id for e in again if e.id in earlier]
+    if len(again) == 1:
+        return alone
+    tested = sum(c.decision != "not_measurable" for c in diagnosis.candidates)
+    choice = choose(without(current, reconsidered), again, tested)
+    if not choice.certain and not choice.open:
+        return alone
+    stay = {e.id for e in choice.certain} | set(choice.open)
+    new = tuple(e for e in choice.certain if e.id not in earlier)
+    return _Plan(lead, new, tuple(i for i in reconsidered if i not in stay), choice.open)
+
+
+def _pool_with(current: Current, lead: Candidate, pool: list[Effect], earlier: Sequence[str]) -> list[Effect]:
+    """The pool with the effects of earlier steps that overlap with the leading candidate, if the model is without them."""
+    known = [base.effects()[i] for i in earlier if i in base.effects() and not base.effects()[i].fast]
+    if not known or lead.effect.fast or lead.signal is None:
+        return pool
+    stripped = without(current, [e.id for e in known])
+    anew = [judge(stripped, e) for e in dict.fromkeys([*pool, *known])]
+    near = overlapping(anew[0], anew[1:])
+    return near if any(e in known for e in near) else pool
+
+
+def _taken(
+    session: Session, last: Diagnosis, plan: _Plan, refused: set[tuple[str, frozenset[str]]], progress: Progress | None
+) -> tuple[Step, Diagnosis] | None:  # fmt: skip
+    """Carry out a plan and diagnose again; None if it adds nothing or does not decrease the excess."""
+    key = (plan.lead.axis, frozenset(e.id for e in plan.new))
+    if not plan.new or key in refused:
+        return None
+    richer = last.comparison.fit.model
+    for effect_id in plan.removed:
+        richer = richer.without(effect_id, plan.lead.axis)
+    axes = {plan.lead.axis}
+    for effect in plan.new:
+        proven = {c.axis for c in last.candidates if c.effect.id == effect.id and c.decision == "add" and len(c.group) < 2}
+        for axis in sorted({plan.lead.axis} | proven):
+            axes.add(axis)
+            richer = richer.with_term(Term.of(effect, axis))
+    if progress is not None:
+        progress(f"adding {', '.join(e.id for e in plan.new)} on {', '.join(sorted(axes))}")
+    following = diagnose(session, richer, progress=progress)
+    before, after = with_floor_of(last.comparison, following.comparison), following.comparison
+    if not any(_removed_power(before, after, axis) > 0.0 for axis in axes):
+        refused.add(key)
+        return None
+    return Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after), following
+
+
+def _matters(step: Step, final: Comparison) -> bool:
+    """True if, on one of its axes, the step removes a noticeable fraction of the squared excess that would otherwise remain."""
+
+    def noticed(axis: str) -> bool:
+        removed, left_dps = _removed_power(step.before, step.after, axis), final.per_axis[axis].excess_dps or 0.0
+        return removed > POLICY.noticeable * (removed + left_dps**2)
+
+    return any(map(noticed, step.axes))
+
+
+def _removed_power(before: Comparison, after: Comparison, axis: str) -> float:
+    """Decrease of an axis's squared held-out excess, dps^2; 0 if nothing can be held out."""
+    old, new = before.per_axis[axis].excess_dps, after.per_axis[axis].excess_dps
+    return 0.0 if old is None or new is None else old**2 - new**2

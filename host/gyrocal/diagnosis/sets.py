@@ -1,0 +1,172 @@
+"""Sets of effects whose signals overlap, compared as sets by held-out gain.
+
+Slow effects share shapes: a warm-up, a temperature coefficient and a drift are all smooth curves of time in one power cycle.
+If they are added one by one, the first one absorbs a part of the others, and the path may end at a wrong model. Here all sets
+of up to :data:`LARGEST_SET` effects are fitted beside the model. A set is *supported* if every member is needed: without it,
+the others predict held-out data significantly worse, and the likelihood ratio of the member is significant. Of the supported
+sets, the one with the largest held-out gain is chosen, unless a smaller one predicts as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.decision import in_range
+from gyrocal.diagnosis.gains import held_out_gain, total
+from gyrocal.diagnosis.rivals import cosine
+from gyrocal.effects.base import Effect
+from gyrocal.error_model.model import Term
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.likelihood_ratio import likelihood_ratio
+from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.nonlinear import refine
+from gyrocal.inference.reml import unknown_spreads
+from gyrocal.inference.standard_errors import finish
+from gyrocal.inference.structure import choose_variant
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Array
+
+LARGEST_SET = 3
+LARGEST_POOL = 5
+"""Number of overlapping effects of which sets are formed. Five effects give 25 sets."""
+
+
+@dataclass(frozen=True)
+class EffectSet:
+    """Effects fitted together beside a model on one axis.
+
+    ``gains`` [units] are the gains in predictive log-likelihood of the held-out units over the model without the set, and
+    ``parameters`` is the number of parameters that the set adds.
+    """
+
+    effects: tuple[Effect, ...]
+    fitted: AxisFit = field(repr=False)
+    gains: Array = field(repr=False)
+    parameters: int
+
+    @property
+    def ids(self) -> frozenset[str]:
+        return frozenset(e.id for e in self.effects)
+
+    @property
+    def gain(self) -> float:
+        return float(self.gains.sum())
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The outcome of :func:`choose`.
+
+    ``certain`` holds the effects that belong to every set that the session supports equally well. ``open`` holds the ids of the
+    effects that belong only to some of these sets; it is empty if there is one best set.
+    """
+
+    certain: tuple[Effect, ...]
+    open: tuple[str, ...]
+
+
+def without(current: Current, ids: Sequence[str]) -> Current:
+    """The current model without some effects on this axis, with its noise fitted again."""
+    kept = [t for t in current.fit.design.terms if t.effect_id not in ids]
+    if len(kept) == len(current.fit.design.terms):
+        return current
+    design = current.fit.design.changed(kept)
+    fitted = finish(fit_noise(design, start=with_noise(design, current.fit.noise, unknown_spreads(design))))
+    return Current(current.comparison, current.axis, fitted)
+
+
+def overlapping(lead: Candidate, others: Sequence[Candidate]) -> list[Effect]:
+    """The lead's effect, and the effects on its axis whose fitted signals overlap with it, at most :data:`LARGEST_POOL`.
+
+    Effects that are faster than a block and faults of the reading do not overlap with slow effects.
+    """
+    pool = [lead.effect]
+    if lead.effect.fast or lead.signal is None:
+        return pool
+    near = [
+        c for c in others
+        if c.effect.id != lead.effect.id and c.axis == lead.axis and not c.effect.fast
+        and cosine(lead.signal, c.signal) > POLICY.overlap and (c.gain or 0.0) > 0
+    ]  # fmt: skip
+    near.sort(key=lambda c: -(c.gain or 0.0))
+    return [*pool, *(c.effect for c in near[: LARGEST_POOL - 1])]
+
+
+def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
+    """Compare all sets of up to three effects of the ``pool`` beside the current model.
+
+    ``tested`` is the number of candidates that the diagnosis tested, for the correction of the significance.
+    """
+    found: dict[frozenset[str], EffectSet] = {}
+    found[frozenset()] = EffectSet((), current.fit, held_out_gain(current.fit, current.fit, current.folds), 0)
+    supported: list[EffectSet] = []
+    for size in range(1, LARGEST_SET + 1):
+        for members in combinations(pool, size):
+            ids = frozenset(e.id for e in members)
+            if any(frozenset(ids - {e}) not in found for e in ids):
+                continue
+            fitted = _fitted(current, members)
+            if fitted is None:
+                continue
+            gains = held_out_gain(current.fit, fitted, current.folds)
+            found[ids] = EffectSet(members, fitted, gains, _parameters(current, fitted))
+            if all(_needed(found[ids], found[ids - {e.id}], e, current, tested) for e in members):
+                supported.append(found[ids])
+    return _chosen(supported)
+
+
+def _fitted(current: Current, members: Sequence[Effect]) -> AxisFit | None:
+    """The model with all members, fitted together; None if a member's parameters leave their physical range."""
+    fitted = current.fit
+    for effect in members:
+        fitted = choose_variant(fitted, Term.of(effect, current.axis))
+    fitted = finish(refine(fitted))
+    for effect, term in zip(members, fitted.terms[-len(members) :], strict=True):
+        if not in_range(Candidate(effect, current.axis, "reject", term.values)):
+            return None
+    return fitted
+
+
+def _parameters(current: Current, fitted: AxisFit) -> int:
+    before, after = current.fit.design, fitted.design
+    fixed = len(after.layout.fixed) - len(before.layout.fixed)
+    spreads = after.layout.n_groups - before.layout.n_groups
+    own = after.terms[len(before.terms) :]
+    return fixed + spreads + sum(len(t.effect.nonlinear) for t in own)
+
+
+def _needed(whole: EffectSet, rest: EffectSet, member: Effect, current: Current, tested: int) -> bool:
+    """True if the set without the member explains the session significantly worse, in sample and on held-out data."""
+    gain, gain_se = total(whole.gains - rest.gains)
+    if gain is None or gain_se is None or gain <= POLICY.gain_errors * gain_se:
+        return False
+    looks = member.looks(current.runs, current.index)
+    chance = likelihood_ratio(rest.fitted, whole.fitted, max(1, whole.parameters - rest.parameters))[1]
+    return looks * chance * tested < POLICY.name_alarm
+
+
+def _chosen(supported: Sequence[EffectSet]) -> Choice:
+    if not supported:
+        return Choice((), ())
+    best = max(supported, key=lambda s: s.gain)
+    equal = [s for s in supported if s is best or _as_good(s, best)]
+    fewest = min(len(s.effects) for s in equal)
+    simplest = [s for s in equal if len(s.effects) == fewest]
+    common = frozenset.intersection(*(s.ids for s in simplest))
+    any_of = frozenset.union(*(s.ids for s in simplest))
+    lead = max(simplest, key=lambda s: s.gain)
+    certain = tuple(e for e in lead.effects if e.id in common)
+    by_gain = sorted(simplest, key=lambda s: -s.gain)
+    order = list(dict.fromkeys(e.id for s in by_gain for e in s.effects))
+    return Choice(certain, tuple(i for i in order if i in any_of - common))
+
+
+def _as_good(other: EffectSet, best: EffectSet) -> bool:
+    """True if another set predicts as well as the best, within the error of the difference or the price of its parameters."""
+    difference = best.gains - other.gains
+    price = POLICY.parameter_gain * max(0, best.parameters - other.parameters)
+    return float(difference.sum()) < max(POLICY.rival_errors * (total(difference)[1] or 0.0), price)

@@ -1,0 +1,124 @@
+"""An explanation as text on the terminal, and as a self-contained page."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gyrocal import __version__
+from gyrocal.diagnosis.explain import Explanation, Open, Step
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.errors import InputError
+from gyrocal.files import replace_text
+from gyrocal.present import report
+from gyrocal.present.output import mdps, stdout, table
+from gyrocal.warning import by_weight, line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TOO_SMALL = "certain, but too small to change the error noticeably"
+
+
+def print_explanation(e: Explanation, session: Path, model: Path) -> None:
+    """Print the steps with the excess after each, what stays open, and the verdict."""
+    report.print_warnings(e.last.comparison.warnings)
+    if e.steps:
+        rows = [["(start)", "", mdps(e.steps[0].before.pooled.excess_dps, 2), ""]]
+        rows += [[named(s), ", ".join(s.axes), mdps(s.after.pooled.excess_dps, 2), remark(s)] for s in e.steps]
+        table("Held-out excess error over the noise floor", ["added:", "axis:", "excess mdps", "remark:"], rows)
+    for one in e.left:
+        stdout.print(open_words(one))
+    stdout.print(conclusion(e), style="bold")
+    if e.verdict != "implausible":
+        stdout.print(f"{model}: {', '.join(e.model.ids)}")
+    if e.verdict == "unknown":
+        stdout.print(f"next: gyrocal keep {session} --model {model} finds a formula for it and keeps it as your own effect")
+
+
+def named(step: Step) -> str:
+    """The ids of the effects of a step."""
+    return " + ".join(step.effects)
+
+
+def remark(step: Step) -> str:
+    """What a reader should know about a step; empty if there is nothing special."""
+    parts = [] if step.matters else [TOO_SMALL]
+    if step.removed:
+        parts.append(f"replaces {', '.join(step.removed)}")
+    return "; ".join(parts)
+
+
+def open_words(one: Open) -> str:
+    """What the session cannot tell apart, and what to measure."""
+    group = ", ".join(one.group[:-1]) + f" or {one.group[-1]}" if len(one.group) > 1 else one.group[0]
+    return f"On {one.axis} this session cannot tell which acts: {group}. To tell them apart: {one.next_measurement}."
+
+
+def conclusion(e: Explanation) -> str:
+    """The verdict on the final model in one or two sentences."""
+    if e.verdict == "add" and e.last.best is not None:
+        return f"Stopped after {len(e.steps)} steps; {e.last.best.effect.id} on {e.last.best.axis} is still missing."
+    if e.verdict == "adequate" and not e.steps:
+        return "Nothing is missing: what is left over is noise."
+    if e.verdict == "adequate":
+        return "With these effects the model is adequate: what is left over is noise."
+    return report.verdict_text(e.last)
+
+
+def write_explanation(path: Path, e: Explanation) -> None:
+    """Write the explanation as one self-contained HTML page. Raises InputError if the file cannot be written."""
+    import jinja2
+
+    from gyrocal.present import pictures
+
+    start = e.first.comparison
+    overview = ""
+    if e.steps:
+        labels = ["given model", *(f"+ {named(s)}" for s in e.steps)]
+        levels = [e.steps[0].before.pooled, *(s.after.pooled for s in e.steps)]
+        overview = _data(pictures.waterfall(labels, [v.excess_dps or 0.0 for v in levels], levels[-1].floor_dps))
+    steps = [
+        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": mdps(s.before.pooled.excess_dps, 2),
+         "after": mdps(s.after.pooled.excess_dps, 2), "remark": remark(s), "causes": _causes(s), "picture": _data(evidence(s))}
+        for s in e.steps
+    ]  # fmt: skip
+    template = (files("gyrocal") / "present" / "explanation.html").read_text(encoding="utf-8")
+    text = jinja2.Environment(autoescape=True).from_string(template).render(
+        name=start.fit.session.path.name if start.fit.session.path else "session", conclusion=conclusion(e),
+        adequate=e.verdict == "adequate", warnings=[(w.blocking, line(w)) for w in by_weight(e.last.comparison.warnings)],
+        overview=overview, steps=steps, left=[open_words(one) for one in e.left], levels=report.level_rows(e.last.comparison),
+        parameters=report.parameter_rows(e.last.comparison), model=", ".join(e.model.ids), version=__version__,
+    )  # fmt: skip
+    try:
+        replace_text(path, text)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+
+
+def _causes(step: Step) -> list[str]:
+    """The physical cause of each effect of a step."""
+    kinds = {t.effect_id: t.effect for t in step.after.fit.model.terms}
+    return [f"{kinds[i].title}: {kinds[i].cause}" for i in step.effects if i in kinds]
+
+
+def evidence(step: Step) -> Figure | None:
+    """The residual before and after a step, against the variable of the strongest finding that the step removed."""
+    from gyrocal.present import pictures
+
+    finding = removed_finding(step)
+    return None if finding is None else pictures.residual_against(step.before, finding, step.after)
+
+
+def removed_finding(step: Step) -> Finding | None:
+    """The strongest finding on the step's axes that is weaker afterwards; None if there is none."""
+    after = {(f.axis, f.against): f.strength for f in reversed(step.after.where)}
+    weaker = [f for f in step.before.where if f.axis in step.axes and after.get((f.axis, f.against), 0.0) < f.strength]
+    return max(weaker, key=lambda f: f.strength, default=None)
+
+
+def _data(figure: Figure | None) -> str:
+    from gyrocal.present import pictures
+
+    return "" if figure is None else pictures.png_data(figure)

@@ -1,0 +1,130 @@
+"""``explain`` finds every planted effect, adds nothing to a session without one, and leaves open what cannot be told apart."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.sets import EffectSet, _chosen, choose
+from gyrocal.effects import base
+from gyrocal.errors import InputError
+from gyrocal.present.explanation import conclusion, open_words, print_explanation, write_explanation
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
+from make_runs import make_run, make_session
+
+
+def session_with(effects: list[str], campaign: str = "paper", seed: int = 3, scenarios: int = 6) -> Session:
+    return simulate(None, campaign, effects, seed, scenarios=scenarios, seconds=25.0)[0]
+
+
+@pytest.fixture(scope="module")
+def two_effects() -> Session:
+    return session_with(["table_ripple", "spin_up"])
+
+
+def test_every_planted_effect_is_added_and_the_excess_falls_step_by_step(two_effects: Session) -> None:
+    found = explain(two_effects)
+    assert found.verdict == "adequate"
+    assert {i for s in found.steps for i in s.effects} == {"table_ripple", "spin_up"}
+    levels = [found.steps[0].before.pooled.excess_dps, *(s.after.pooled.excess_dps for s in found.steps)]
+    assert all(level is not None for level in levels)
+    assert levels == sorted(levels, key=lambda v: -(v or 0.0))
+    assert all(s.matters for s in found.steps)
+    assert {"table_ripple", "spin_up"} <= set(found.model.ids)
+
+
+def test_nothing_is_added_where_nothing_is() -> None:
+    found = explain(session_with([]))
+    assert (found.steps, found.left, found.verdict) == ([], [], "adequate")
+
+
+def test_the_number_of_steps_can_be_limited(two_effects: Session) -> None:
+    found = explain(two_effects, most_steps=1)
+    assert len(found.steps) == 1
+    assert found.verdict == "add"
+    assert conclusion(found).startswith("Stopped after 1 steps")
+    with pytest.raises(InputError, match="--max"):
+        explain(two_effects, most_steps=-1)
+
+
+def test_effects_of_one_shape_stay_open() -> None:
+    """The temperature rises by the same line in every power cycle, so drift and temperature cannot be told apart."""
+    rng = np.random.default_rng(5)
+    t_s = np.arange(0, 60, 0.02)
+    temp_c = 22.0 + 0.1 * t_s
+    runs = []
+    for cycle in range(6):
+        gyro = rng.normal(0.0, 0.03, (t_s.size, 3)) + rng.normal(0.0, 0.005, 3)
+        gyro[:, 2] += 0.02 * (temp_c - 25.0)
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{cycle}", temp_c=temp_c, power_on_s=3.0))
+    found = explain(make_session(*runs))
+    assert found.steps == []
+    assert found.verdict == "ambiguous"
+    assert [one.axis for one in found.left] == ["z"]
+    assert {"bias_temperature", "drift"} <= set(found.left[0].group)
+    assert "tell" in open_words(found.left[0])
+
+
+def test_a_single_effect_is_its_own_set() -> None:
+    diagnosis = diagnose(session_with(["table_ripple"]))
+    chosen = choose(Current.of(diagnosis.comparison, "z"), [base.effect("table_ripple")], 20)
+    assert ([e.id for e in chosen.certain], chosen.open) == (["table_ripple"], ())
+
+
+def one_set(ids: list[str], gains: list[float], parameters: int) -> EffectSet:
+    fitted = None
+    return EffectSet(tuple(base.effect(i) for i in ids), fitted, np.array(gains), parameters)  # type: ignore[arg-type]
+
+
+def test_of_equally_good_sets_the_common_part_is_certain_and_the_rest_open() -> None:
+    good = one_set(["warmup", "table_ripple"], [10.0, 12.0, 11.0], 4)
+    equal = one_set(["drift", "table_ripple"], [11.0, 11.0, 10.5], 4)
+    worse = one_set(["table_ripple"], [5.0, 6.0, 5.0], 2)
+    chosen = _chosen([good, equal, worse])
+    assert [e.id for e in chosen.certain] == ["table_ripple"]
+    assert set(chosen.open) == {"warmup", "drift"}
+
+
+def test_a_smaller_set_that_predicts_as_well_is_chosen() -> None:
+    large = one_set(["warmup", "drift"], [10.0, 12.0, 11.0], 3)
+    small = one_set(["bias_temperature"], [10.0, 11.8, 10.9], 1)
+    chosen = _chosen([large, small])
+    assert ([e.id for e in chosen.certain], chosen.open) == (["bias_temperature"], ())
+
+
+def test_a_set_that_predicts_significantly_better_is_chosen_whole() -> None:
+    large = one_set(["warmup", "drift"], [30.0, 32.0, 31.0], 3)
+    small = one_set(["bias_temperature"], [10.0, 11.8, 10.9], 1)
+    assert {e.id for e in _chosen([large, small]).certain} == {"warmup", "drift"}
+
+
+def test_the_command_writes_model_page_and_json(
+    two_effects: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, model, page = tmp_path / "s", tmp_path / "m.toml", tmp_path / "e.html"
+    two_effects.save(folder)
+    assert main(["explain", str(folder), "--model", str(model), "--html", str(page), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told) >= {"steps", "left", "verdict", "model", "parameters", "unknown", "warnings"}
+    assert all(set(s) >= {"effects", "axes", "excess_before_dps", "excess_after_dps", "matters"} for s in told["steps"])
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<img") >= 2
+    assert "http" not in text.replace("http-equiv", "")
+    assert main(["explain", str(folder), "--model", str(model)]) == 0
+    assert "Nothing is missing" in capsys.readouterr().out
+
+
+def test_words_of_an_explanation(two_effects: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = explain(two_effects)
+    print_explanation(found, Path("s"), Path("m.toml"))
+    out = capsys.readouterr().out
+    assert "table_ripple" in out
+    assert "With these effects the model is adequate" in out
+    with pytest.raises(InputError):
+        write_explanation(tmp_path / "absent" / "e.html", found)
