@@ -34,6 +34,7 @@ def test_every_planted_effect_is_added_and_the_excess_falls_step_by_step(two_eff
     assert {i for s in found.steps for i in s.effects} == {"table_ripple", "spin_up"}
     levels = [found.steps[0].before.pooled.excess_dps, *(s.after.pooled.excess_dps for s in found.steps)]
     assert all(level is not None for level in levels)
+    assert len({s.after.pooled.floor_dps for s in found.steps} | {s.before.pooled.floor_dps for s in found.steps}) == 1
     assert levels == sorted(levels, key=lambda v: -(v or 0.0))
     assert all(s.matters for s in found.steps)
     assert {"table_ripple", "spin_up"} <= set(found.model.ids)

@@ -122,7 +122,7 @@ def explain(
         tried = iter(plans if len(steps) < most_steps else ())
         taken = next(filter(None, (_taken(session, last, plan, refused, progress) for plan in tried)), None)
         if taken is None:
-            return Explanation([replace(s, matters=_matters(s, last.comparison)) for s in steps], left, first, last)
+            return Explanation([_over_one_floor(s, last.comparison) for s in steps], left, first, last)
         step, last = taken
         steps.append(step)
         for axis in step.axes:
@@ -211,6 +211,12 @@ def _taken(
         refused.add(key)
         return None
     return Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after), following
+
+
+def _over_one_floor(step: Step, final: Comparison) -> Step:
+    """The step with its excess over the floor of the final model, so that the steps can be compared with each other."""
+    same = replace(step, before=with_floor_of(step.before, final), after=with_floor_of(step.after, final))
+    return replace(same, matters=_matters(same, final))
 
 
 def _matters(step: Step, final: Comparison) -> bool:

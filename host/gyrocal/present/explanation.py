@@ -13,6 +13,7 @@ from gyrocal.errors import InputError
 from gyrocal.files import replace_text
 from gyrocal.present import report
 from gyrocal.present.output import mdps, stdout, table
+from gyrocal.variables.base import variables
 from gyrocal.warning import by_weight, line
 
 if TYPE_CHECKING:
@@ -108,7 +109,11 @@ def evidence(step: Step) -> Figure | None:
     from gyrocal.present import pictures
 
     finding = removed_finding(step)
-    return None if finding is None else pictures.residual_against(step.before, finding, step.after)
+    if finding is None:
+        return None
+    if variables()[finding.against].picture == "spectrum":
+        return pictures.spectra(step.before)
+    return pictures.residual_against(step.before, finding, step.after)
 
 
 def removed_finding(step: Step) -> Finding | None:
