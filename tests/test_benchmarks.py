@@ -1,6 +1,7 @@
 """The benchmarks that run from a checkout: pinned keys, and figures that hold together. A few scenarios only."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,28 @@ def test_inference_has_the_pinned_keys(require_tool: Callable[[str], str], monke
         assert 1_000 < found[part]["flash_bytes"] < 20_000
 
 
+def test_truths_of_real_recordings_recover_what_was_planted() -> None:
+    """The numpy fits that grade real recordings, on a swing and a rotation with known answers."""
+    module = benchmark._module("real")
+    t_s = np.arange(0, 60, 0.01)
+    angle = 90 * np.sin(0.5 * t_s)
+    rate = 45 * np.cos(0.5 * (t_s - 0.012))
+    scale, bias, lag_s = module.swing_fit(t_s, angle, 0.985 * rate - 0.04)
+    assert (scale, bias, lag_s) == pytest.approx((-0.015, -0.04, 0.012), abs=1e-3)
+    half = np.deg2rad(30.0 * t_s) / 2
+    quaternion = np.column_stack([np.cos(half), 0.6 * np.sin(half), 0.0 * half, 0.8 * np.sin(half)])
+    body = module.body_rate_dps(quaternion, 100.0)[1:-1]
+    assert body == pytest.approx(np.tile([18.0, 0.0, 24.0], (len(body), 1)), abs=1e-6)
+    tone = np.random.default_rng(1).normal(0, 0.05, 40_000) + 0.05 * np.sin(2 * np.pi * 17.3 * np.arange(40_000) / 100)
+    assert module.strongest_lines_hz(tone, 100.0) == pytest.approx([17.3], abs=0.02)
+
+
+def test_real_recordings_that_are_absent_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(benchmark._module("real"), "REALDATA", tmp_path)
+    found = benchmark.benchmark("real", quiet=True)
+    assert (found["of"], set(found["absent"])) == (0, set(benchmark._module("real").RECORDINGS))
+
+
 def test_a_benchmark_that_there_is_not() -> None:
-    with pytest.raises(InputError, match="there are paper, robustness, inference, population, blind"):
+    with pytest.raises(InputError, match="there are paper, robustness, inference, population, real, blind"):
         benchmark.benchmark("nothing")

@@ -4,10 +4,14 @@ from typing import Annotated
 
 import typer
 
+NAMES = (
+    "blind (naming), paper (tables), robustness, inference (cost), population (errors) or real (recordings by others)."
+)
+
 
 def run(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="blind, paper (tables), robustness, inference (cost) or population (errors).")
+        str, typer.Argument(metavar="NAME", help=NAMES)
     ],
     sample: Annotated[bool, typer.Option("--sample", help="A few cases alone, for a quick look.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
