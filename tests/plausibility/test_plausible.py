@@ -361,6 +361,8 @@ def test_a_turn_by_hand() -> None:
     assert check(session.with_runs([rest, turn])) == []
     (told,) = check(session.with_runs([rest, replace(turn, turn_deg=-angle)]))
     assert told.code == "sign_flipped"
+    slow = everywhere(session.with_runs([rest, turn]), lambda r: changed(r, t_s=r.t_s * 1e3))
+    assert [w.code for w in check(slow)] == ["sample_rate"]  # a turn takes a thousand times as long: no matter of the scale
 
 
 def test_spreads_of_power_cycles_do_not_absorb_a_mistake() -> None:
