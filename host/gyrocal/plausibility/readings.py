@@ -219,10 +219,15 @@ def clipped(session: Session, model: Model) -> list[Warning]:
 
 
 def first_sample(session: Session) -> list[Warning]:
-    """``first_sample``: the first readings of a run deviate from the line through the following readings."""
+    """``first_sample``: the first readings of a run deviate from the line through the following readings.
+
+    Readings at the end of the range (``clipped``) deviate by what the range cut off.
+    """
     out = []
     for i, axis in enumerate(AXES):
-        off = {r.file: apart for r in session.runs if (apart := _first_apart_dps(r, i)) is not None}
+        level = clip_level_dps(session, i)
+        whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[:FIRST, i])]
+        off = {r.file: apart for r in whole if (apart := _first_apart_dps(r, i)) is not None}
 
         def text(run: Run | None, off: dict[str, float] = off, axis: str = axis) -> str:
             apart = max(off.values(), key=abs) if run is None else off[run.file]
