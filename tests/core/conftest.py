@@ -120,6 +120,18 @@ def ticks(n: int, rate_hz: float = 145.0) -> NDArray[np.int64]:
     return np.round(np.arange(n) / rate_hz * 1e6).astype(np.int64)
 
 
+def make_pair(rng: np.random.Generator, n: int = 900, w: float = 78.0, **more: object) -> list[dict]:
+    """A run of ``n`` samples face up and one face down at ``w`` dps: scale 0.4 %, bias -0.05 dps."""
+    return [make_run(rng, np.full(n, 1.004 * f * w - 0.05), ticks(n), f, table_dps=w, **more) for f in (1, -1)]
+
+
+def without_gyrocal(folder: Path) -> Path:
+    """A folder with a weights.h of network `paper` alone."""
+    folder.mkdir()
+    (folder / "weights.h").write_text((INCLUDE / "weights.h").read_text().replace("    .convnet = &gc_gyrocal,\n", ""))
+    return folder
+
+
 @pytest.fixture(scope="session")
 def sim(build: Build) -> Callable[..., str]:
     """`sim(rows, *options, include=None, commands="")`: what the simulated device says at full speed."""
