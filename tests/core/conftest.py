@@ -29,7 +29,7 @@ def objects(cc: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one object a source of the core and of the emulator."""
     folder = tmp_path_factory.mktemp("objects")
     sources = [*sorted(CORE.rglob("*.c")), *sorted(p for p in SIM.glob("*.c") if p.name != "main.c")]
-    subprocess.run([cc, *FLAGS, "-c", f"-I{CORE}", *map(str, sources)], cwd=folder, check=True)
+    subprocess.run([cc, *FLAGS, "-c", f"-I{CORE}", f"-I{INCLUDE}", *map(str, sources)], cwd=folder, check=True)
     return folder
 
 
