@@ -84,7 +84,7 @@ class CoreNetwork(_HeaderNetwork):
         convnet: True if the header also holds network `gyrocal`, which then answers in this one's place.
 
     Raises:
-        InputError: no such file, or not such a header.
+        InputError: the file does not exist or is not such a header.
     """
 
     def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
@@ -102,17 +102,17 @@ class CoreNetwork(_HeaderNetwork):
     def run(
         self, up_residual_dps: ArrayLike, down_residual_dps: ArrayLike, w_up_dps: float, w_down_dps: float
     ) -> NDArray[np.float32]:
-        """Scale and bias (dps) of each pair of windows.
+        """Estimate scale and bias (dps) from each pair of windows.
 
         Args:
-            up_residual_dps, down_residual_dps: measured - true rate, [n, window].
-            w_up_dps, w_down_dps: the true rates about the sensed axis.
+            up_residual_dps, down_residual_dps: measured minus true rate in dps, [n, window].
+            w_up_dps, w_down_dps: the true rates about the sensed axis in dps.
 
         Returns:
-            [n, 2]: scale, bias_dps.
+            [n, 2]: scale and bias in dps.
 
         Raises:
-            InputError: a wrong shape, or the core's refusal of a rate or a NaN.
+            InputError: a shape is wrong, or the core refuses a rate or a NaN.
         """
         up, down = (np.ascontiguousarray(np.atleast_2d(x), np.float32) for x in (up_residual_dps, down_residual_dps))
         if up.shape != down.shape or up.shape[1] != self.window:
@@ -147,7 +147,7 @@ class CoreFaceNetwork(_HeaderNetwork):
         sample_range_dps: the largest difference between a reading and its column that is accepted.
 
     Raises:
-        InputError: no such file, or no such network in it.
+        InputError: the file does not exist or holds no such network.
     """
 
     def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
