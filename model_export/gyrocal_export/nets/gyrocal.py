@@ -7,7 +7,6 @@ answer, and the weights contain nothing about the spreads of scale and bias. The
 combined in closed form.
 """
 
-
 from __future__ import annotations
 
 from dataclasses import dataclass

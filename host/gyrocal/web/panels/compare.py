@@ -104,7 +104,7 @@ class ComparePanel:
                 verdict = "The model fits." if fits else "The model does not fit."
                 ui.label(verdict if judged else "The session contradicts itself.").classes("big")
                 why = "What is left over is noise." if fits else "The readings contain an effect that it lacks:"
-                why = why if judged else "Its axis is not judged until this is corrected or accepted."
+                why = why if judged else "Nothing is judged on its axis until this is corrected or accepted."
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
                     for finding in view.compared["where"][:3]:
