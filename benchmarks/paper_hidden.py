@@ -1,4 +1,4 @@
-"""Effects that nobody was told of: the answers before and after the effect is added, and how often the misfit says so."""
+"""Hidden effects: the answers before and after the effect is added, and how often the misfit reveals it."""
 
 from __future__ import annotations
 
