@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import beta
 
 from gyrocal.calibration.estimator import Answer, Calibration
 from gyrocal.calibration.limit import PROTOCOL
@@ -185,7 +186,12 @@ def figures(answer: Answer, trusted: Array, truth: tuple[Array, Array]) -> dict[
         }
     wrong = trusted & (np.maximum(np.abs(errors["scale"]), np.abs(errors["bias"])) > FAR)
     n = int(trusted.sum())
-    return row | {"trusted_and_far": int(wrong.sum()), "n": n, "bound_95": min(1.0, 3 / max(1, n))}
+    return row | {"trusted_and_far": int(wrong.sum()), "n": n, "bound_95": upper_bound(int(wrong.sum()), n)}
+
+
+def upper_bound(count: int, n: int) -> float:
+    """Exact one-sided 95 % bound of a rate, where ``count`` of ``n`` were seen: 3/n for none (Clopper and Pearson, 1934)."""
+    return float(beta.ppf(0.95, count + 1, n - count)) if count < n else 1.0
 
 
 def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
@@ -220,7 +226,7 @@ def show(found: dict[str, Any]) -> None:
     ]  # fmt: skip
     columns = [
         "effects:", "first s", "method:", "answered", "scale: error/se", "68 %", "95 %", "bias: error/se", "68 %", "95 %",
-        "trusted", "trusted, yet > 5 se off", "3/N",
+        "trusted", "trusted, yet > 5 se off", "95 % bound",
     ]  # fmt: skip
     table(f"{found['sensors']} sensors: scale within 3 %, bias within 10 deg/s", columns, rows)
     stdout.print("error/se: root mean square of the error over its standard error, 1 where it is honest")

@@ -1,26 +1,37 @@
-"""The demo's JSON, as a script reads it: its pinned keys alone show that the device's error fell."""
+"""The demo's JSON, as a script reads it: its pinned keys alone show that the device's error fell. Its words give the same."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gyrocal import demo
 from gyrocal.calibration.calibrate import Estimate
 from gyrocal.cli import main
-from gyrocal.demo import Answers, errors
+from gyrocal.demo import Answers, Story, errors
+from gyrocal.present.output import stdout
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory, require_tool: Callable[[str], str]) -> tuple[dict, Path]:
+def told_twice(tmp_path_factory: pytest.TempPathFactory, require_tool: Callable[[str], str]) -> tuple[dict, Path, Story]:
     require_tool("cc")
     folder = tmp_path_factory.mktemp("demo") / "out"
     capture = folder.with_name("story.json")
+    stories = []
+    whole = demo.demo
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("builtins.print", lambda text="", **_: capture.write_text(str(text)))
+        patch.setattr(demo, "demo", lambda *given: stories.append(whole(*given)) or stories[-1])
         assert main(["demo", "--out", str(folder), "--json"]) == 0
-    return json.loads(capture.read_text()), folder
+    return json.loads(capture.read_text()), folder, stories[0]
+
+
+@pytest.fixture(scope="module")
+def told(told_twice: tuple[dict, Path, Story]) -> tuple[dict, Path]:
+    return told_twice[:2]
 
 
 def mean_error(story: dict, part: str, method: str, seconds: float) -> tuple[float, float]:
@@ -55,6 +66,27 @@ def test_answers_without_the_ripple_are_not_trusted_and_those_with_it_are(told: 
     assert not any(trusted["baseline"])
     assert sum(trusted["model"]) >= 0.9 * len(trusted["model"])
     assert len(trusted["model"]) == (72 if part == "after" else 0)
+
+
+def test_the_words_give_each_figure_once_and_say_how_it_is_counted(told_twice: tuple[dict, Path, Story]) -> None:
+    """The excess before is the same in both tables, and the part explained is that of the figures beside it."""
+    story, _, spoken = told_twice
+    with stdout.capture() as capture:
+        demo.show(spoken)
+    words = capture.get()
+    compared = [row.split("│") for row in words.splitlines() if re.match(r"│ (z|all) ", row)]
+    levels, before_after = {r[1].strip(): r for r in compared[:2]}, {r[1].strip(): r for r in compared[2:]}
+    for axis in ("z", "all"):
+        assert levels[axis][4].strip() == before_after[axis][3].strip()
+    explained = re.search(r"([\d.]+)% of the squared excess of all axes explained, 1 - \(([\d.]+) / ([\d.]+)\)²", words)
+    assert explained is not None
+    part, after, before = map(float, explained.groups())
+    assert before == pytest.approx(1e3 * story["before"]["compare"]["excess_dps"], abs=0.01)
+    assert part == pytest.approx(100 * (1 - (after / before) ** 2), abs=0.1)
+    left = re.search(r"([\d.]+)% of the square of the ([\d.]+) mdps that are left there", words)
+    if left is not None:
+        assert left[2] == before_after["z"][4].strip()
+        assert float(left[1]) <= 100
 
 
 def test_a_network_that_gives_no_answer_is_a_row_without_figures() -> None:

@@ -109,9 +109,9 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
     hidden, _ = simulate(
         None, "paper", [HIDDEN], seed, scenarios=CAMPAIGN_SCENARIOS, seconds=CAMPAIGN_SECONDS, vary=True
     )
-    # one sensor with one truth, so that every answer can be held against it
+    # the same sensor with one truth, so that every answer can be compared with it
     fresh, truth = simulate(
-        None, "paper", [HIDDEN], seed + 1000, scenarios=TEST_SCENARIOS, seconds=TEST_SECONDS, turn_on_sd_dps=0.0
+        None, "paper", [HIDDEN], seed + 1000, scenarios=TEST_SCENARIOS, seconds=TEST_SECONDS, turn_on_sd_dps=0.0, sensor=seed
     )  # fmt: skip
     truths = {run.scenario: t for run, t in zip(fresh.runs, truth["runs"], strict=True)}
 
@@ -251,7 +251,7 @@ def show(story: Story) -> None:
     stdout.print(MISFIT)
 
     stdout.print("\n2. The recording compared with the model", style="bold")
-    print_comparison(story.diagnosis.comparison)
+    print_comparison(story.compared[0])
 
     stdout.print("\n3. What is missing?", style="bold")
     best = story.diagnosis.best

@@ -107,6 +107,14 @@ def test_scales_that_scatter_from_cycle_to_cycle() -> None:
     assert "turn_on_implausible" not in {w.code for w in check(make_session(*runs))}
 
 
+@pytest.mark.parametrize(("scatter", "codes"), [(0.086, ["turn_on_implausible"]), (0.03, [])])
+def test_cycles_of_one_run_at_one_rate_scatter(scatter: float, codes: list[str]) -> None:
+    """No bias can be told at a single rate; 8.6 % of 78 dps are more than 5 dps and 5 % make together."""
+    scales = 1.004 + scatter * np.array([-1.2, 0.3, 1.1, -0.7, 0.9, -0.4]) / 0.92
+    runs = [turn(78.0, scenario=f"s{k}", scale=s) for k, s in enumerate(scales)]
+    assert [w.code for w in check(make_session(*runs))] == codes
+
+
 @pytest.mark.parametrize(("scale", "codes"), [(0.1, ["scale_implausible"]), (0.9, []), (1.005, [])])
 def test_a_scale_that_no_bias_explains(scale: float, codes: list[str]) -> None:
     runs = [turn(150.0, scenario=f"s{k}", scale=scale) for k in range(3)]

@@ -19,6 +19,7 @@ from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
 from gyrocal.plausibility import check
 from gyrocal.plausibility.header import CODES
+from gyrocal.present.report import headline, level_rows, verdict_text
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, simulate
 
@@ -121,6 +122,26 @@ def test_a_slip_is_never_adequate(code: str, slip: Callable[[Session], Session])
     assert "z" in compared.per_axis
     assert not [c for c in found.candidates if c.axis == "z"]
     assert not [f for f in compared.where if f.axis == "z"]
+
+
+def test_a_blocked_axis_is_marked_where_its_figures_stand() -> None:
+    """Also among those of all axes together, and a reading that stands still is not said to contradict anything."""
+    blocked = compare(everywhere(sound(), lambda r: changed(r, gz_dps=np.zeros(len(r)))))
+    assert [row[0] for row in level_rows(blocked)] == ["x", "y", "z (not judged)", "all (with z)"]
+    assert [row[0] for row in level_rows(compare(sound()))] == ["x", "y", "z", "all"]
+    assert "axis is not judged" in headline(blocked)
+    assert "contradict" not in headline(blocked)
+
+
+def test_times_in_milliseconds_leave_nothing_adequate_in_words() -> None:
+    slow = diagnose(everywhere(sound(), lambda r: changed(r, t_s=r.t_s * 1e3)))
+    (told,) = slow.comparison.warnings
+    assert told.text.startswith("Is t_s in ms?")
+    assert told.text.count("onvert it to seconds") == 1
+    assert "orrect" not in told.text
+    for words in (headline(slow.comparison), verdict_text(slow)):
+        assert "times are in doubt" in words
+        assert "noise" not in words
 
 
 def test_what_a_user_asks_for_is_done_and_the_warnings_are_told() -> None:
@@ -284,9 +305,9 @@ def test_accepting_what_is_no_warning(entry: str, nearest: str) -> None:
     assert nearest in told.text
 
 
-def test_every_code_of_the_documentation_can_be_accepted() -> None:
+def test_the_documentation_has_every_code_and_no_other() -> None:
     page = (Path(__file__).parents[2] / "docs" / "warnings.md").read_text()
-    assert set(re.findall(r"^\| `(\w+)`", page, re.MULTILINE)) <= set(CODES)
+    assert set(re.findall(r"^\| `(\w+)`", page, re.MULTILINE)) == set(CODES)
 
 
 def test_exchanged_axes_say_what_each_follows() -> None:
@@ -340,6 +361,8 @@ def test_a_turn_by_hand() -> None:
     assert check(session.with_runs([rest, turn])) == []
     (told,) = check(session.with_runs([rest, replace(turn, turn_deg=-angle)]))
     assert told.code == "sign_flipped"
+    slow = everywhere(session.with_runs([rest, turn]), lambda r: changed(r, t_s=r.t_s * 1e3))
+    assert [w.code for w in check(slow)] == ["sample_rate"]  # a turn takes a thousand times as long: no matter of the scale
 
 
 def test_spreads_of_power_cycles_do_not_absorb_a_mistake() -> None:

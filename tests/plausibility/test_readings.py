@@ -92,6 +92,25 @@ def test_a_range_that_nobody_states_is_seen_by_the_true_rate(count_dps: float, r
     assert (told.code, told.axis) == ("clipped", "z")
 
 
+@pytest.mark.parametrize("count_dps", [0.01, 0.1, 1.0])
+@pytest.mark.parametrize("range_dps", [60.0, 75.0])
+def test_few_samples_a_period_do_not_hide_a_range(count_dps: float, range_dps: float) -> None:
+    """At 10 Hz the motion between samples passes for noise; and an unclipped swing has no range."""
+    t_s, rate, y = swing(10.0, noise_dps=0.02, count_dps=count_dps)
+    assert [w for w in check(make_session(make_run(t_s, y, rate_ref_dps=rate))) if w.axis == "z"] == []
+    told = check(make_session(make_run(t_s, np.clip(y, -range_dps, range_dps), rate_ref_dps=rate)))
+    assert [w.code for w in told if w.axis == "z"] == ["clipped"]
+
+
+@pytest.mark.parametrize("start", [17, 102, 128])
+def test_a_run_that_begins_at_the_end_of_the_range_is_clipped_alone(start: int) -> None:
+    t_s, rate, y = swing(50.0, noise_dps=0.02)
+    readings = np.clip(y[start:], -60.0, 60.0)
+    assert abs(readings[0, 2]) == 60.0
+    told = check(make_session(make_run(t_s[: len(readings)], readings, rate_ref_dps=rate[start:])))
+    assert [w.code for w in told] == ["clipped"]
+
+
 @pytest.mark.parametrize("range_dps", [250.0, 333.0])
 def test_a_stated_range(range_dps: float) -> None:
     readings = [np.clip(y, -range_dps, range_dps) for y in pair(rate_dps=range_dps * 1.1)]

@@ -21,11 +21,11 @@ def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, 
 
 def test_the_warning_stands_on_top(served: Any, look: Callable[..., Any]) -> None:
     page = look(served.url)
-    page.get_by_text("The session contradicts itself.").wait_for()
+    page.get_by_text("The session's axis is not judged.").wait_for()
     told = page.locator('[aria-label="warnings"]')
     assert "008_down.csv: " in told.inner_text()
     assert "(face_wrong)" in told.inner_text()
     assert not page.get_by_text("The model fits.").is_visible()
     page.get_by_role("button", name="Diagnose").first.click()
-    page.get_by_text("its axis is not judged").first.wait_for()
+    page.get_by_text("own axis is not judged").first.wait_for()
     assert page.locator('[aria-label="what is missing"] [aria-label="warnings"]').is_visible()

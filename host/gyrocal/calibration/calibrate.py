@@ -10,19 +10,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
-from gyrocal.calibration.trust import Evidence, answer_flags, ordered, reading_flags, with_table
+from gyrocal.calibration.trust import Evidence, answer_flags, ordered, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.noise.whitening import Noise
+from gyrocal.plausibility import check
 from gyrocal.recording.session import AXES, GAP_PERIODS, Run, Session
+from gyrocal.warning import Warning
 
 if TYPE_CHECKING:
     from gyrocal.calibration.network import Prior
 
 METHODS = ("baseline", "cnn", "model")
 DEFAULT_SECONDS = (2.0, 4.0, 6.0)
+POOLED = "all"
+"""The scenario of an estimate from all power cycles together."""
+NAMED = 5
+"""Scenarios without an estimate that are named; of more, their number is told."""
 STEADY = 0.03
 """Of the rate: what a rate may vary and still be one rate; the device has the same."""
 
@@ -52,21 +58,32 @@ class Estimate:
         return {**asdict(self), "flags": list(self.flags), "trusted": self.trusted}
 
 
+@dataclass(frozen=True)
+class _Task:
+    """What all estimates of a session share: the session, the model for the model method, and the session's warnings."""
+
+    session: Session
+    model: Model | str | Path | None
+    warnings: Sequence[Warning]
+
+
 def calibrate(
     session: Session, seconds: Sequence[float] | None = None, methods: Iterable[str] | None = None,
-    model: Model | str | Path | None = None,
+    model: Model | str | Path | None = None, warnings: Sequence[Warning] | None = None,
 ) -> list[Estimate]:  # fmt: skip
     """Scale and bias of every scenario, from the first ``seconds`` of each run.
 
     ``seconds`` None: 2, 4 and 6 where there are up/down pairs, else whole runs. Baseline and network need a pair, two runs of
-    opposite true rate about one axis; the model method takes whatever fixes both terms (runs at rest and known turns, say), and
+    opposite true rate about one axis. The model method takes whatever fixes both terms (runs at rest and known turns, say), and
     where no power cycle does so by itself, all of them together (scenario ``all``).
-    ``methods`` None: those that the session allows, ``model`` if a model is given or there is no pair.
+    ``methods`` None: those that the session allows, ``model`` if a model is given or there is no pair, ``cnn`` if the network
+    suits some pair. ``warnings`` None: those of :func:`gyrocal.plausibility.check`; an estimate that a blocking one concerns
+    is not trusted. Raises InputError where there is no answer at all.
     """
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
     paired = bool(found_pairs)
     if methods is None:
-        suits = paired and all(_suits_network(run) for pair in found_pairs for run in pair)
+        suits = any(all(map(_suits_network, pair)) for pair in found_pairs)
         methods = ["baseline"] * paired + ["cnn"] * suits + ["model"] * (model is not None or not paired)
     methods = list(methods)
     for method in methods:
@@ -79,22 +96,46 @@ def calibrate(
             "record the other face, or use --method model"
         )
     spans: Sequence[float | None] = seconds if seconds is not None else (DEFAULT_SECONDS if paired else (None,))
+    task = _Task(session, model, check(session, model) if warnings is None else warnings)
     found: list[Estimate] = []
     for span in spans:
         if span is not None and not 0 < span < np.inf:
             raise InputError(f"--seconds {span}: must be positive and finite")
         for scenario, runs in session.by_scenario():
             for method in methods:
-                found += _estimates(session, scenario, runs, span, method, model)
+                found += _estimates(task, scenario, runs, span, method)
         if "model" in methods and not any(e.method == "model" and e.seconds == (span or e.seconds) for e in found):
-            found += _pooled(session, span, model)
+            found += _pooled(task, span)
     if not found:
-        raise InputError(f"{session.path or 'the session'}: {_why_nothing(session, spans, methods)}")
+        raise InputError(f"{session.path or 'the session'}: {_why_nothing(task, spans, methods)}")
     return found
 
 
-def _why_nothing(session: Session, spans: Sequence[float | None], methods: Sequence[str]) -> str:
+def unanswered(session: Session, found: Sequence[Estimate]) -> list[Warning]:
+    """``no_answer``: names the scenarios that have no estimate, where others have one."""
+    answered = {e.scenario for e in found}
+    left = [(scenario, runs) for scenario, runs in session.by_scenario() if scenario not in answered]
+    if not left or answered == {POOLED}:
+        return []
+    names = ", ".join(f"{scenario} ({', '.join(map(_described, runs))})" for scenario, runs in left[:NAMED])
+    more = f" and {len(left) - NAMED} more" if len(left) > NAMED else ""
+    text = (
+        f"no estimate for scenario {names}{more}: it lacks two runs that turn steadily in opposite true directions about one "
+        "axis and last the seconds asked for. Correct face or table_rate_dps, or record the other face"
+    )
+    return [Warning("no_answer", None, None, text)]
+
+
+def _described(run: Run) -> str:
+    return f"{run.file}: {float(np.mean(run.rate_dps)):+.4g} dps for {run.duration_s:.3g} s"
+
+
+def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[str]) -> str:
     """What keeps scale and bias from being told, and what to do."""
+    session = task.session
+    for warning in task.warnings:
+        if warning.code == "sample_rate":  # times that are wrong, such as milliseconds, leave no seconds to cut
+            return warning.text
     longest_s = max(run.duration_s for run in session.runs)
     asked = [span for span in spans if span is not None]
     if asked and min(asked) > longest_s:
@@ -136,12 +177,10 @@ Found = tuple[str, Sequence[Run], Answer | None, set[str]]
 """Axis, the runs that were used, an answer if there is one, and the flags that the method itself raises."""
 
 
-def _estimates(
-    session: Session, scenario: str, runs: Sequence[Run], span: float | None, method: str, model: Model | str | Path | None
-) -> list[Estimate]:  # fmt: skip
+def _estimates(task: _Task, scenario: str, runs: Sequence[Run], span: float | None, method: str) -> list[Estimate]:
     if method == "model":
         cut = [r if r.rate_is_mean else (r if span is None else r.first(span)) for r in runs]
-        found = _by_model([r for r in cut if r is not None], Model.open(model))
+        found = _by_model([r for r in cut if r is not None], Model.open(task.model))
     else:
         found = []
         for up, down in pairs(runs):
@@ -151,33 +190,35 @@ def _estimates(
             if method == "baseline":
                 found.append((up.axis, [first[0], first[1]], baseline(first[0], first[1]), set()))
             else:
-                found += _by_network(up, down, span or min(up.duration_s, down.duration_s), network_prior(model, up.axis))
+                found += _by_network(up, down, span or min(up.duration_s, down.duration_s), network_prior(task.model, up.axis))
     return [
-        _estimate(session, scenario, method, span or max(r.duration_s for r in used), axis, used, answer, flags)
+        _estimate(task, scenario, method, span or max(r.duration_s for r in used), axis, used, answer, flags)
         for axis, used, answer, flags in found
     ]
 
 
 def _estimate(
-    session: Session, scenario: str, method: str, seconds: float, axis: str, used: Sequence[Run], answer: Answer | None,
+    task: _Task, scenario: str, method: str, seconds: float, axis: str, used: Sequence[Run], answer: Answer | None,
     flags: set[str],
 ) -> Estimate:  # fmt: skip
     """An answer with what speaks against it; None: the method has none."""
-    flags = flags | reading_flags(used, axis, session.full_scale_dps)
+    flags = flags | reading_flags(used, axis, task.session.full_scale_dps) | warning_flags(task.warnings, axis, used)
     if answer is None:
         return Estimate(scenario, method, float(seconds), axis, None, None, None, None, None, ordered(flags))
-    blocks = sum(np.unique(r.t_us // BLOCK_US).size for r in used)
-    flags |= answer_flags(answer.scale, answer.bias_dps, answer.misfit, blocks)
+    flags |= answer_flags(answer, sum(np.unique(r.t_us // BLOCK_US).size for r in used))
+    scale_se, bias_se_dps, misfit = (
+        None if x is None or np.isnan(x) else x for x in (answer.scale_se, answer.bias_se_dps, answer.misfit)
+    )
     return Estimate(
-        scenario, method, float(seconds), axis, answer.scale, answer.scale_se, answer.bias_dps, answer.bias_se_dps,
-        answer.misfit, ordered(flags),
-    )  # fmt: skip
+        scenario, method, float(seconds), axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags)
+    )
 
 
-def _pooled(session: Session, span: float | None, model: Model | str | Path | None) -> list[Estimate]:
+def _pooled(task: _Task, span: float | None) -> list[Estimate]:
     """One answer from all power cycles together, where none fixes both terms by itself: scenario ``all``."""
     from gyrocal.inference.fit import fit
 
+    session = task.session
     cut = [r if r.rate_is_mean or span is None else r.first(span) for r in session.runs]
     runs = [r for r in cut if r is not None]
     axes = [axis for axis in AXES if _informed(runs, axis)]
@@ -185,12 +226,12 @@ def _pooled(session: Session, span: float | None, model: Model | str | Path | No
         return []
     seconds = span if span is not None else max(r.duration_s for r in runs)
     out = []
-    for axis, fitted in fit(session.with_runs(runs), Model.open(model), axes=axes).axes.items():
+    for axis, fitted in fit(session.with_runs(runs), Model.open(task.model), axes=axes).axes.items():
         scale, bias = (next(t for t in fitted.terms if t.effect.role is role) for role in (Role.SCALE, Role.BIAS))
         if scale.values and "bias_dps" in bias.values:
             scale_se = with_table(scale.se["scale"], runs)
             answer = Answer(scale.values["scale"], scale_se, bias.values["bias_dps"], bias.se["bias_dps"], None)
-            out.append(_estimate(session, "all", "model", seconds, axis, runs, answer, set()))
+            out.append(_estimate(task, POOLED, "model", seconds, axis, runs, answer, set()))
     return out
 
 
@@ -243,7 +284,7 @@ def baseline(up: Run, down: Run) -> Answer:
     w_up, w_down = float(np.mean(up.rate_dps)), float(np.mean(down.rate_dps))
     mean_up, mean_down = (float(np.mean(r.gyro_dps[:, r.axis_index])) for r in (up, down))
     scale = (mean_up - mean_down) / (w_up - w_down) - 1
-    answer = Answer(scale, np.nan, mean_up - (1 + scale) * w_up, np.nan, None)
+    answer = Answer(scale, np.nan, mean_up - (1 + scale) * w_up, np.nan, np.nan)
     evidence = Evidence.of([up, down])
     return answer if evidence is None else evidence.with_errors(answer)
 

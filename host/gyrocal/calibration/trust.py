@@ -5,7 +5,7 @@ Names and meaning of the flags are those of ``gc_flags.h``; ``gc_trust`` is the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +23,13 @@ from gyrocal.calibration.uncertainty import (
     white_variance,
 )
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
+from gyrocal.warning import Warning
 
 FLAGS = {
     "misfit": "the readings scatter more than model and noise allow",
     "clipped": "a reading is at full scale",
     "direction": "the sensor turns against what face and rate say",
-    "implausible": "scale or bias is beyond what a working sensor has",
+    "implausible": "scale or bias is beyond what a working sensor has, or a warning contradicts its runs",
     "constant_reading": "the reading stands still where noise should move it",
     "net_range": "the network was not trained for such readings or rates",
     "disagrees": "a fit that holds the same effects gives another answer",
@@ -37,6 +38,9 @@ FLAGS = {
 """Every flag in the contract's order, with what it says."""
 
 LARGEST_SCALE, LARGEST_BIAS_DPS = 0.15, 50.0
+OPPOSITE, OPPOSITE_ERRORS = 0.1, 5.0
+"""A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The
+response of an axis across the table's is within this, of either sign: misalignment."""
 STILL_S, STILL_SAMPLES = 0.5, 40
 """A reading that does not change for so long, and for so many samples, stands still."""
 EXPECTED_SD_DPS = 0.0448
@@ -47,9 +51,19 @@ DISAGREES = 4.5
 population`)."""
 
 
+FLAG_OF_CODE = {"sign_flipped": "direction", "face_wrong": "direction", "constant_reading": "constant_reading"}
+"""The flag that a blocking warning puts on the estimates that it concerns; that of any other code is ``implausible``."""
+
+
 def ordered(flags: set[str]) -> tuple[str, ...]:
     """Flags in the contract's order."""
     return tuple(name for name in FLAGS if name in flags)
+
+
+def warning_flags(warnings: Iterable[Warning], axis: str, runs: Sequence[Run]) -> set[str]:
+    """The flags that blocking warnings put on an estimate of ``axis`` from ``runs``: those of all files and of these runs'."""
+    files = {None, *(run.file for run in runs)}
+    return {FLAG_OF_CODE.get(w.code, "implausible") for w in warnings if w.blocks(axis) and w.file in files}
 
 
 def reading_flags(runs: Sequence[Run], axis: str, full_scale_dps: float | None) -> set[str]:
@@ -86,14 +100,15 @@ def stands_still(y: Array, t_us: Index) -> bool:
     return edges.size == 2 or bool(long.any())
 
 
-def answer_flags(scale: float, bias_dps: float, misfit: float | None, blocks: int) -> set[str]:
-    """What an answer shows by itself: direction, implausible, misfit (one that is no number counts too)."""
+def answer_flags(answer: Answer, blocks: int) -> set[str]:
+    """What an answer from ``blocks`` block means shows by itself: direction, implausible, misfit (also one that is NaN)."""
     flags = set()
-    if scale < -1.0:
+    follows = 1.0 + answer.scale
+    if follows < -OPPOSITE and not follows >= -OPPOSITE_ERRORS * answer.scale_se:
         flags.add("direction")
-    if not (abs(scale) <= LARGEST_SCALE and abs(bias_dps) <= LARGEST_BIAS_DPS):
+    if not (abs(answer.scale) <= LARGEST_SCALE and abs(answer.bias_dps) <= LARGEST_BIAS_DPS):
         flags.add("implausible")
-    if misfit is not None and not misfit <= misfit_limit(blocks):
+    if answer.misfit is not None and not answer.misfit <= misfit_limit(blocks):
         flags.add("misfit")
     return flags
 
@@ -127,14 +142,16 @@ class Evidence:
         return sum(face.blocks for face in self.faces)
 
     def with_errors(self, answer: Answer) -> Answer:
-        """An answer that knows of no effects, with the standard errors and the misfit that the data earn."""
+        """An answer that knows of no effects, with the standard errors and the misfit that the data earn.
+
+        The misfit is NaN where each run holds one block.
+        """
         scale_se, bias_se_dps = Combined.of(self.faces, self.w_dps).errors_of(
             np.array([answer.scale]), np.array([answer.bias_dps])
         )
-        found = float(misfit(self.faces)[0])
         return Answer(
             answer.scale, with_table(float(scale_se[0]), self.runs), answer.bias_dps, float(bias_se_dps[0]),
-            found if np.isfinite(found) else None,
+            float(misfit(self.faces)[0]),
         )  # fmt: skip
 
     def misfit_of(self, answer: Answer) -> float:

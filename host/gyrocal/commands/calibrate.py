@@ -19,7 +19,7 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
-    from gyrocal.calibration.calibrate import calibrate
+    from gyrocal.calibration.calibrate import calibrate, unanswered
     from gyrocal.calibration.trust import FLAGS
     from gyrocal.errors import InputError
     from gyrocal.plausibility import check
@@ -33,7 +33,9 @@ def run(
         raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
     methods = None if method is None else [m.strip() for m in method.split(",")]
     opened = Session.open(session)
-    found, warnings = calibrate(opened, spans, methods, model), check(opened, model)
+    warnings = check(opened, model)
+    found = calibrate(opened, spans, methods, model, warnings)
+    warnings += unanswered(opened, found)
     if as_json:
         emit({"estimates": [e.to_json() for e in found], "warnings": [w.to_json() for w in warnings]})
         return

@@ -23,7 +23,7 @@ def run(
     effects: OwnEffects = None,
     seed: Annotated[int, typer.Option(help="The same seed gives the same session.")] = 0,
     sensor: Annotated[
-        int | None, typer.Option(help="A part drawn by this number: scale within 3 %, bias within 10 deg/s.")
+        int | None, typer.Option(help="Number of the part: sessions of one number are of one part. Left out: the seed.")
     ] = None,
     scenarios: Annotated[int | None, typer.Option(help="How many scenarios (paper: 48) or days (others: 3).")] = None,
     seconds: Annotated[float | None, typer.Option(help="Length of a run, s (paper: 70, full: 40).")] = None,

@@ -19,7 +19,8 @@ from gyrocal.warning import Warning, accepted
 def check(session: Session, model: Model | str | Path | None = None) -> list[Warning]:
     """All warnings of a session. ``model`` is the one in use, None = ``default``. Accepted warnings do not block."""
     dead = readings.constant(session)
-    means = Means(session, skip={(w.axis, w.file) for w in dead} | readings.cut_off(session))
+    useless = readings.cut_off(session) | columns.mistimed_turns(session)
+    means = Means(session, skip={(w.axis, w.file) for w in dead} | useless)
     lines = slopes.lines(means)
     moved = rests.moved(means, lines)
     found = [

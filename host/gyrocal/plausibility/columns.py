@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.plausibility.runs import told
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.warning import Warning
 
 RATE_OFF = 0.05
@@ -17,8 +17,14 @@ STANDARD_GRAVITY = 9.80665
 
 
 def check(session: Session) -> list[Warning]:
-    """``accel_unit``, ``temp_unit`` and ``sample_rate``."""
-    return [*_acceleration(session), *_temperature(session), *_sample_rate(session)]
+    """``sample_rate``, ``accel_unit`` and ``temp_unit``."""
+    return [*_sample_rate(session), *_acceleration(session), *_temperature(session)]
+
+
+def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
+    """(axis, file) of runs whose mean rate comes from their angle and from times in another unit, for every axis."""
+    hit = [r for r in session.runs if r.rate_is_mean and (_too_slow(measured_hz(r), r) or _too_fast(measured_hz(r), r))]
+    return {(axis, r.file) for axis in AXES for r in hit}
 
 
 def _acceleration(session: Session) -> list[Warning]:
@@ -64,16 +70,26 @@ def _sample_rate(session: Session) -> list[Warning]:
     hit = [r for r in session.runs if rates[r.file] < SLOWEST_HZ or abs(rates[r.file] / r.sample_rate_hz - 1) > RATE_OFF]
 
     def text(run: Run | None) -> str:
-        rate = rates[(run or hit[0]).file]
-        ratio = session.sample_rate_hz / rate
-        ms = rate < SLOWEST_HZ or MILLISECONDS[0] < ratio < MILLISECONDS[1] or MILLISECONDS[0] < 1 / ratio < MILLISECONDS[1]
-        doubt = " Is t_s in ms? Convert it to seconds (--map t_s=COLUMN:ms)." if ms else ""
-        return (
-            f"t_s has {rate:.4g} samples a second, session.toml says sample_rate_hz = {session.sample_rate_hz:g}.{doubt} "
-            "Correct sample_rate_hz, or the times"
-        )
+        one = run or hit[0]
+        rate = rates[one.file]
+        has = f"has {rate:.4g} samples a second, session.toml says sample_rate_hz = {session.sample_rate_hz:g}"
+        if _too_slow(rate, one):
+            return f"Is t_s in ms? It {has}. Convert it to seconds (--map t_s=COLUMN:ms when importing)"
+        if _too_fast(rate, one):
+            return f"Was t_s taken for ms? It {has}. Import it in seconds (--map t_s=COLUMN), or correct sample_rate_hz"
+        return f"t_s {has}. Correct sample_rate_hz, or the times"
 
     return told(session, "sample_rate", None, hit, text, False)
+
+
+def _too_slow(rate_hz: float, run: Run) -> bool:
+    """Are the times of a run of so many samples a second in milliseconds?"""
+    return rate_hz < SLOWEST_HZ or MILLISECONDS[0] < run.sample_rate_hz / rate_hz < MILLISECONDS[1]
+
+
+def _too_fast(rate_hz: float, run: Run) -> bool:
+    """Are they thousandths of seconds that were divided by 1000?"""
+    return MILLISECONDS[0] < rate_hz / run.sample_rate_hz < MILLISECONDS[1]
 
 
 def measured_hz(run: Run) -> float:

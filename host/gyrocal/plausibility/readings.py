@@ -30,6 +30,8 @@ USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
 LEAST_RANGE_DPS = 15.0
 DIFFER = 0.03
 """Stated rates differ by this much of themselves anyway."""
+LEAST_HEAP, FAR_BELOW = 5, 0.5
+"""Readings at the limit by which true rates are compared, and the part of the limit that these exceed."""
 CUT_OFF = 0.01
 FIRST = 3
 FOLLOWING = 30
@@ -160,16 +162,20 @@ def clip_level_dps(session: Session, axis: int) -> float | None:
     heap = sum(int(np.count_nonzero(a)) for a in at) >= FIRST
     if session.full_scale_dps is not None and abs(limit - session.full_scale_dps) <= max(session.lsb_dps or 0.0, 1e-6):
         return limit if heap else None
-    heap = Saturation().detect(session.runs, axis) is not None
+    by_noise = Saturation().detect(session.runs, axis) is not None
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
-        return limit if heap or stuck else None
-    if stuck or not heap or limit < (session.full_scale_dps or LEAST_RANGE_DPS):
+        return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
+    if stuck or limit < (session.full_scale_dps or LEAST_RANGE_DPS):
         return None
-    return limit if _noise_counts(session, axis) > HALF_COUNT or _rates_differ(session, axis, at) else None
+    seen = (by_noise and _noise_counts(session, axis) > HALF_COUNT) or _rates_differ(session, axis, at, limit)
+    return limit if seen else None
 
 
-def _rates_differ(session: Session, axis: int, at: list[Mask]) -> bool:
-    """Do readings at the limit belong to true rates that counts and noise cannot bring to one reading?"""
+def _rates_differ(session: Session, axis: int, at: list[Mask], limit: float) -> bool:
+    """Do readings at the limit, deg/s, belong to true rates that counts and noise cannot bring to one reading?
+
+    A reading that stands still while the true rate is far below it is not at the end of a range.
+    """
     limits: dict[float, list[Array]] = {-1.0: [], 1.0: []}
     for run, mask in zip(session.runs, at, strict=True):
         if run.axis_index == axis and not run.rate_is_mean:
@@ -177,7 +183,10 @@ def _rates_differ(session: Session, axis: int, at: list[Mask]) -> bool:
                 rates.append(np.abs(run.rate_dps[mask & (np.sign(run.gyro_dps[:, axis]) == sign)]))
     least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0))
     for stated in (np.concatenate(parts) for parts in limits.values() if parts):
-        if stated.size and float(np.ptp(np.quantile(stated, (0.05, 0.95)))) > max(least, DIFFER * float(stated.max())):
+        if stated.size < LEAST_HEAP:
+            continue
+        low, high = np.quantile(stated, (0.05, 0.95))
+        if low > FAR_BELOW * limit and high - low > max(least, DIFFER * float(stated.max())):
             return True
     return False
 
@@ -210,10 +219,15 @@ def clipped(session: Session, model: Model) -> list[Warning]:
 
 
 def first_sample(session: Session) -> list[Warning]:
-    """``first_sample``: the first readings of a run deviate from the line through the following readings."""
+    """``first_sample``: the first readings of a run deviate from the line through the following readings.
+
+    Readings at the end of the range (``clipped``) deviate by what the range cut off.
+    """
     out = []
     for i, axis in enumerate(AXES):
-        off = {r.file: apart for r in session.runs if (apart := _first_apart_dps(r, i)) is not None}
+        level = clip_level_dps(session, i)
+        whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[:FIRST, i])]
+        off = {r.file: apart for r in whole if (apart := _first_apart_dps(r, i)) is not None}
 
         def text(run: Run | None, off: dict[str, float] = off, axis: str = axis) -> str:
             apart = max(off.values(), key=abs) if run is None else off[run.file]

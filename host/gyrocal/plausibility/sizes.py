@@ -34,6 +34,7 @@ def check(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
         if bad and line is not None and all(m.slope is None for m in points):
             bias, _ = agreed(np.array([m.rate_dps for m in points]), np.array([m.mean_dps for m in points]))
         if bias is None:
+            out += [] if axis in whole else _at_one_rate(axis, points)
             continue
         if abs(bias) > BIAS_LIMIT_DPS:
             text = (
@@ -62,17 +63,38 @@ def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[W
         else:
             offset = left.mean()
         offsets.append(float(offset))
-    bias_sd, scale_sd = (float(np.std(v, ddof=1)) if len(v) > 1 else 0.0 for v in (offsets, scales))
+    bias_sd, scale_sd = _sd(offsets), _sd(scales)
     if slope and len(points) == len(cycles):
         scale_sd = _scale_sd_of_single_runs(points, bias)
     if bias_sd <= TURN_ON_LIMIT_DPS and scale_sd <= TURN_ON_LIMIT_SCALE:
         return []
     how = f"bias by {bias_sd:.3g} dps" if bias_sd > TURN_ON_LIMIT_DPS else f"scale by {scale_sd:.0%}"
+    return [_scatters(axis, len(cycles), f"their {how}")]
+
+
+def _at_one_rate(axis: str, points: list[Mean]) -> list[Warning]:
+    """At a single rate, offset and scale look alike: power cycles that scatter by more than both limits make together."""
+    turning = [m for m in points if m.slope is None and not m.rests and not m.run.rate_is_mean]
+    cycles: dict[str, list[float]] = {}
+    for m in turning:
+        cycles.setdefault(m.run.scenario, []).append(m.mean_dps)
+    sd = _sd([float(np.mean(means)) for means in cycles.values()])
+    rate_dps = max((abs(m.rate_dps) for m in turning), default=0.0)
+    if sd <= np.hypot(TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE * rate_dps):
+        return []
+    return [_scatters(axis, len(cycles), f"what they read at {rate_dps:.4g} dps by {sd:.3g} dps")]
+
+
+def _sd(values: list[float]) -> float:
+    return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+
+
+def _scatters(axis: str, cycles: int, how: str) -> Warning:
     text = (
-        f"on {axis}, {len(cycles)} power cycles scatter in their {how} (one sigma); a sound part has hundredths of that. "
+        f"on {axis}, {cycles} power cycles scatter in {how} (one sigma); a sound part has hundredths of that. "
         "Check faces and rates of the runs, and which of them share a scenario (a power cycle)"
     )
-    return [Warning("turn_on_implausible", axis, None, text, True)]
+    return Warning("turn_on_implausible", axis, None, text, True)
 
 
 def _scale_sd_of_single_runs(points: list[Mean], bias: float) -> float:

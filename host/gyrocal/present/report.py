@@ -17,9 +17,14 @@ from gyrocal.present.output import mdps, plus_minus, stdout, table
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
-CONTRADICTED = (
-    "The session contradicts itself, so its axis is not judged. Correct what the warnings describe, or overrule them with "
-    "accept in session.toml."
+BLOCKED = (
+    "The session's own axis is not judged, because a warning stands against it. Correct what the warnings describe, or "
+    "overrule them with accept in session.toml."
+)
+
+UNTIMED = (
+    "Nothing stands out, but the times are in doubt, and with them whatever changes with time. Correct what the note "
+    "(sample_rate) says, and repeat this."
 )
 
 
@@ -33,16 +38,29 @@ def print_warnings(warnings: Iterable[Warning]) -> None:
 def headline(c: Comparison) -> str:
     """The verdict in one sentence."""
     if c.verdict == "implausible":
-        return CONTRADICTED
+        return BLOCKED
     if c.verdict == "adequate":
-        return "The model is adequate: what is left over is noise."
+        return UNTIMED if _is_untimed(c) else "The model is adequate: what is left over is noise."
     first = c.where[0]
     return f"The model does not fit: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
 
 
+def _is_untimed(c: Comparison) -> bool:
+    return any(w.code == "sample_rate" for w in c.warnings)
+
+
+def axis_names(c: Comparison) -> tuple[dict[str, str], str]:
+    """What tables call each axis and all of them together: an axis that a warning blocks is marked in both."""
+    blocked = [axis for axis in c.per_axis if axis not in c.judged]
+    names = {axis: f"{axis} (not judged)" if axis in blocked else axis for axis in c.per_axis}
+    return names, f"all (with {', '.join(blocked)})" if blocked else "all"
+
+
 def level_rows(c: Comparison) -> list[list[str]]:
-    rows = [[axis, mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2)] for axis, v in c.per_axis.items()]
-    return [*rows, ["all", mdps(c.pooled.rms_dps, 2), mdps(c.pooled.floor_dps, 2), mdps(c.pooled.excess_dps, 2)]]
+    """One row of rms, floor and excess (mdps) for each axis, and one for all."""
+    names, everything = axis_names(c)
+    rows = [[names[axis], mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2)] for axis, v in c.per_axis.items()]
+    return [*rows, [everything, mdps(c.pooled.rms_dps, 2), mdps(c.pooled.floor_dps, 2), mdps(c.pooled.excess_dps, 2)]]
 
 
 def print_comparison(c: Comparison) -> None:
@@ -95,7 +113,7 @@ def verdict_text(d: Diagnosis) -> str:
     """The diagnosis in one or two sentences."""
     best = d.best
     if d.verdict == "implausible":
-        return CONTRADICTED
+        return BLOCKED
     if d.verdict == "add" and best is not None:
         return f"Missing: {best.effect.title.lower()} on {best.axis}. {best.effect.cause.split('. ')[0]}."
     if d.verdict == "ambiguous" and best is not None:
@@ -104,7 +122,7 @@ def verdict_text(d: Diagnosis) -> str:
         u = d.unknown
         against = u["against"].replace("_", " ")
         return f"Something is there that no effect of the library explains: on {u['axis']}, against {against}: {u['shape']}."
-    return "Nothing is missing: what is left over is noise."
+    return UNTIMED if _is_untimed(d.comparison) else "Nothing is missing: what is left over is noise."
 
 
 def sizes(c: Candidate) -> str:
@@ -128,20 +146,25 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     print_warnings(before.warnings)
     if before.note:
         stdout.print(before.note, style="bold")
+    names, everything = axis_names(after)
     rows = []
     for axis in after.per_axis:
         old, new = before.per_axis[axis], after.per_axis[axis]
-        rows.append([axis, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
-    rows.append(["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)])
+        rows.append([names[axis], mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
+    old, new = before.pooled, after.pooled
+    rows.append([everything, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
     table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
     part = explained(before, after)
-    told = "" if part is None else f"; {part:.1%} of the excess explained"
+    of_all = f"1 - ({mdps(new.excess_dps, 2)} / {mdps(old.excess_dps, 2)})²"
+    told = "" if part is None else f"; {part:.1%} of the squared excess of all axes explained, {of_all}"
     stdout.print(f"{model}: {', '.join(after.fit.model.ids)}{told}")
     for axis, fitted in after.fit.axes.items():
-        if fitted.scale_spread_dps > 0.1 * after.per_axis[axis].floor_dps:
+        left_dps, spread_dps = after.per_axis[axis].excess_dps, fitted.scale_spread_dps
+        if left_dps and spread_dps > 0.1 * after.per_axis[axis].floor_dps:
+            share = min(1.0, (spread_dps / left_dps) ** 2)
             stdout.print(
-                f"of what is left on {axis}, {mdps(fitted.scale_spread_dps)} mdps is the scale's own spread from one power "
-                "cycle to the next, which no model can foretell"
+                f"On {axis} the scale differs between power cycles by {mdps(spread_dps, 2)} mdps (one sigma), which "
+                f"no model can foretell: {share:.0%} of the square of the {mdps(left_dps, 2)} mdps that are left there"
             )
     stdout.print(headline(after), style="bold")
 

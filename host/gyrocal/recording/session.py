@@ -149,9 +149,13 @@ class Run:
         return float(self.t_s[-1] - self.t_s[0]) * len(self) / (len(self) - 1)
 
     def first(self, seconds: float) -> Run | None:
-        """The run's first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged)."""
+        """The run's first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged), or if they hold
+        fewer than two samples.
+        """
         limit_us = round(seconds * 1e6)
         inside = int(np.searchsorted(self.t_us, limit_us, side="left"))
+        if inside < 2:
+            return None
         if inside == len(self) and self.t_us[-1] + 1.5e6 / self.sample_rate_hz < limit_us:
             return None
         return self.part(0, inside)

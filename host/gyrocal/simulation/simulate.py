@@ -50,7 +50,7 @@ TURN_ON_SD_DPS = 0.005
 SCALE_LIMIT, BIAS_LIMIT_DPS = 0.03, 10.0
 """Each axis of a part has a scale and a bias of its own, drawn evenly within these: what is met before a calibration."""
 SCALE_MEAN, BIAS_MEAN_DPS = 0.004, -0.05
-"""Mean scale and bias of the paper's sensors (its Fig. 4)."""
+"""Mean scale and bias of the paper's sensors (its Fig. 4), which the campaign ``table2`` has instead."""
 SCALE_SD, BIAS_SD_DPS = 0.0005, 0.04
 """How scale and bias differ between the paper's scenarios."""
 
@@ -119,9 +119,9 @@ class Sensor:
         )
 
 
-def part(number: int | None) -> tuple[Array, Array]:
-    """Scale and bias (deg/s) of a simulated part's axes, [3] each: the paper's, or those drawn by its number."""
-    if number is None:
+def part(campaign: str, number: int) -> tuple[Array, Array]:
+    """Scale and bias (deg/s) of a simulated part's axes, [3] each: the paper's for ``table2``, else drawn by its number."""
+    if campaign == "table2":
         return np.full(3, SCALE_MEAN), np.full(3, BIAS_MEAN_DPS)
     rng = np.random.default_rng((number, 2))
     return rng.uniform(-SCALE_LIMIT, SCALE_LIMIT, 3), rng.uniform(-BIAS_LIMIT_DPS, BIAS_LIMIT_DPS, 3)
@@ -148,10 +148,10 @@ def simulate(
 ) -> tuple[Session, dict[str, Any]]:
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
 
-    ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are
-    drawn for each run. The part is like the paper's (``sensor`` None), or drawn by its number: scale within 3 %, bias within
-    10 deg/s. With ``vary`` they differ between scenarios. ``table2`` has effects that make its baseline err as the paper's.
-    Returns the session and its truth; ``out`` None: nothing is written.
+    ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are drawn
+    for each run. A part, drawn by its number ``sensor`` (None: the seed), has a scale within 3 % and a bias within 10 deg/s on
+    each axis. With ``vary`` they differ between scenarios. ``table2`` is ``paper`` with sensors and effects that make its
+    baseline err as the paper's. Returns the session and its truth; ``out`` None: nothing is written.
     """
     _check(campaign, seconds)
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
@@ -160,7 +160,7 @@ def simulate(
     chosen = CAMPAIGNS[campaign]
     plan = chosen.plan(scenarios, seconds)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
-    own, planted = Sensor.of(wanted, turn_on_sd_dps, part(sensor), rng)
+    own, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed if sensor is None else sensor), rng)
     rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in sorted({p.day for p in plan})}
     days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
     scale, bias_dps = own.draw(rng)

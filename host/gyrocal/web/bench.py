@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Session, compare, diagnose, simulate
+from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Session, check, compare, diagnose, simulate
 from gyrocal.api import add as add_effect
 from gyrocal.calibration.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
 from gyrocal.core import firmware_project
@@ -126,14 +126,16 @@ class Bench:
             return CalibrationView(_estimates(found), {}, "No face-up and face-down pair: one answer from all recordings.")
         spans = [s for s in DEFAULT_SECONDS if s < 0.9 * longest_s]
         best = self._model(list(models.values())[-1])
-        whole = {(e.scenario, e.axis): e for e in calibrate(session, [np.floor(1e3 * longest_s) / 1e3], ["model"], best)}
-        answers = calibrate(session, spans, None, best)
+        warnings = check(session, best)
+        longest = calibrate(session, [np.floor(1e3 * longest_s) / 1e3], ["model"], best, warnings)
+        whole = {(e.scenario, e.axis): e for e in longest}
+        answers = calibrate(session, spans, None, best, warnings)
         by_method = {
             "baseline": [e for e in answers if e.method == "baseline"],
             "network": [e for e in answers if e.method == "cnn"],
         }
         for name, toml in models.items():
-            by_method[name] = calibrate(session, spans, ["model"], self._model(toml))
+            by_method[name] = calibrate(session, spans, ["model"], self._model(toml), warnings)
         errors = {name: _errors(found, whole) for name, found in by_method.items() if found}
         return CalibrationView(_estimates(answers), errors)
 

@@ -4,6 +4,10 @@
 
 #define LARGEST_SCALE 0.15
 #define LARGEST_BIAS_DPS 50.0
+/* A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The response
+   of an axis across the table's is within this, of either sign: misalignment. */
+#define OPPOSITE 0.1
+#define OPPOSITE_ERRORS 5.0
 #define STILL_US 500000u
 #define STILL_SAMPLES 40u
 /* Successive differences of white noise have a kurtosis of 3, to 0.4 at 2 s; one reading of 249 dps in 870 of noise has 430. */
@@ -33,12 +37,18 @@ uint32_t gc_judge_run(const gc_run_t *run) {
     return flags;
 }
 
+/* NaN: no scale, and no direction. */
+static bool is_opposite(const gc_answer_t *answer) {
+    const double follows = 1.0 + answer->scale;
+    return follows < -OPPOSITE && !(follows >= -OPPOSITE_ERRORS * answer->scale_se);
+}
+
 uint32_t gc_judge_answer(const gc_answer_t *answer, double blocks) {
     uint32_t flags = 0;
     const bool has_scale = answer->scale == answer->scale;
     const bool plausible = (!has_scale || fabs(answer->scale) <= LARGEST_SCALE) && fabs(answer->bias_dps) <= LARGEST_BIAS_DPS;
     flags |= plausible ? 0u : GC_FLAG_IMPLAUSIBLE;
-    flags |= has_scale && answer->scale < -1.0 ? GC_FLAG_DIRECTION : 0u;
+    flags |= is_opposite(answer) ? GC_FLAG_DIRECTION : 0u;
     flags |= answer->misfit <= GC_MISFIT_LIMIT(blocks) ? 0u : GC_FLAG_MISFIT;
     return flags;
 }

@@ -102,9 +102,9 @@ class ComparePanel:
         with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
             with ui.element("div"):
                 verdict = "The model fits." if fits else "The model does not fit."
-                ui.label(verdict if judged else "The session contradicts itself.").classes("big")
+                ui.label(verdict if judged else "The session's axis is not judged.").classes("big")
                 why = "What is left over is noise." if fits else "The readings hold something that it does not know:"
-                why = why if judged else "Nothing is judged on its axis until that is mended or accepted."
+                why = why if judged else "A warning stands against it: mend the session, or accept the warning."
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
                     for finding in view.compared["where"][:3]:

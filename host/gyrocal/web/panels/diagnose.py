@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from gyrocal.present.report import CONTRADICTED
+from gyrocal.present.report import BLOCKED
 from gyrocal.web import charts, warned
 from gyrocal.web.state import Topic
 from gyrocal.web.views import Card, DiagnosisView
@@ -84,7 +84,7 @@ class DiagnosePanel:
         bars = self.bench.waterfall()
         with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}").style("flex: none"), ui.element("div"):
             verdict = "The model fits: what is left over is noise." if fits else "The model does not fit yet."
-            ui.label(verdict if judged else CONTRADICTED).classes("big")
+            ui.label(verdict if judged else BLOCKED).classes("big")
             if len(bars) > 1:
                 ui.label(f"The excess error went from {bars[0].after:.2f} to {bars[-1].after:.2f} mdps.")
             with ui.row().style("margin-top: 8px"):
