@@ -23,7 +23,7 @@ from gyrocal.device.record import Recorder
 from gyrocal.device.simulated import SimulatedDevice, replay
 from gyrocal.device.wire import Sentence
 from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import GyrocalError, InputError

@@ -1,6 +1,7 @@
 """The expected power of held-out residuals, held against dense Gaussian algebra."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def dense(axis: AxisFit, folds: list[Fold]) -> tuple[float, float]:
     p = len(design.layout.fixed)
     sizes = design.n_blocks
     start = np.concatenate([[0], np.cumsum(sizes)])
-    rows = [slice(a, b) for a, b in zip(start[:-1], start[1:], strict=True)]
+    rows = [slice(a, b) for a, b in pairwise(start.tolist())]
     m = int(start[-1])
     n, x = np.concatenate([b.n for b in design.blocks]), np.zeros((m, p))
     v, rate = np.diag(noise.white_sd_dps**2 / n), np.zeros(m)

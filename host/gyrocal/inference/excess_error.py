@@ -6,8 +6,9 @@ uncorrelated with what is left of the held-out power q when its regression on th
 
     var(q - expectation at the estimates) = var(q) - g' I^-1 g,    g = d E[q] / d parameters,
 
-with the information I of restricted maximum likelihood. Drift, offsets and smooth columns are taken as means over a few hundred
-cells of time for this; a standard error needs no more.
+with the information I of restricted maximum likelihood on the variances. The drift's correlation time is often at a bound and
+counts as known. A search that stops short of the maximum adds ``2·SETTLED·g' I^-1 g``. Drift, offsets and columns are taken as
+means over a few hundred cells of time for this; a standard error needs no more.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal.inference.blocks import Blocks
+from gyrocal.inference.design import Mask
 from gyrocal.inference.expected import UNDETERMINED, of_cycle
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.heldout import EVERYTHING, Fold, time_masks
@@ -25,6 +27,9 @@ from gyrocal.recording.session import Array
 
 CELLS = 240
 """Number of cells of time of all runs together, or one for each run where there are more runs."""
+
+SETTLED = 0.02
+"""Log-likelihood by which a search for the noise typically stops short of the maximum."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +70,9 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, floa
         of_data = form @ covariance
         slope = np.array([float(np.sum(form * d)) for d in derivatives])
         slope[0] += rest * white
-        known = slope @ np.linalg.pinv(information, rcond=1e-10, hermitian=True) @ slope
+        common = slope @ np.linalg.pinv(information, rcond=1e-10, hermitian=True) @ slope
         variance = 2 * float(np.sum(of_data * of_data.T)) + 2 * rest * white**2
-        out.append(float(np.sqrt(max(variance - known, 1e-4 * variance))))
+        out.append(float(np.sqrt(max(variance - (1 - 2 * SETTLED) * common, 0.0))))
     return out[0], out[1]
 
 
@@ -98,16 +103,13 @@ def _rate(b: Blocks, axis: int) -> Array:
 
 
 def _covariance(axis: AxisFit, cells: _Cells) -> tuple[Array, list[Array]]:
-    """Covariance [k, k] of the cells' means, and its derivatives by the logarithms of the noise parameters, white first."""
+    """Covariance [k, k] of the cells' means, and its derivatives by the logarithm of each variance, white noise first."""
     noise, layout = axis.noise, axis.design.layout
     p = len(layout.fixed)
     parts = [np.diag(noise.white_sd_dps**2 / cells.n)]
-    by_tau = []
     if noise.ou_sd_dps > 0:
         apart = np.abs(cells.t_s[:, None] - cells.t_s) / noise.ou_tau_s
-        drift = noise.ou_sd_dps**2 * np.exp(-apart) * (cells.run[:, None] == cells.run)
-        parts.append(drift)
-        by_tau = [drift * apart]
+        parts.append(noise.ou_sd_dps**2 * np.exp(-apart) * (cells.run[:, None] == cells.run))
     same_run, same_cycle = cells.run[:, None] == cells.run, cells.cycle[:, None] == cells.cycle
     for j, sd in zip(layout.scenario, axis.spreads.scenario, strict=True):
         x = cells.columns[:, j]
@@ -115,7 +117,7 @@ def _covariance(axis: AxisFit, cells: _Cells) -> tuple[Array, list[Array]]:
     for group in range(layout.n_groups):
         z = cells.columns[:, [p + j for j, g in enumerate(layout.run_group) if g == group]]
         parts.append(axis.spreads.run[group] ** 2 * (z @ z.T) * same_run)
-    return np.asarray(np.sum(parts, axis=0)), [*parts, *by_tau]
+    return np.asarray(np.sum(parts, axis=0)), parts
 
 
 def _residual(axis: AxisFit, cells: _Cells, covariance: Array, folds: Sequence[Fold]) -> tuple[Array, Array]:
@@ -142,7 +144,7 @@ def _residual(axis: AxisFit, cells: _Cells, covariance: Array, folds: Sequence[F
     return np.vstack(rows), np.concatenate(held_cells)
 
 
-def _masks(axis: AxisFit, cells: _Cells, fold: Fold) -> tuple[Array, Array]:
+def _masks(axis: AxisFit, cells: _Cells, fold: Fold) -> tuple[Mask, Mask]:
     """Masks [k] of the cells that a fold leaves out, and of those beside them."""
     judged = np.array([not b.run.rate_is_mean for b in axis.design.blocks])[cells.run]
     if fold.time is None:

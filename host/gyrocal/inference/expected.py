@@ -69,8 +69,8 @@ class _Kernels:
     held-out samples, weighted by their numbers. ``cov`` is their covariance, ``columns`` [functionals, c] what they make of the
     model's columns, ``gram`` [groups, c, c] the scores' part of it. For the held-out samples of each group, ``shared``
     [groups, functionals, c] is the covariance with the noise there, times the columns, and ``square`` [groups, c, c] the
-    products of the columns; ``sums`` [groups, 2, c] and ``norm`` [groups, 2, 2] are those with offset and rate. ``own`` [groups]
-    is the expected power of the noise.
+    products of the columns; ``sums`` [groups, 2, c] and ``norm`` [groups, 2, 2] are those with offset and rate. ``own``
+    [groups] is the expected power of the noise.
     """
 
     cov: Array
@@ -179,7 +179,7 @@ class _Sources:
 
 
 def expected(axis: AxisFit, folds: Sequence[Fold]) -> Expected:
-    """The expectation for the prediction of held-out samples that ``heldout.predictions`` makes; in sample without ``folds``."""
+    """The expectation for the predictions that ``heldout.predictions`` makes, or ``heldout.fitted`` without ``folds``."""
     design = axis.design
     by_time = bool(folds) and folds[0].time is not None
     runs = {}
@@ -284,7 +284,7 @@ class _Error:
             of_scores = np.zeros((len(layout.run), len(gram)))
             of_scores[:, random] = -weight
             self._put(own, of_scores, i)
-            own -= weight @ gram[np.ix_(random, range(self.p))] @ shared
+            own -= weight @ gram[random][:, : self.p] @ shared
             part = self.sources.of_run[i][1]
             own[:, part] += np.eye(part.stop - part.start)
         shared = shared.copy()

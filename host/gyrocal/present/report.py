@@ -9,7 +9,7 @@ from typing import Any
 
 from gyrocal import __version__
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
