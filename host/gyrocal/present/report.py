@@ -11,8 +11,10 @@ from gyrocal import __version__
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.levels import explained
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
+from gyrocal.policy import POLICY
 from gyrocal.present.output import mdps, plus_minus, stdout, table
 from gyrocal.warning import Warning, by_weight, line
 
@@ -41,13 +43,19 @@ def headline(c: Comparison) -> str:
 
 
 def level_rows(c: Comparison) -> list[list[str]]:
-    rows = [[axis, mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2)] for axis, v in c.per_axis.items()]
-    return [*rows, ["all", mdps(c.pooled.rms_dps, 2), mdps(c.pooled.floor_dps, 2), mdps(c.pooled.excess_dps, 2)]]
+    """Axis, rms, floor, excess, its standard error and the excess within power cycles in mdps; the last row is all axes."""
+    return [
+        [
+            axis, mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2), mdps(v.excess_se_dps, 2),
+            mdps(v.excess_within_dps, 2),
+        ]
+        for axis, v in (*c.per_axis.items(), ("all", c.pooled))
+    ]  # fmt: skip
 
 
 def print_comparison(c: Comparison) -> None:
     print_warnings(c.warnings)
-    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps"], level_rows(c))
+    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
     stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
@@ -117,13 +125,6 @@ def sizes(c: Candidate) -> str:
     return ", ".join(parts)
 
 
-def explained(before: Comparison, after: Comparison) -> float | None:
-    """1 - (excess after / excess before)^2."""
-    if not before.pooled.excess_dps or after.pooled.excess_dps is None:
-        return None
-    return 1 - (after.pooled.excess_dps / before.pooled.excess_dps) ** 2
-
-
 def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
     print_warnings(before.warnings)
     if before.note:
@@ -134,15 +135,12 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
         rows.append([axis, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
     rows.append(["all", mdps(after.pooled.floor_dps, 2), mdps(before.pooled.excess_dps, 2), mdps(after.pooled.excess_dps, 2)])
     table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
-    part = explained(before, after)
-    told = "" if part is None else f"; {part:.1%} of the excess explained"
-    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}{told}")
-    for axis, fitted in after.fit.axes.items():
-        if fitted.scale_spread_dps > 0.1 * after.per_axis[axis].floor_dps:
-            stdout.print(
-                f"of what is left on {axis}, {mdps(fitted.scale_spread_dps)} mdps is the scale's own spread from one power "
-                "cycle to the next, which no model can foretell"
-            )
+    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+    part = explained(before.pooled, after.pooled, before.cycles)
+    if part is not None:
+        few = before.cycles < POLICY.few_cycles
+        where = ", within power cycles" if few else ""
+        stdout.print(f"{part:.1%} of the excess is explained{where}: 1 - (excess after / excess before)^2, in squares")
     stdout.print(headline(after), style="bold")
 
 
