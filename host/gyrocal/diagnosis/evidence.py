@@ -51,7 +51,7 @@ def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
     signal = _signal(fitted)
-    excess = explained(current, fitted, signal)
+    excess = explained(current, fitted, signal, chance)
     one_size = isinstance(effect, Wave) and effect.same_size
     partial = (one_size and _uneven(fitted)) or (effect.common_mean and _without_mean(term))
     return Candidate(

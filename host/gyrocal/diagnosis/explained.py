@@ -28,18 +28,21 @@ class Explained:
     drop_se_dps: float | None = None
 
 
-def explained(current: Current, fitted: AxisFit, signal: Array) -> Explained:
+def explained(current: Current, fitted: AxisFit, signal: Array, chance: float) -> Explained:
     """The part of the excess on this axis that a candidate removes, on held-out data and over the richer model's floor.
 
     A few power cycles determine the spread of their offsets poorly, and the offset of a held-out power cycle can change the
     excess by more than a small effect does. ``enough`` allows for both. It is True if the candidate's own power, or the
     decrease of the excess, is at least ``Policy.explained`` of the excess beyond ``Policy.floor_errors`` standard errors of the
     floor. It is also True if the candidate's power reaches that part within power cycles, where their offset and scale are
-    removed from both.
+    removed from both. A candidate that noise explains, with a probability ``chance`` above the false-discovery rate, leaves the
+    noise and its floor as they are.
     """
     if not current.folds:
         return Explained(None, False)
-    before, after, floor = current.squares, current.squares_of(fitted), current.floor_of(fitted)
+    before, after = current.squares, current.squares_of(fitted)
+    significant = chance < POLICY.false_discovery_rate
+    floor = current.floor_of(fitted) if significant else current.comparison.floors[current.axis]
     part = part_of(Level.of(before, floor), Level.of(after, floor), current.comparison.cycles)
     samples = sum(len(b.run) for b in fitted.design.blocks)
     of_cycles, of_drift = _floor_errors(fitted, floor)

@@ -8,7 +8,7 @@ uncorrelated with what is left of the held-out power q when its regression on th
 
 with the information I of restricted maximum likelihood on the variances. The drift's correlation time is often at a bound and
 counts as known. A search that stops short of the maximum adds ``2·SETTLED·g' I^-1 g``. Drift, offsets and columns are taken as
-means over a few hundred cells of time for this; a standard error needs no more.
+means over some hundred cells of time for this; a standard error needs no more.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.heldout import EVERYTHING, Fold, time_masks
 from gyrocal.recording.session import Array
 
-CELLS = 240
+CELLS = 120
 """Number of cells of time of all runs together, or one for each run where there are more runs."""
 
 SETTLED = 0.02
