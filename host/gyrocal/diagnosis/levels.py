@@ -15,13 +15,14 @@ import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import beside
+from gyrocal.effects.base import Role
 from gyrocal.inference import heldout
 from gyrocal.inference.excess_error import difference_errors
 from gyrocal.inference.expected import expected, of_cycle, removed
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
-from gyrocal.inference.reml import Spreads
+from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers
@@ -157,10 +158,18 @@ def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float) -> Floor:
     samples = max(power.samples, 1.0)
     between = 1 - power.blocks / samples  # the fraction of the scatter that is within blocks
     error, error_within = difference_errors(axis, folds)
-    fast = white_power * between
-    return Floor(
-        fast + power.squares / samples, fast + power.within / samples, error / samples, error_within / samples, white_power
-    )  # fmt: skip
+    within = white_power * between + power.within / samples
+    of_cycles = min((power.squares - power.within) / samples, _largest_of_cycles(axis))
+    return Floor(within + of_cycles, within, error / samples, error_within / samples, white_power)
+
+
+def _largest_of_cycles(axis: AxisFit) -> float:
+    """The mean square, dps^2, up to which differences between power cycles count as noise."""
+    square = LARGEST_SPREAD[Role.BIAS] ** 2
+    if len(axis.design.layout.scenario) > 1:
+        rates = [float(np.mean(b.run.rate_dps**2)) for b in axis.design.blocks if b.run.axis_index == axis.design.axis]
+        square += LARGEST_SPREAD[Role.SCALE] ** 2 * float(np.mean(rates))
+    return square
 
 
 def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
