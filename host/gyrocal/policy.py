@@ -79,6 +79,17 @@ class Policy:
         10, "degrees of freedom of the scatter within blocks below which the floor uses the white noise of the fit",
         larger="more slow recordings use the fitted level", smaller="the floor is estimated from a few readings",
     )  # fmt: skip
+    few_cycles: int = threshold(
+        8, "number of power cycles below which the explained part is computed within power cycles",
+        larger="effects that differ only between power cycles have no explained part",
+        smaller="offset and scale of a few power cycles decide the explained part",
+        chosen_by="docs/method.md, rms, floor and excess",
+    )  # fmt: skip
+    excess_errors: float = threshold(
+        2.0, "standard errors below which an excess has no explained part",
+        larger="fewer candidates have an explained part", smaller="the explained part is a ratio of two noises",
+        chosen_by="docs/method.md, rms, floor and excess",
+    )  # fmt: skip
     bump: float = threshold(
         0.15, "relative excess of a band's power over that of its neighbours from which on it is a bump",
         larger="tones that wander are not detected", smaller="the knee of a sensor's low-pass filter counts as a tone",

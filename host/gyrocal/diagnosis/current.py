@@ -6,22 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.levels import Floor, MeanSquares, floor_of
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise
-from gyrocal.recording.session import AXES, Array, Run
-
-
-@dataclass(frozen=True)
-class MeanSquares:
-    """Mean squares of held-out residuals, dps^2: of the residuals themselves, and about the mean of each power cycle."""
-
-    all: float
-    within_cycles: float
+from gyrocal.recording.session import AXES, Run
 
 
 @dataclass(frozen=True)
@@ -54,10 +45,10 @@ class Current:
     def folds(self) -> list[heldout.Fold]:
         return heldout.folds(self.comparison.fit)
 
-    @cached_property
-    def mean_squares(self) -> MeanSquares:
-        """Mean squares of the model's own held-out residuals."""
-        return self.mean_squares_of(self.fit)
+    @property
+    def squares(self) -> MeanSquares:
+        """Mean squares of the model's own held-out residuals, dps^2."""
+        return self.comparison.squares[self.axis]
 
     def of_samples(self) -> Current:
         """The same model fitted to samples instead of block means, for effects that are faster than a block."""
@@ -70,13 +61,10 @@ class Current:
         alone = self.comparison.fit.on(self.axis, fitted)
         return heldout.predictions(alone, self.folds) if self.folds else heldout.fitted(alone)
 
-    def mean_squares_of(self, fitted: AxisFit) -> MeanSquares:
-        """Mean squares of another fit's held-out residuals."""
-        sums: dict[str, Array] = {}
-        for p in heldout.predictions(self.comparison.fit.on(self.axis, fitted), self.folds):
-            residual = p.residual_dps
-            of_run = np.array([residual @ residual, residual.sum(), residual.size])
-            sums[p.run.scenario] = sums.get(p.run.scenario, np.zeros(3)) + of_run
-        squares, totals, counts = np.array(list(sums.values())).reshape(-1, 3).T
-        samples = max(float(counts.sum()), 1.0)
-        return MeanSquares(float(squares.sum()) / samples, float((squares - totals**2 / counts).sum()) / samples)
+    def squares_of(self, fitted: AxisFit) -> MeanSquares:
+        """Mean squares of another fit's held-out residuals, dps^2."""
+        return MeanSquares.of(heldout.predictions(self.comparison.fit.on(self.axis, fitted), self.folds))
+
+    def floor_of(self, fitted: AxisFit) -> Floor:
+        """The floor of another fit's held-out residuals."""
+        return floor_of(fitted, self.folds, self.white_power)

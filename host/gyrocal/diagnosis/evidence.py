@@ -23,8 +23,11 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 
-def judge(current: Current, effect: Effect) -> Candidate:
-    """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data."""
+def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
+    """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data.
+
+    Held-out data are not used if noise gains as much in sample with a probability above ``unless``.
+    """
     fault = None if effect.fault is None else effect.fault.detect(current.runs, current.index)
     if fault is not None:
         return judge_reading(current, effect, fault)
@@ -43,16 +46,18 @@ def judge(current: Current, effect: Effect) -> Candidate:
     parameters = _parameters(current.fit, fitted, effect)
     looks = effect.looks(current.runs, current.index)
     chance = min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1])
+    if chance > unless:
+        return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
     signal = _signal(fitted)
-    excess = explained(current, fitted, signal)
+    excess = explained(current, fitted, signal, chance)
     one_size = isinstance(effect, Wave) and effect.same_size
     partial = (one_size and _uneven(fitted)) or (effect.common_mean and _without_mean(term))
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
-        enough=excess.enough and not partial,
+        excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not partial,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -62,29 +63,41 @@ def _outliers(fitted: Fit, axis: str) -> Finding | None:
     return None if known else single_readings(fitted.session, axis)
 
 
+@dataclass(frozen=True)
+class Misfit:
+    """The findings, strongest first; the probe that fits best on each axis; each test's share of the alarm rate."""
+
+    found: list[Finding]
+    nearest: dict[str, Finding]
+    share: float
+
+
 def find_misfit(
     fitted: Fit, spectra: dict[str, Spectrum], axes: Sequence[str], progress: Progress | None = None,
-) -> list[Finding]:  # fmt: skip
-    """The findings of every test on each of the ``axes``, strongest first.
+) -> Misfit:  # fmt: skip
+    """The findings of every test on each of the ``axes``.
 
     A test reports a finding if the probability that noise alone produces it is below the test's share of
-    ``Policy.misfit_alarm``.
+    ``Policy.misfit_alarm``. One share of each axis is left for the test of the excess, which needs the floor.
     """
     if sum(b.t_s.size for b in fitted.blocks) < POLICY.least_blocks:
-        return []
+        return Misfit([], {}, 0.0)
     probes = {axis: of_session(fitted.session, AXES.index(axis)) for axis in axes}
     tests = sum(len(shapes) for on_axis in probes.values() for _, shapes in on_axis)
-    share = POLICY.misfit_alarm / max(1, tests + len(BEYOND_NOISE) * len(axes))
+    share = POLICY.misfit_alarm / max(1, tests + (len(BEYOND_NOISE) + 1) * len(axes))
 
-    def on(axis: str) -> list[Finding]:
+    def on(axis: str) -> tuple[list[Finding], Finding | None]:
         probed = []
         for against, shape in ((against, shape) for against, shapes in probes[axis] for shape in shapes):
             if progress is not None:
                 progress(f"looking at {axis} against {against.replace('_', ' ')}")
             finding = probe(fitted.axes[axis], axis, against, shape, share)
-            if finding is not None and finding.chance < share:
+            if finding is not None:
                 probed.append(finding)
         beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
-        return probed + [finding for finding in (*beyond, _outliers(fitted, axis)) if finding is not None]
+        found = [f for f in probed if f.chance < share] + [f for f in (*beyond, _outliers(fitted, axis)) if f is not None]
+        return found, min(probed, key=lambda f: f.chance, default=None)
 
-    return sorted(chain.from_iterable(each(on, axes, fitted.session.rows)), key=lambda f: -f.strength)
+    tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))
+    found = sorted(chain.from_iterable(findings for findings, _ in tested.values()), key=lambda f: -f.strength)
+    return Misfit(found, {axis: best for axis, (_, best) in tested.items() if best is not None}, share)

@@ -38,22 +38,6 @@ class AxisFit:
         """Spread of the bias over power cycles, deg/s."""
         return self.scenario_sd(self.spreads.scenario, Role.BIAS)
 
-    @property
-    def slow_power(self) -> float:
-        """Mean square, dps^2, of drift and turn-on bias: the floor's slow part."""
-        return self.noise.ou_sd_dps**2 + self.turn_on_sd_dps**2
-
-    @property
-    def scale_spread_dps(self) -> float:
-        """rms, deg/s, of the scale's own spread from power cycle to power cycle; it is no part of the floor."""
-        scale_sd = self.scenario_sd(self.spreads.scenario, Role.SCALE)
-        rates = [
-            float(np.mean(b.run.rate_dps**2)) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks
-        ]
-        samples = [len(b.run) for b in self.design.blocks]
-        rate_power = float(np.average(rates, weights=samples))
-        return scale_sd * float(np.sqrt(rate_power))
-
     def scenario_sd(self, of: Array, role: Role) -> float:
         """Of values [k], one for each spread over power cycles, that of the bias or the scale; 0 where there is none."""
         for k, j in enumerate(self.design.layout.scenario):

@@ -31,6 +31,10 @@ class Fold:
     time: tuple[float, float] | None = None
 
 
+EVERYTHING = Fold("all", ())
+"""Stands for a prediction in sample, where nothing can be left out."""
+
+
 @dataclass(frozen=True)
 class Prediction:
     """Held-out samples of one run and axis: their rows, and measured and modelled rate [rows] in deg/s."""
@@ -134,7 +138,7 @@ def _gains(axis: AxisFit, held: Mask, trained: Solution, spreads: Spreads) -> It
 def _time_step(axis: AxisFit, fold: Fold) -> Step:
     trained, seen = [], []
     for b in axis.design.blocks:
-        inside, near = _time_masks(b, fold)
+        inside, near = time_masks(b, fold)
         trained.append(b.select(~inside & ~near))
         seen.append(b.select(~near))
     fits = []
@@ -151,7 +155,8 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
     return Step(fold, fitted, solution, spreads, {fold.label: both.loglik - solution.loglik})
 
 
-def _time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
+def time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
+    """Masks [m] of a run's blocks that a fold leaves out, and of those beside them that no fit uses."""
     assert fold.time is not None
     elapsed = b.t_s - b.run.t_s[0]
     start, stop = (f * b.run.duration_s for f in fold.time)
@@ -173,7 +178,7 @@ def predictions(fit: Fit, all_folds: list[Fold]) -> Iterator[Prediction]:
 def fitted(fit: Fit) -> Iterator[Prediction]:
     """The same predictions in sample, if nothing can be left out."""
     for axis in fit.axes.values():
-        everything = Step(Fold("all", tuple(range(len(fit.blocks)))), axis, axis.solution, axis.spreads, {})
+        everything = Step(EVERYTHING, axis, axis.solution, axis.spreads, {})
         for i, b in enumerate(fit.blocks):
             if not b.run.rate_is_mean:
                 yield _predict(everything, i)
