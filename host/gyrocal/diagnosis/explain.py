@@ -230,7 +230,7 @@ def _matters(step: Step, final: Comparison) -> bool:
 def _removed_power(before: Comparison, after: Comparison, axis: str) -> float:
     """Decrease of an axis's squared held-out excess, dps^2, over one floor; 0 if nothing can be held out.
 
-    The offset and scale of a few power cycles can hide the decrease, so the decrease within power cycles counts if it is larger.
+    The offset and scale of a few power cycles can hide the decrease. The decrease within power cycles counts if it is larger.
     """
     old, new = before.per_axis[axis], after.per_axis[axis]
     pairs = ((old.rms_dps, new.rms_dps), (old.excess_within_dps, new.excess_within_dps))
