@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from gyrocal.effects.base import elapsed_s
-from gyrocal.effects.quantities import rate_about, rate_slope_dps_s, rate_varies
+from gyrocal.effects.quantities import rate_about, rate_slope_dps_s, rate_varies, true_rate_dps
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Columns, Shape, Steps
@@ -36,7 +36,7 @@ class Rate(Variable):
         return len({r.axis_index for r in self.runs}) == 1
 
     def values(self, run: Run, axis: int) -> Array:
-        return run.rate_dps if self.one_axis else rate_about(run, axis)
+        return true_rate_dps(run) if self.one_axis else rate_about(run, axis)
 
     def shapes(self, axis: int) -> list[Shape]:
         edges = self._edges_dps(axis)

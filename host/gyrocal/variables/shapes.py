@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.recording.session import Array, Run
 
 
@@ -45,7 +46,7 @@ class Steps(Shape):
         columns = (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
         if not self.times_rate:
             return columns
-        return columns * run.rate_dps[:, None] if axis == run.axis_index else np.zeros_like(columns)
+        return columns * true_rate_dps(run)[:, None] if axis == run.axis_index else np.zeros_like(columns)
 
 
 class Columns(Shape):
