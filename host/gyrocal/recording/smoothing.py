@@ -24,7 +24,7 @@ ABOVE = 0.3
 """Of the sampling rate: the noise is estimated from here to one half."""
 SIGNIFICANT = 4.0
 """Standard errors that count as significant: of a fall of the level between the halves of that band, and of a lost motion."""
-AGREE = 2.0
+AGREE = 3.0
 """Standard errors within which the parabolas of a shorter and a longer window agree."""
 LARGEST_CHANGE = 1e-3
 """Of the motion: a window that removes significantly more of it over the whole run is too long."""
