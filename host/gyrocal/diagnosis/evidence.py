@@ -13,6 +13,7 @@ from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
+from gyrocal.inference.design import UNIDENTIFIED
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.nonlinear import refine
@@ -87,12 +88,17 @@ def _measurable(tried: AxisFit) -> bool:
     own = [1 + len(layout.fixed) + j for j, (i, _) in enumerate(layout.run) if i == mine]
     shared = [1 + j for j, (i, _) in enumerate(layout.fixed) if i == mine]
     others = [1 + j for j, (i, _) in enumerate(layout.fixed) if i != mine]
+    stated = [1 + j for j, (i, _) in enumerate(layout.fixed) if tried.design.terms[i].effect.role is not None]
     gram = tried.grams.sum(axis=0)
-    rest = gram[np.ix_(others, others)]
+
+    def beyond(c: int, columns: list[int]) -> float:
+        """The squared norm of a column that is independent of other columns."""
+        rest = gram[np.ix_(columns, columns)]
+        return float(gram[c, c] - gram[c, columns] @ np.linalg.lstsq(rest, gram[columns, c], rcond=None)[0])
+
     for c in own or shared:
-        norm = gram[c, c]
-        inside = gram[c, others] @ np.linalg.lstsq(rest, gram[others, c], rcond=None)[0] if others else 0.0
-        if norm > 0 and norm - inside > POLICY.measurable * norm:
+        norm = beyond(c, stated) if tried.design.terms[mine].effect.origin_free else float(gram[c, c])
+        if norm > UNIDENTIFIED * gram[c, c] and beyond(c, others) > POLICY.measurable * norm:
             return True
     return False
 

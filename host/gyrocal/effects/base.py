@@ -86,6 +86,9 @@ class Effect(Described):
     on_device: ClassVar[bool] = False
     fast: ClassVar[bool] = False
     """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
+    origin_free: ClassVar[bool] = False
+    """True if the zero of the quantity is a convention (25 degC, power-on). What a session says of the effect is then judged by
+    its columns' variation about bias and scale, not by their size."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
     law: ClassVar[Law | None] = None
@@ -94,6 +97,14 @@ class Effect(Described):
     @abstractmethod
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficients."""
+
+    def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
+        """The noise of measured data in the columns of a run: what it leaves of the columns' meaning.
+
+        Returns the variance [n, k] of means of the columns over ``samples`` samples, and the standard error of that variance as
+        a fraction of it; None if the columns have no noise.
+        """
+        return None
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""

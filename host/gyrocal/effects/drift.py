@@ -29,6 +29,7 @@ class Drift(Effect):
         ),
     )
     linear = ("k_dps_per_s",)
+    origin_free = True
     on_device = True
     law = Law({"k_dps_per_s": 2e-4}, "2e-4*power_on_s")
     cases = (Case({"k_dps_per_s": 4e-4}, ("k_dps_per_s",)),)

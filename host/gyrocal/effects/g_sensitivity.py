@@ -42,6 +42,7 @@ class GSensitivity(Effect):
         for name, default in (("gx_dps_per_g", 0.02), ("gy_dps_per_g", 0.02), ("gz_dps_per_g", 0.05))
     )
     linear = tuple(COMPONENTS)
+    origin_free = True
     on_device = True
     law = Law(
         {"gx_dps_per_g": 0.01, "gy_dps_per_g": -0.02, "gz_dps_per_g": 0.05}, "0.01*ax - 0.02*ay + 0.05*az"

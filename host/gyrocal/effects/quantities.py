@@ -37,6 +37,18 @@ def true_rate_dps(run: Run) -> Array:
     return run.rate_dps if run.smooth_rate is None else run.smooth_rate.values
 
 
+def rate_noise(run: Run, axis: int, samples: float) -> tuple[Array, float] | None:
+    """The noise that smoothing leaves in means of the true rate over ``samples`` samples, [n], as :meth:`Effect.noise`."""
+    if run.smooth_rate is None or axis != run.axis_index:
+        return None
+    return run.smooth_rate.error_of_means(samples), run.smooth_rate.noise.uncertainty
+
+
+def temperature_noise(run: Run, samples: float) -> tuple[Array, float] | None:
+    """The noise that smoothing leaves in means of the temperature over ``samples`` samples, [n], as :meth:`Effect.noise`."""
+    return None if run.smooth_temp is None else (run.smooth_temp.error_of_means(samples), run.smooth_temp.noise.uncertainty)
+
+
 def rate_about(run: Run, axis: int) -> Array:
     """True rate about an axis, shape [n], deg/s; zero for axes other than the table's."""
     return true_rate_dps(run) if axis == run.axis_index else np.zeros(len(run))

@@ -73,6 +73,7 @@ class Design:
         runs = [b.run for b in blocks]
         self.scopes = [term.effect.scope_in(runs) for term in terms]
         self.means = [self._means(i, like) for i in range(len(self.blocks))]
+        self.noises = [self._noises(i, like) for i in range(len(self.blocks))]
         self.alike = self._alike(like)
         self.layout, self._summed = self._build()
 
@@ -103,6 +104,25 @@ class Design:
                 columns = self._at_samples(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
             out.append(same)
+        return out
+
+    def _noises(self, i: int, like: Design | None) -> list[Array | None]:
+        """What the noise of measured data adds to the squared norm of each term's columns in one run, and its standard error.
+
+        [k, 2] for each term, in (deg/s per unit)^2 summed over samples; None for a term whose columns have no noise.
+        """
+        known = []
+        if like is not None and like.axis == self.axis and like.blocks[i] is self.blocks[i]:
+            known = list(zip(like.terms, like.noises[i], strict=True))
+        out: list[Array | None] = []
+        b = self.blocks[i]
+        for term in self.terms:
+            same = [power for t, power in known if t == term and t.effect is term.effect]
+            if not same and b.t_s.size and term.fault is None:
+                values = term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0)
+                found = term.effect.noise(b.run, self.axis, values, float(b.n[0]))
+                same = [None if found is None else np.outer(b.n @ b.mean(found[0]), [1.0, found[1]])]
+            out.append(same[0] if same else None)
         return out
 
     def _usable(self, b: Blocks) -> Blocks:
@@ -139,12 +159,38 @@ class Design:
         ]
         # of two dependent columns the bias stays, because each power cycle has its own offset
         order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect.role is not Role.BIAS)
-        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, LEAST_DPS**2 * self._samples)
+        noise = self._noise_in(fixed)
+        least = LEAST_DPS**2 * self._samples + noise[:, :, 0].sum(axis=0)
+        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, least)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
+        self.column_noise = noise[:, kept]
+        self._take_out_noise(fixed, summed)
         scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect.role)]
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
+
+    def _noise_in(self, fixed: Sequence[tuple[int, int]]) -> Array:
+        """The noise of each shared column in each run, shape [runs, p, 2], as :meth:`_noises`."""
+        nothing = np.zeros(2)
+        return np.array([
+            [nothing if (noise := of_run[term]) is None else noise[j] for term, j in fixed] for of_run in self.noises
+        ]).reshape(len(self.blocks), len(fixed), 2)  # fmt: skip
+
+    def _take_out_noise(self, fixed: Sequence[tuple[int, int]], summed: Sequence[Summed]) -> None:
+        """Subtract from the normal equations what the noise of the columns is expected to add (Fuller 1987, section 2.2).
+
+        The residual holds the reference's noise with the opposite sign, so its product with the scale's column has lost as much
+        as the column's square has gained.
+        """
+        for j in np.flatnonzero(self.column_noise.any(axis=(0, 2))).tolist():
+            of_rate = self.terms[fixed[j][0]].effect.role is Role.SCALE
+            for index, s in zip(self.alike, summed, strict=True):
+                power = self.column_noise[index, j, 0]
+                s.gram[:, 1 + j, 1 + j] -= power
+                if of_rate:
+                    s.gram[:, 0, 1 + j] += power
+                    s.gram[:, 1 + j, 0] += power
 
     def _varies(self, role: Role | None) -> bool:
         """True if an effect with this role varies from power cycle to power cycle."""
@@ -173,10 +219,11 @@ class Design:
         return any(m is not None and bool(m[:, j].any()) for m in (means[term] for means in self.means))
 
     @staticmethod
-    def _identified(gram: Array, order: Sequence[int], least: float) -> Mask:
+    def _identified(gram: Array, order: Sequence[int], least: Array) -> Mask:
         """Mask [p] of the shared columns that are independent of the columns kept before them, in the given order.
 
-        A column with a squared norm below ``least`` is also left out (for example, a transient that ended before the run).
+        A column whose independent part has a squared norm below ``least`` [p] is also left out: a transient that ended before
+        the run, or the noise of a reference at rest.
         """
         keep = np.zeros(len(order), dtype=bool)
         for j in order:
@@ -185,7 +232,7 @@ class Design:
                 others = 1 + np.flatnonzero(keep)
                 solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, 1 + j], rcond=None)[0]
                 rest = norm - gram[others, 1 + j] @ solved
-            keep[j] = rest > UNIDENTIFIED * norm and norm > least
+            keep[j] = rest > UNIDENTIFIED * norm and rest > least[j]
         return keep
 
     def _alike(self, like: Design | None) -> list[list[int]]:

@@ -28,6 +28,8 @@ AGREE = 3.0
 """Standard errors within which the parabolas of a shorter and a longer window agree."""
 LARGEST_CHANGE = 1e-3
 """Of the motion: a window that removes significantly more of it over the whole run is too long."""
+TURNS_BACK = 0.25
+"""Of the steps of a thermometer: if more of them undo the step before, noise decides between two codes."""
 SECOND_S = 1.0
 """Heat needs longer than this to pass through a package: temperatures are smoothed from their means over this time, s."""
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
@@ -45,6 +47,12 @@ class NoiseLevel:
     sd: float
     relative_se: float
     estimated: bool = True
+    stated: bool = False
+
+    @property
+    def uncertainty(self) -> float:
+        """The standard error of the noise's variance as a fraction of it. Of an upper bound, all may be wrong."""
+        return self.relative_se if self.estimated or self.stated else 1.0
 
 
 @dataclass(frozen=True)
@@ -54,6 +62,10 @@ class Smoothed:
     values: Array
     error: Array
     noise: NoiseLevel
+
+    def error_of_means(self, samples: float) -> Array:
+        """The variance [n] that the noise leaves in a mean over ``samples`` values about each value."""
+        return np.minimum(self.error, self.noise.sd**2 / samples)
 
     def at(self, t_s: Array, known_s: Array) -> Smoothed:
         """The column at the times ``t_s`` [m], by interpolation between the times ``known_s`` [n] that have a reading."""
@@ -69,7 +81,7 @@ def smoothed(values: Array, stated_sd: float | None = None) -> Smoothed:
     readings, which = _held(values)
     noise = noise_level(readings)
     if not noise.estimated and stated_sd is not None:
-        noise = NoiseLevel(stated_sd, 0.0, estimated=False)
+        noise = NoiseLevel(stated_sd, 0.0, estimated=False, stated=True)
     centre = float(readings.mean())
     unknown = not noise.estimated and stated_sd is None
     chosen, own = _widest(readings - centre, 0.0 if unknown else noise.sd)
@@ -83,13 +95,15 @@ def smoothed_temperature(temp_c: Array, t_s: Array, stated_sd_c: float | None = 
     way between two codes when it passes from one to the other, and on a line between two such times.
     """
     start = np.flatnonzero(np.diff(temp_c)) + 1
-    step_c = np.abs(temp_c[start] - temp_c[start - 1])
+    moved_c = temp_c[start] - temp_c[start - 1]
+    step_c = np.abs(moved_c)
     stairs = start.size > 1 and float(step_c.max()) <= 1.5 * float(step_c.min())
+    stairs = stairs and float(np.mean(np.diff(np.sign(moved_c)) != 0)) <= TURNS_BACK
     if stairs and (t_s[-1] - t_s[0]) / start.size > SECOND_S:
         at_s, between_c = (t_s[start] + t_s[start - 1]) / 2, (temp_c[start] + temp_c[start - 1]) / 2
         sd_c = float(step_c.min()) / 12**0.5
         last_c = np.clip(_line(t_s, at_s, between_c), temp_c - step_c.min() / 2, temp_c + step_c.min() / 2)
-        return Smoothed(last_c, np.full(t_s.size, sd_c**2 / start.size), NoiseLevel(sd_c, 0.0))
+        return Smoothed(last_c, np.full(t_s.size, sd_c**2 / start.size**2), NoiseLevel(sd_c, 0.0))
     first = np.flatnonzero(np.diff(np.floor((t_s - t_s[0]) / SECOND_S), prepend=-1.0))
     count = np.diff(first, append=t_s.size)
     at_s, mean_c = np.add.reduceat(t_s, first) / count, np.add.reduceat(temp_c, first) / count
