@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
@@ -13,7 +15,7 @@ from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
-from gyrocal.inference.design import UNIDENTIFIED
+from gyrocal.inference.design import UNIDENTIFIED, Mask
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.nonlinear import refine
@@ -25,7 +27,31 @@ from gyrocal.recording.session import Array
 
 
 def judge(current: Current, effect: Effect) -> Candidate:
-    """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data."""
+    """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data.
+
+    Runs that lack the effect's data are left out of the judgement.
+    """
+    lacks = np.array([effect.lacks(run) for run in current.runs])
+    if lacks.any() and not lacks.all():
+        part = current.of_runs(~lacks)
+        return _over_all_runs(_judge(part, effect), current, part, ~lacks)
+    return _judge(current, effect)
+
+
+def _over_all_runs(of_part: Candidate, whole: Current, part: Current, kept: Mask) -> Candidate:
+    """A candidate that was judged on some of the runs, with its signal and gains unknown (NaN) in the others."""
+    signal, gains = of_part.signal, of_part.unit_gains
+    if signal is not None:
+        known = np.repeat(kept, whole.fit.design.n_blocks)
+        signal, of_kept = np.full(known.size, np.nan), signal
+        signal[known] = of_kept
+    if gains is not None:
+        of_unit = dict(zip(part.units, gains, strict=True))
+        gains = np.array([of_unit.get(name, np.nan) for name in whole.units])
+    return replace(of_part, signal=signal, unit_gains=gains)
+
+
+def _judge(current: Current, effect: Effect) -> Candidate:
     fault = None if effect.fault is None else effect.fault.detect(current.runs, current.index)
     if fault is not None:
         return judge_reading(current, effect, fault)

@@ -89,6 +89,8 @@ class Effect(Described):
     origin_free: ClassVar[bool] = False
     """True if the zero of the quantity is a convention (25 degC, power-on). What a session says of the effect is then judged by
     its columns' variation about bias and scale, not by their size."""
+    stands_for: ClassVar[Role] = Role.BIAS
+    """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
     law: ClassVar[Law | None] = None
@@ -97,6 +99,10 @@ class Effect(Described):
     @abstractmethod
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficients."""
+
+    def lacks(self, run: Run) -> bool:
+        """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
+        return False
 
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         """The noise of measured data in the columns of a run: what it leaves of the columns' meaning.

@@ -49,6 +49,9 @@ class BiasTemperature(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [dict.fromkeys(self.linear[:order], 0.0) for order in (1, 2, 3)]
 
+    def lacks(self, run: Run) -> bool:
+        return run.temp_c is None
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         above_c = warming_c(run)
         return stack(*(above_c ** POWERS[name] for name in self.used(values)))

@@ -34,6 +34,9 @@ class Drift(Effect):
     law = Law({"k_dps_per_s": 2e-4}, "2e-4*power_on_s")
     cases = (Case({"k_dps_per_s": 4e-4}, ("k_dps_per_s",)),)
 
+    def lacks(self, run: Run) -> bool:
+        return run.power_on_s is None
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)
         return stack(elapsed_s(run) if p_s is None else p_s)

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Role, Values
+from gyrocal.effects.base import Role, Values, with_role
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise, Summed
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import Array, Run
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
@@ -72,7 +72,12 @@ class Design:
         self.blocks = [self._usable(b) for b in blocks]
         runs = [b.run for b in blocks]
         self.scopes = [term.effect.scope_in(runs) for term in terms]
+        self.lacking = [self._lacking(term, runs) for term in terms]
         self.means = [self._means(i, like) for i in range(len(self.blocks))]
+        self.levels = {t: self._level(t) for t, lacks in enumerate(self.lacking) if lacks.any()}
+        for t in self.levels:
+            for i in np.flatnonzero(self.lacking[t]):
+                self.means[i][t] = self.blocks[i].mean(self._stand_in(t, self.blocks[i]))
         self.noises = [self._noises(i, like) for i in range(len(self.blocks))]
         self.alike = self._alike(like)
         self.layout, self._summed = self._build()
@@ -100,11 +105,36 @@ class Design:
         out: list[Array | None] = []
         for term in self.terms:
             same = next((m for t, m in known if t == term and t.effect is term.effect), None)
-            if same is None and term.fault is None:
+            if same is None and term.fault is None and not self.lacking[len(out)][i]:
                 columns = self._at_samples(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
             out.append(same)
         return out
+
+    def _lacking(self, term: Term, runs: Sequence[Run]) -> Mask:
+        """Mask [runs] of those without the data of a term. If none has them, the term itself says what it does then."""
+        lacks = np.array([term.effect.lacks(run) for run in runs], dtype=bool)
+        return lacks & (not lacks.all())
+
+    def _level(self, t: int) -> Array:
+        """What a term's columns are, as a multiple of bias or scale, over the runs that have its data, shape [k]."""
+        top, norm = np.zeros(1), 0.0
+        for i in np.flatnonzero(~self.lacking[t]):
+            b, means = self.blocks[i], self.means[i][t]
+            if means is not None and b.t_s.size:
+                unit = b.mean(self._unit(t, b))[:, 0]
+                top, norm = top + (b.n * unit) @ means, norm + float(b.n @ unit**2)
+        return top / norm if norm > 0 else top
+
+    def _unit(self, t: int, b: Blocks) -> Array:
+        """The column of bias or scale that stands for a term in a run without its data, [n, 1]."""
+        role = self.terms[t].effect.stands_for
+        return with_role(role).columns(b.run, self.axis, {})
+
+    def _stand_in(self, t: int, b: Blocks) -> Array:
+        """Columns of a term in a run without its data, [n, k]: as in the other runs on average. The run's own bias or scale is
+        free (:meth:`grams`)."""
+        return self._unit(t, b) * self.levels[t]
 
     def _noises(self, i: int, like: Design | None) -> list[Array | None]:
         """What the noise of measured data adds to the squared norm of each term's columns in one run, and its standard error.
@@ -209,7 +239,11 @@ class Design:
 
     def sample_columns(self, b: Blocks) -> dict[int, Array]:
         """Each term's columns at every sample of a run, by the term's index."""
-        return {i: self._at_samples(term, b) for i, term in enumerate(self.terms) if term.fault is None}
+        at = next((i for i, of in enumerate(self.blocks) if of.run is b.run), 0)
+        return {
+            t: self._stand_in(t, b) if self.lacking[t][at] else self._at_samples(term, b)
+            for t, term in enumerate(self.terms) if term.fault is None
+        }  # fmt: skip
 
     def _at_samples(self, term: Term, b: Blocks) -> Array:
         return term.effect.columns(b.run, self.axis, term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0))
@@ -268,7 +302,19 @@ class Design:
         logdet = np.zeros(len(self.blocks))
         for index, summed in zip(self.alike, self._summed, strict=True):
             grams[index], logdet[index] = summed.normal_equations(noise)
+        for i, j in self._free:
+            own = grams[i, :, 1 + j].copy()
+            if own[1 + j] > 0:
+                grams[i] -= np.outer(own, own) / own[1 + j]
+                logdet[i] += float(np.log(own[1 + j]))
         return grams, logdet
+
+    @cached_property
+    def _free(self) -> list[tuple[int, int]]:
+        """Pairs of a run that lacks the data of a term and the shared column whose value is its own in that run."""
+        roles = {self.terms[t].effect.role: j for j, (t, _) in enumerate(self.layout.fixed)}
+        wanted = {(i, self.terms[t].effect.stands_for) for t in self.levels for i in np.flatnonzero(self.lacking[t]).tolist()}
+        return sorted((i, roles[role]) for i, role in wanted if role in roles)
 
     @property
     def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:

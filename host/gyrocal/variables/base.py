@@ -91,10 +91,8 @@ class Variable(ABC):
     def steps(self, axis: int, edges: Array) -> list[Shape]:
         """Steps of the variable, and steps times the true rate if the table turns about the axis."""
 
-        def values(run: Run) -> Array:
-            found = self.values(run, axis)
-            assert found is not None
-            return found
+        def values(run: Run) -> Array | None:
+            return self.values(run, axis)
 
         return [Steps(values, edges), *([Steps(values, edges, times_rate=True)] if turns(self.runs, axis) else [])]
 
