@@ -79,7 +79,7 @@ def _judge(current: Current, effect: Effect) -> Candidate:
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
-        enough=excess.enough and not partial,
+        enough=excess.enough and not partial, gain_noise=_gain_noise(fitted),
     )  # fmt: skip
 
 
@@ -106,6 +106,14 @@ def _without_mean(term: Term) -> bool:
     """True if an effect that should have a common mean over the runs has none that differs from zero."""
     mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.used(term.values) if n in term.values]
     return all(size < POLICY.mean_errors * se for size, se in mean)
+
+
+def _gain_noise(fitted: AxisFit) -> float:
+    """Standard deviation of the log-likelihood over the noise of the candidate's columns: of that noise times the readings'."""
+    layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
+    own = [j for j, (i, _) in enumerate(layout.fixed) if i == mine]
+    power = fitted.solution.beta[own] ** 2 @ fitted.design.column_noise[:, own, 0].sum(axis=0)
+    return float(np.sqrt(max(power, 0.0)) / fitted.noise.white_sd_dps)
 
 
 def _measurable(tried: AxisFit) -> bool:

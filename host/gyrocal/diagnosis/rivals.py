@@ -67,4 +67,5 @@ def _as_good(c: Candidate, other: Candidate, price: float) -> bool:
         return False
     difference = c.unit_gains - other.unit_gains
     difference = difference[np.isfinite(difference)]
-    return float(difference.sum()) < max(POLICY.rival_errors * (total(difference)[1] or 0.0), price)
+    error = float(np.hypot(total(difference)[1] or 0.0, np.hypot(c.gain_noise, other.gain_noise)))
+    return float(difference.sum()) < max(POLICY.rival_errors * error, price)
