@@ -1,4 +1,4 @@
-"""How noise of references and thermometers shows in a diagnosis and in estimates. python benchmarks/noisy_regressors.py [sessions]
+"""Noise of references and thermometers in a diagnosis and in estimates. python benchmarks/noisy_regressors.py [sessions]
 
 Sessions without an effect whose table goes over plateaus, with an encoder's noise and counts: how many are not adequate.
 Estimates against planted values, over their standard errors: the scale of a weak swing, the temperature coefficient in

@@ -21,10 +21,6 @@ from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 
-LEAST_LEFT = 1e-6
-"""Of what the session knows about a combination of parameters: with less left, they count as undetermined."""
-
-
 @dataclass(frozen=True)
 class Fold:
     """The data that one step leaves out: whole runs (``time`` is None), or a time interval of every run (as fractions)."""
@@ -98,7 +94,7 @@ def _identified(fit: Fit, fold: Fold) -> bool:
             root = np.linalg.inv(np.linalg.cholesky(everything / np.outer(scale, scale)))
         except np.linalg.LinAlgError:
             return False
-        if p and np.linalg.eigvalsh(root @ (gram / np.outer(scale, scale)) @ root.T)[0] < LEAST_LEFT:
+        if p and np.linalg.eigvalsh(root @ (gram / np.outer(scale, scale)) @ root.T)[0] < POLICY.least_left:
             return False
     return True
 
