@@ -21,6 +21,7 @@ from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 
+
 @dataclass(frozen=True)
 class Fold:
     """The data that one step leaves out: whole runs (``time`` is None), or a time interval of every run (as fractions)."""
