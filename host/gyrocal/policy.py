@@ -43,6 +43,11 @@ class Policy:
     )  # fmt: skip
 
     # Held-out data
+    least_left: float = threshold(
+        1e-6, "fraction of the information on any combination of parameters that must remain when a unit is left out",
+        larger="sessions in which one unit shows most of an effect are judged by blocks of time",
+        smaller="a parameter is determined by rounding errors of its columns, and the left-out unit is predicted by chance",
+    )  # fmt: skip
     time_blocks: int = threshold(
         5, "parts of each run that are left out in turn if no whole run can be left out",
         larger="less is left out at a time, and the remaining data show slow effects of the left-out part",

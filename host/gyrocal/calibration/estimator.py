@@ -190,8 +190,9 @@ def run_blocks(run: Run, calibration: Calibration) -> tuple[Array, Array, Array]
     """Block means of [run, shared, bias, scale, y - w], shape [q, m], the blocks' times (s) and numbers of samples [m]."""
     axis = AXES.index(calibration.axis)
     rate_dps = run.rate_dps if run.axis_index == axis else np.zeros(len(run))
+    as_measured = run.as_measured()
     columns = np.column_stack([
-        *(c.effect.columns(run, axis, c.values)[:, c.index] for c in calibration.columns),
+        *(c.effect.columns(as_measured, axis, c.values)[:, c.index] for c in calibration.columns),
         np.ones(len(run)), rate_dps, run.gyro_dps[:, axis] - rate_dps,
     ])  # fmt: skip
     label = np.zeros(len(run), dtype=np.int64) if run.rate_is_mean else run.t_us // BLOCK_US

@@ -41,6 +41,8 @@ class Candidate:
     parameters: int = 0
     signal: Array | None = field(default=None, repr=False)
     unit_gains: Array | None = field(default=None, repr=False)
+    gain_noise: float = 0.0
+    """Standard deviation of the gain over the noise of measured columns, which a computed column of the same shape lacks."""
     enough: bool = False
     """True if the candidate explains at least ``Policy.explained`` of the excess error, as far as this is known."""
 

@@ -10,8 +10,10 @@ from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.levels import Floor, MeanSquares, floor_of
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
+from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import fit_noise
+from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.reml import unknown_spreads
 from gyrocal.recording.session import AXES, Run
 
 
@@ -55,6 +57,22 @@ class Current:
         design = self.fit.design
         samples = design.over(by_sample(self.comparison.fit.blocks), cell_s=design.cell_s or BLOCK_S)
         return replace(self, fit=fit_noise(samples, start=self.fit))
+
+    def of_runs(self, kept: Mask) -> Current:
+        """The same model fitted to some of the runs, for an effect whose data the others lack."""
+        whole = self.comparison.fit
+        blocks = [b for b, keep in zip(self.fit.design.blocks, kept, strict=True) if keep]
+        design = self.fit.design.over(blocks)
+        fitted = fit_noise(design, start=with_noise(design, self.fit.noise, unknown_spreads(design)))
+        part = replace(
+            whole, session=whole.session.with_runs(b.run for b in blocks), blocks=blocks, axes={self.axis: fitted}
+        )  # fmt: skip
+        return Current(replace(self.comparison, fit=part), self.axis, fitted)
+
+    @property
+    def units(self) -> list[str]:
+        """The held-out units, in the order of a candidate's gains."""
+        return [name for step in heldout.steps(self.fit, self.folds) for name in step.gain]
 
     def predictions(self, fitted: AxisFit) -> Iterator[heldout.Prediction]:
         """The predictions of another fit on this axis: of held-out samples, or in sample if nothing can be held out."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
@@ -13,6 +15,7 @@ from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
+from gyrocal.inference.design import UNIDENTIFIED, Mask
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.nonlinear import refine
@@ -26,8 +29,30 @@ from gyrocal.recording.session import Array
 def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
     """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data.
 
-    Held-out data are not used if noise gains as much in sample with a probability above ``unless``.
+    Runs that lack the effect's data are left out of the judgement. Held-out data are not used if noise gains as much in sample
+    with a probability above ``unless``.
     """
+    lacks = np.array([effect.lacks(run) for run in current.runs])
+    if lacks.any() and not lacks.all():
+        part = current.of_runs(~lacks)
+        return _over_all_runs(_judge(part, effect, unless), current, part, ~lacks)
+    return _judge(current, effect, unless)
+
+
+def _over_all_runs(of_part: Candidate, whole: Current, part: Current, kept: Mask) -> Candidate:
+    """A candidate that was judged on some of the runs, with its signal and gains unknown (NaN) in the others."""
+    signal, gains = of_part.signal, of_part.unit_gains
+    if signal is not None:
+        known = np.repeat(kept, whole.fit.design.n_blocks)
+        signal, of_kept = np.full(known.size, np.nan), signal
+        signal[known] = of_kept
+    if gains is not None:
+        of_unit = dict(zip(part.units, gains, strict=True))
+        gains = np.array([of_unit.get(name, np.nan) for name in whole.units])
+    return replace(of_part, signal=signal, unit_gains=gains)
+
+
+def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     fault = None if effect.fault is None else effect.fault.detect(current.runs, current.index)
     if fault is not None:
         return judge_reading(current, effect, fault)
@@ -58,6 +83,7 @@ def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
         excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not partial,
+        gain_noise=_gain_noise(fitted),
     )  # fmt: skip
 
 
@@ -86,18 +112,31 @@ def _without_mean(term: Term) -> bool:
     return all(size < POLICY.mean_errors * se for size, se in mean)
 
 
+def _gain_noise(fitted: AxisFit) -> float:
+    """Standard deviation of the log-likelihood over the noise of the candidate's columns: of that noise times the readings'."""
+    layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
+    own = [j for j, (i, _) in enumerate(layout.fixed) if i == mine]
+    power = fitted.solution.beta[own] ** 2 @ fitted.design.column_noise[:, own, 0].sum(axis=0)
+    return float(np.sqrt(max(power, 0.0)) / fitted.noise.white_sd_dps)
+
+
 def _measurable(tried: AxisFit) -> bool:
     """True if the candidate's columns are not a combination of the model's own columns."""
     layout, mine = tried.design.layout, len(tried.design.terms) - 1
     own = [1 + len(layout.fixed) + j for j, (i, _) in enumerate(layout.run) if i == mine]
     shared = [1 + j for j, (i, _) in enumerate(layout.fixed) if i == mine]
     others = [1 + j for j, (i, _) in enumerate(layout.fixed) if i != mine]
+    stated = [1 + j for j, (i, _) in enumerate(layout.fixed) if tried.design.terms[i].effect.role is not None]
     gram = tried.grams.sum(axis=0)
-    rest = gram[np.ix_(others, others)]
+
+    def beyond(c: int, columns: list[int]) -> float:
+        """The squared norm of a column that is independent of other columns."""
+        rest = gram[np.ix_(columns, columns)]
+        return float(gram[c, c] - gram[c, columns] @ np.linalg.lstsq(rest, gram[columns, c], rcond=None)[0])
+
     for c in own or shared:
-        norm = gram[c, c]
-        inside = gram[c, others] @ np.linalg.lstsq(rest, gram[others, c], rcond=None)[0] if others else 0.0
-        if norm > 0 and norm - inside > POLICY.measurable * norm:
+        norm = beyond(c, stated) if tried.design.terms[mine].effect.origin_free else float(gram[c, c])
+        if norm > UNIDENTIFIED * gram[c, c] and beyond(c, others) > POLICY.measurable * norm:
             return True
     return False
 

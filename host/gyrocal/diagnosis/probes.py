@@ -11,11 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.reml import unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Session
@@ -45,6 +47,7 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
     """
     from scipy.stats import chi2
 
+    current = _where_known(current, shape)
     term = Term("probe", axis, dict.fromkeys(shape.linear, 0.0), own=shape)
     design = current.design.changed([*current.design.terms, term])
     mine = len(design.terms) - 1
@@ -64,7 +67,17 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
     parts = [_part(fit, i, columns) for i in range(len(design.blocks))]
     amplitude = float(np.std(np.concatenate(parts)) * np.sqrt(2))
     strength = float(np.sqrt(max(0.0, statistic - len(columns))))
-    return Finding(axis, against, strength, chance, amplitude, _where(shape, fit, columns, amplitude), shape)
+    note = _where(shape, current, amplitude) if chance < alarm else ""
+    return Finding(axis, against, strength, chance, amplitude, note, shape)
+
+
+def _where_known(current: AxisFit, shape: Shape) -> AxisFit:
+    """The fit to the runs that have the variable of a shape."""
+    blocks = [b for b in current.design.blocks if not shape.lacks(b.run)]
+    if len(blocks) in (0, len(current.design.blocks)):
+        return current
+    design = current.design.over(blocks)
+    return fit_noise(design, start=with_noise(design, current.noise, unknown_spreads(design)))
 
 
 def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, shape: ShapeOfEachRun) -> Finding | None:
@@ -85,18 +98,32 @@ def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, s
     return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, shape)
 
 
-def _where(shape: Shape, fit: AxisFit, columns: Sequence[int], amplitude_dps: float) -> str:
+def _where(shape: Shape, current: AxisFit, amplitude_dps: float) -> str:
+    """The size of a finding and, of steps, the one in which the model's residual stands out most."""
     size = f"{amplitude_dps * 1e3:.3g} mdps"
     if not isinstance(shape, Steps):
         return f"{size} in all"
-    unit, scaled = ("1e-6 of the rate", 1e6) if shape.times_rate else ("mdps", 1e3)
-    names = [fit.design.layout.fixed[c][1] for c in columns]
-    values = dict(zip(names, fit.solution.beta[list(columns)], strict=True))
-    centred = {k: v - float(np.mean(list(values.values()) or [0.0])) for k, v in values.items()}
-    k = max(centred, key=lambda j: abs(centred[j]))
-    low = f"{shape.edges[k]:.4g}"
-    high = f" to {shape.edges[k + 1]:.4g}" if k + 1 < shape.edges.size else " and more"
-    return f"{size} in all; most, {centred[k] * scaled:+.3g} {unit}, from {low}{high}"
+    means, weights = _of_steps(shape, current)
+    k = int(np.argmax(np.abs(means) * np.sqrt(weights)))
+    value = f"{means[k] * 1e6:+.3g} ppm of the rate" if shape.times_rate else f"{means[k] * 1e3:+.3g} mdps"
+    if k == 0:
+        return f"{size} in all; most, {value}, below {shape.edges[0]:.4g}"
+    high = f" to {shape.edges[k]:.4g}" if k < shape.edges.size else " and more"
+    return f"{size} in all; most, {value}, from {shape.edges[k - 1]:.4g}{high}"
+
+
+def _of_steps(shape: Steps, current: AxisFit) -> tuple[Array, Array]:
+    """Mean of the model's residual in each step (deg/s, or a fraction of the rate), and its weight, shape [steps] each."""
+    totals, weights = np.zeros(shape.edges.size + 1), np.zeros(shape.edges.size + 1)
+    p = len(current.design.layout.fixed)
+    for i, b in enumerate(current.design.blocks):
+        columns, u = current.design.columns(i), current.run_coefficients(i, current.solution.beta, current.spreads)
+        residual = columns[0] - current.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]
+        unit = true_rate_dps(b.run)[b.start] if shape.times_rate else np.ones(b.n.size)
+        step = shape.of_samples(b.run)[b.start]
+        np.add.at(totals, step, b.n * unit * residual)
+        np.add.at(weights, step, b.n * unit**2)
+    return np.divide(totals, weights, out=totals, where=weights > 0), weights
 
 
 def _wald(fit: AxisFit, columns: Sequence[int]) -> float:

@@ -86,6 +86,11 @@ class Effect(Described):
     on_device: ClassVar[bool] = False
     fast: ClassVar[bool] = False
     """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
+    origin_free: ClassVar[bool] = False
+    """True if the zero of the quantity is a convention (25 degC, power-on). What a session says of the effect is then judged by
+    its columns' variation about bias and scale, not by their size."""
+    stands_for: ClassVar[Role] = Role.BIAS
+    """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
     uncorrected: ClassVar[str] = ""
@@ -98,6 +103,18 @@ class Effect(Described):
     @abstractmethod
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficients."""
+
+    def lacks(self, run: Run) -> bool:
+        """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
+        return False
+
+    def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
+        """The noise of measured data in the columns of a run: what it leaves of the columns' meaning.
+
+        Returns the variance [n, k] of means of the columns over ``samples`` samples, and the standard error of that variance as
+        a fraction of it; None if the columns have no noise.
+        """
+        return None
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Parameter, Values, stack
+from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.recording.session import AXES, Array, Run
 
 ABOUT = {"m": AXES, **{f"m_{axis}": (axis,) for axis in AXES}}
@@ -48,7 +49,7 @@ class Misalignment(Effect):
         return [{"m": 0.0}, each] if len(others) > 1 else [{"m": 0.0}]
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        rate_dps = np.zeros(len(run)) if axis == run.axis_index else run.rate_dps
+        rate_dps = np.zeros(len(run)) if axis == run.axis_index else true_rate_dps(run)
         return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
 
     def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:

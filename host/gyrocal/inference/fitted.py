@@ -45,6 +45,15 @@ class AxisFit:
                 return float(np.nan_to_num(of[k]))
         return 0.0
 
+    @property
+    def attenuation_se(self) -> Array:
+        """Standard error of each shared parameter [p] from the uncertain noise of measured columns."""
+        slope = self.solution.beta.copy()
+        for j, (term, _) in enumerate(self.design.layout.fixed):
+            slope[j] += self.design.terms[term].effect.role is Role.SCALE  # the residual holds the reference's noise too
+        noise_se = self.design.column_noise[:, :, 1].sum(axis=0) / self.noise.white_sd_dps**2
+        return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
+
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
         """The solution from some of the runs."""
         return solve(

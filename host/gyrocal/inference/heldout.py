@@ -94,7 +94,12 @@ def _identified(fit: Fit, fold: Fold) -> bool:
         gram = axis.grams[kept][:, 1 : 1 + p, 1 : 1 + p].sum(axis=0)
         everything = axis.grams[:, 1 : 1 + p, 1 : 1 + p].sum(axis=0)
         scale = np.sqrt(np.maximum(np.diag(everything), 1e-300))
-        if p and np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] < 1e-6:
+        # the least part of what all runs know that is left, for columns of any unit and origin
+        try:
+            root = np.linalg.inv(np.linalg.cholesky(everything / np.outer(scale, scale)))
+        except np.linalg.LinAlgError:
+            return False
+        if p and np.linalg.eigvalsh(root @ (gram / np.outer(scale, scale)) @ root.T)[0] < POLICY.least_left:
             return False
     return True
 

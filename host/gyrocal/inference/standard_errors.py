@@ -68,7 +68,7 @@ def _named(term: Term, current: AxisFit, mine: list[int]) -> tuple[Values, Value
     index = [layout.fixed[j][1] for j in mine]
     beta = np.full(max(len(kind.groups(term.values)), max(index) + 1), np.nan)
     beta[index] = current.solution.beta[mine]
-    cov = current.solution.cov[np.ix_(mine, mine)]
+    cov = current.solution.cov[np.ix_(mine, mine)] + np.diag(current.attenuation_se[mine] ** 2)
     values = {n: v for n, v in kind.named(beta, term.values).items() if np.isfinite(v)}
     slopes = np.zeros((len(values), len(mine)))
     for k, j in enumerate(index):

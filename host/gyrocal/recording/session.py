@@ -13,7 +13,8 @@ import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
-from gyrocal.recording.header import FORMAT, Axis, Face, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.header import FORMAT, Axis, Face, Reference, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
 from gyrocal.recording.table import check_table, read_table_and_damage, write_table
 
 AXES = ("x", "y", "z")
@@ -47,6 +48,10 @@ class Run:
     """Keys of the run's entry in session.toml that nobody reads."""
     table_rate_se_dps: float | None = None
     """Standard error of ``table_rate_dps``."""
+    reference: Reference = field(default_factory=Reference)
+    """What the session says of its references."""
+    smooth: bool = True
+    """False if noisy columns are taken as they are, sample by sample, as the device takes them."""
 
     @property
     def axis_index(self) -> int:
@@ -118,7 +123,7 @@ class Run:
 
     @cached_property
     def rate_dps(self) -> Array:
-        """True rate about the run's axis in the sensor's sign, shape [n], deg/s.
+        """True rate about the run's axis in the sensor's sign, shape [n], deg/s, with the reference's noise.
 
         From ``rate_ref_dps`` where the file has it (cells that are missing lie on the line between those that are there: an
         encoder may be slower than the gyroscope), else the table's rate; for a run known by its angle alone, the mean
@@ -132,6 +137,29 @@ class Run:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
         assert self.turn_deg is not None
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
+
+    @cached_property
+    def smooth_rate(self) -> Smoothed | None:
+        """The reference's rate without its noise (``values`` in deg/s); None if the rate is not measured but known."""
+        reference = self.column("rate_ref_dps")
+        if reference is None or not self.smooth:
+            return None
+        known = np.isfinite(reference)
+        found = smoothed(reference[known], self.reference.ref_noise_dps)
+        return found if known.all() else found.at(self.t_s, self.t_s[known])
+
+    @cached_property
+    def smooth_temp(self) -> Smoothed | None:
+        """The temperature without the thermometer's noise (``values`` in degC); None without a thermometer."""
+        if self.temp_c is None or not self.smooth:
+            return None
+        known = np.isfinite(self.temp_c)
+        found = smoothed_temperature(self.temp_c[known], self.t_s[known], self.reference.temp_noise_c)
+        return found if known.all() else found.at(self.t_s, self.t_s[known])
+
+    def as_measured(self) -> Run:
+        """The run with every column as the device has it: smoothing needs samples that are not there yet."""
+        return replace(self, frame=self.table, smooth=False)
 
     @property
     def relative_rate_se(self) -> float:
@@ -168,7 +196,7 @@ class Run:
             self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
             self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
-            table_rate_se_dps=self.table_rate_se_dps,
+            table_rate_se_dps=self.table_rate_se_dps, reference=self.reference, smooth=self.smooth,
         )  # fmt: skip
 
 
@@ -188,6 +216,8 @@ class Session:
     """Warnings that the user overrules, each a ``code`` or ``code:axis``."""
     unread: tuple[str, ...] = ()
     """Keys of session.toml that nobody reads."""
+    reference: Reference = field(default_factory=Reference)
+    """The table ``[reference]``: what is known of references and thermometers."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
@@ -204,7 +234,8 @@ class Session:
             latitude_deg=header.latitude_deg,
             path=folder,
             accept=tuple(header.accept or ()),
-            unread=tuple(header.model_extra or ()),
+            unread=(*(header.model_extra or ()), *(f"reference.{key}" for key in header.reference.model_extra or ())),
+            reference=header.reference,
         )
         for run in session.runs:
             if run.path is not None and not run.path.is_file():
@@ -255,7 +286,7 @@ class Session:
         return {
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
-            "accept": list(self.accept) or None,
+            "accept": list(self.accept) or None, "reference": self.reference.model_dump(exclude_none=True) or None,
         }  # fmt: skip
 
 
@@ -273,7 +304,7 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
         entry.day, entry.power_on_s, header.sample_rate_hz, path=folder / entry.file,
         lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg, unread=tuple(entry.model_extra or ()),
-        table_rate_se_dps=entry.table_rate_se_dps,
+        table_rate_se_dps=entry.table_rate_se_dps, reference=header.reference,
     )  # fmt: skip
 
 

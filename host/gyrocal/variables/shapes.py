@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.base import Effect, Role, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.recording.session import Array, Run
+
+Index = np.ndarray[Any, np.dtype[np.intp]]
 
 
 class Shape(Effect):
@@ -32,31 +36,48 @@ class ShapeOfEachRun(Shape):
 
 
 class Steps(Shape):
-    """Indicator columns of the variable's steps, alone or times the true rate. Bias or scale describe the first step."""
+    """Indicator columns of the variable's steps, alone or times the true rate. Bias or scale describe the first step.
 
-    def __init__(self, values: Callable[[Run], Array], edges: Array, times_rate: bool = False) -> None:
+    A run without the variable belongs to no step.
+    """
+
+    def __init__(self, values: Callable[[Run], Array | None], edges: Array, times_rate: bool = False) -> None:
         self.values = values
         self.edges = edges
         self.times_rate = times_rate
+        self.stands_for = Role.SCALE if times_rate else Role.BIAS  # type: ignore[misc]
         self.linear = tuple(f"step_{k}" for k in range(1, edges.size + 1))
 
+    def lacks(self, run: Run) -> bool:
+        return self.values(run) is None
+
+    def of_samples(self, run: Run) -> Index:
+        """The number of the step that each sample belongs to, shape [n], from 0."""
+        found = self.values(run)
+        assert found is not None
+        return np.searchsorted(self.edges, found, side="right")
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        step = np.searchsorted(self.edges, self.values(run), side="right")
+        step = self.of_samples(run)
         columns = (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
         if not self.times_rate:
             return columns
-        return columns * run.rate_dps[:, None] if axis == run.axis_index else np.zeros_like(columns)
+        return columns * true_rate_dps(run)[:, None] if axis == run.axis_index else np.zeros_like(columns)
 
 
 class Columns(Shape):
     """``count`` functions of the variable, shape [n, count]. Each function has its own coefficient."""
 
-    def __init__(self, of: Callable[[Run], Array], count: int) -> None:
+    def __init__(self, of: Callable[[Run], Array | None], count: int) -> None:
         self.of = of
         self.linear = tuple(f"c{k}" for k in range(count))
 
+    def lacks(self, run: Run) -> bool:
+        return self.of(run) is None
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return self.of(run)
+        found = self.of(run)
+        return np.zeros((len(run), len(self.linear))) if found is None else found
 
 
 class Transient(ShapeOfEachRun):
