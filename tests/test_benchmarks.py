@@ -86,5 +86,5 @@ def test_inference_has_the_pinned_keys(require_tool: Callable[[str], str], monke
 
 
 def test_a_benchmark_that_there_is_not() -> None:
-    with pytest.raises(InputError, match="there are paper, robustness, inference, population, blind"):
+    with pytest.raises(InputError, match="there are paper, robustness, inference, population, coverage, blind"):
         benchmark.benchmark("nothing")

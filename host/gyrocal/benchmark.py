@@ -12,7 +12,7 @@ from gyrocal.errors import GyrocalError, InputError
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-BENCHMARKS = dict.fromkeys(("paper", "robustness", "inference", "population"), ROOT / "benchmarks") | {
+BENCHMARKS = dict.fromkeys(("paper", "robustness", "inference", "population", "coverage"), ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
 

@@ -7,7 +7,10 @@ import typer
 
 def run(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="blind, paper (tables), robustness, inference (cost) or population (errors).")
+        str,
+        typer.Argument(
+            metavar="NAME", help="blind, paper (tables), robustness, inference (cost), population or coverage (errors)."
+        ),
     ],
     sample: Annotated[bool, typer.Option("--sample", help="A few cases alone, for a quick look.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
