@@ -8,7 +8,8 @@ covariance at the fitted ``eta``, ``D`` the derivative of ``beta(eta)`` and ``K`
     [ C + D K^-1 D'   D K^-1 ]
     [     K^-1 D'      K^-1  ]
 
-Where the profile is not close to a parabola (at a bound, or nearly flat), errors are those of the profile likelihood.
+Where the profile is not close to a parabola (at a bound, or nearly flat), errors are those of the profile likelihood. Where the
+data hardly show the term at all, any value of its nonlinear parameter is possible, because the maximum is one of noise.
 """
 
 from __future__ import annotations
@@ -21,12 +22,16 @@ import numpy as np
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.inference.noise_search import with_noise
+from gyrocal.inference.reml import unknown_spreads
 from gyrocal.recording.session import Array
 
 FALL = 0.5
 """Fall of the log-likelihood at the ends of an interval of one standard error."""
 LOPSIDED = 0.3
 """Largest difference of the falls on either side, over their sum, of a profile that counts as a parabola."""
+SHOWN = 6.0
+"""Log-likelihood that a term must gain for its nonlinear parameters to be determined. Noise gains as much with a probability of
+a few thousandths, if the parameter is searched over a range of a hundred times its smallest value."""
 BISECTIONS, WITHIN = 6, 3
 """Bisections for an end of a profile's interval, and points between the maximum and that end."""
 
@@ -62,17 +67,19 @@ class Joint:
     at: Point
     cov: Array | None
     profile: tuple[Point, ...] = ()
-    bounded: bool = False
-    """True if a nonlinear parameter is at the end of its range of search."""
+    one_sided: bool = False
+    """True if a nonlinear parameter is at the end of its range of search, or is not determined."""
 
     def errors(self, of: Function) -> Array:
-        """Standard errors [m] of quantities; from a profile, half of the interval, or all of it at a bound."""
+        """Standard errors [m] of quantities; from a profile, half of the interval, or the distance of the farther end."""
         if self.cov is not None:
             x, p = np.concatenate([self.at.beta, self.at.log_values]), self.at.beta.size
             _, slopes = _slopes(lambda x: of(x[:p], x[p:]), x, _sd(self.cov))
             return _propagated(slopes, self.cov)
-        lower, upper = (np.array(ends) for ends in zip(*(p.interval(of) for p in self.profile), strict=True))
-        return np.asarray((upper.max(axis=0) - lower.min(axis=0)) / (1 if self.bounded else 2))
+        ends = [p.interval(of) for p in self.profile]
+        lower, upper = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
+        value = of(self.at.beta, self.at.log_values)
+        return np.maximum(upper - value, value - lower) if self.one_sided else np.asarray(upper - lower) / 2
 
 
 def _sd(cov: Array) -> Array:
@@ -125,6 +132,12 @@ class _Likelihood:
             return Point(self.log_values + shift, np.inf, self.current.solution.beta, self.current.solution.cov)
         return Point(self.log_values + shift, self.top - profile_loglik(moved), moved.solution.beta, moved.solution.cov)
 
+    def gain(self, i: int) -> float:
+        """What a term gains in log-likelihood, at the same noise."""
+        terms = [term for k, term in enumerate(self.current.design.terms) if k != i]
+        design = self.current.design.changed(terms)
+        return self.top - profile_loglik(with_noise(design, self.current.noise, unknown_spreads(design)))
+
     def along(self, j: int, shift: float) -> Point:
         """The point at which one parameter is shifted alone."""
         return self(np.where(np.arange(self.log_values.size) == j, shift, 0.0))
@@ -144,17 +157,21 @@ def joint(current: AxisFit) -> Joint:
     at = likelihood(np.zeros(len(nonlinear)))
     if not nonlinear:
         return Joint(nonlinear, at, current.solution.cov)
+    unshown = [k for k, (i, _) in enumerate(nonlinear) if likelihood.gain(i) < SHOWN]
+    if unshown:
+        return Joint(nonlinear, at, None, (at, *_everywhere(likelihood, unshown[0])), one_sided=True)
     runs = [b.run for b in current.design.blocks]
     first = [current.design.terms[i].effect.step(name, current.design.terms[i].values, runs) / 6 for i, name in nonlinear]
     steps = np.array([_one_error(likelihood, j, step) for j, step in enumerate(first)])
     lopsided = np.array([_lopsided(likelihood, j, step) for j, step in enumerate(steps)])
-    curvature = np.full((1, 1), np.nan) if (lopsided > LOPSIDED).any() else _curvature(likelihood, steps)
-    if np.isfinite(curvature).all() and np.linalg.eigvalsh(curvature).min() > 0:
-        return Joint(nonlinear, at, _covariance(likelihood, steps, curvature))
+    if (lopsided <= LOPSIDED).all():
+        curvature = _curvature(likelihood, steps)
+        if np.linalg.eigvalsh(curvature).min() > 0:
+            return Joint(nonlinear, at, _covariance(likelihood, steps, curvature))
     worst = int(np.argmax(lopsided))
     points = (at, *_side(likelihood, worst, steps[worst], -1.0), *_side(likelihood, worst, steps[worst], 1.0))
-    bounded = min(-likelihood.low[worst], likelihood.high[worst]) < 1e-3
-    return Joint(nonlinear, at, None, points, bool(bounded))
+    at_bound = min(-likelihood.low[worst], likelihood.high[worst]) < 1e-3
+    return Joint(nonlinear, at, None, points, bool(at_bound))
 
 
 def _one_error(likelihood: _Likelihood, j: int, step: float) -> float:
@@ -214,3 +231,9 @@ def _side(likelihood: _Likelihood, j: int, step: float, sign: float) -> list[Poi
         inside, outside = (middle, outside) if likelihood.along(j, sign * middle).fall < FALL else (inside, middle)
     found = [likelihood.along(j, sign * inside * (n + 1) / WITHIN) for n in range(WITHIN)] if inside > 0 else []
     return [p for p in found if p.fall < FALL]
+
+
+def _everywhere(likelihood: _Likelihood, j: int) -> list[Point]:
+    """Points of a parameter over its whole range of search."""
+    shifts = np.linspace(float(likelihood.low[j]), float(likelihood.high[j]), 2 * WITHIN + 1)
+    return [p for shift in shifts if np.isfinite((p := likelihood.along(j, float(shift))).fall)]

@@ -7,12 +7,16 @@ from collections.abc import Callable
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.inference.noise_search import fit_noise, with_noise
 from gyrocal.recording.session import Array
 
 
 def refine(current: AxisFit) -> AxisFit:
-    """Nonlinear parameters at fixed noise, one term at a time, then the noise again."""
+    """Nonlinear parameters at fixed noise, one term at a time, then the noise again.
+
+    They maximise the profile likelihood. REML's would depend on the units of the columns, which change with a time constant.
+    """
     from scipy.optimize import minimize
 
     moved = False
@@ -33,13 +37,13 @@ def refine(current: AxisFit) -> AxisFit:
         simplex = np.vstack([x0, *(x0 + np.diag(steps))])
 
         def cost(x: Array, at: Callable[[Array], AxisFit] = at) -> float:
-            return -at(x).loglik
+            return -profile_loglik(at(x))
 
         found = minimize(
             cost, x0, method="Nelder-Mead", bounds=bounds,
             options={"xatol": 3e-3 * min(steps), "fatol": 1e-3, "maxfev": 40 * len(names), "initial_simplex": simplex},
         )  # fmt: skip
         better = at(found.x)
-        if better.loglik > current.loglik:
+        if profile_loglik(better) > profile_loglik(current):
             current, moved = better, True
     return fit_noise(current.design, start=current) if moved else current
