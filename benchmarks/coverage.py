@@ -67,7 +67,7 @@ PROTOCOLS = (PAPER, FULL, BENCH, SWING)
 OWN = {
     "bias_temperature": BENCH, "scale_temperature": BENCH, "thermal_lag": BENCH,
     "warmup": Protocol("paper", 8, 30.0), "drift": Protocol("paper", 8, 30.0), "bias_jumps": Protocol("paper", 8, 20.0),
-    "vibration_tone": Protocol("paper", 4, 6.0), "g_sensitivity": FULL, "misalignment": Protocol("full", 1, 12.0, "x"),
+    "vibration_tone": Protocol("paper", 8, 4.0), "g_sensitivity": FULL, "misalignment": Protocol("full", 1, 12.0, "x"),
     "scale_nonlinearity": FULL, "scale_asymmetry": FULL, "centripetal": FULL,
 }  # fmt: skip
 LEFT_OUT = {
