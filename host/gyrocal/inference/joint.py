@@ -9,13 +9,14 @@ covariance at the fitted ``eta``, ``D`` the derivative of ``beta(eta)`` and ``K`
     [     K^-1 D'      K^-1  ]
 
 Where the profile is not close to a parabola (at a bound, or nearly flat), errors are those of the profile likelihood. Where the
-data hardly show the term at all, any value of its nonlinear parameter is possible, because the maximum is one of noise.
+data hardly show the term at all, it may be absent, and any value of its nonlinear parameter is possible, because the maximum is
+one of noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from gyrocal.recording.session import Array
 
 FALL = 0.5
 """Fall of the log-likelihood at the ends of an interval of one standard error."""
-LOPSIDED = 0.3
+LOPSIDED = 0.1
 """Largest difference of the falls on either side, over their sum, of a profile that counts as a parabola."""
 SHOWN = 6.0
 """Log-likelihood that a term must gain for its nonlinear parameters to be determined. Noise gains as much with a probability of
@@ -132,11 +133,17 @@ class _Likelihood:
             return Point(self.log_values + shift, np.inf, self.current.solution.beta, self.current.solution.cov)
         return Point(self.log_values + shift, self.top - profile_loglik(moved), moved.solution.beta, moved.solution.cov)
 
-    def gain(self, i: int) -> float:
-        """What a term gains in log-likelihood, at the same noise."""
+    def without(self, i: int) -> Point:
+        """The fit without a term, at the same noise: its coefficients are zero."""
         terms = [term for k, term in enumerate(self.current.design.terms) if k != i]
         design = self.current.design.changed(terms)
-        return self.top - profile_loglik(with_noise(design, self.current.noise, unknown_spreads(design)))
+        poorer = with_noise(design, self.current.noise, unknown_spreads(design))
+        absent = np.array([t == i for t, _ in self.current.design.layout.fixed])
+        beta = np.where(absent, 0.0, self.current.solution.beta)
+        cov = np.where(absent | absent[:, None], 0.0, self.current.solution.cov)
+        if poorer.solution.beta.size == np.count_nonzero(~absent):
+            beta[~absent], cov[np.ix_(~absent, ~absent)] = poorer.solution.beta, poorer.solution.cov
+        return Point(self.log_values, self.top - profile_loglik(poorer), beta, cov)
 
     def along(self, j: int, shift: float) -> Point:
         """The point at which one parameter is shifted alone."""
@@ -157,9 +164,10 @@ def joint(current: AxisFit) -> Joint:
     at = likelihood(np.zeros(len(nonlinear)))
     if not nonlinear:
         return Joint(nonlinear, at, current.solution.cov)
-    unshown = [k for k, (i, _) in enumerate(nonlinear) if likelihood.gain(i) < SHOWN]
-    if unshown:
-        return Joint(nonlinear, at, None, (at, *_everywhere(likelihood, unshown[0])), one_sided=True)
+    for k, (i, _) in enumerate(nonlinear):
+        absent = likelihood.without(i)
+        if absent.fall < SHOWN:
+            return Joint(nonlinear, at, None, (at, replace(absent, fall=0.0), *_everywhere(likelihood, k)), one_sided=True)
     runs = [b.run for b in current.design.blocks]
     first = [current.design.terms[i].effect.step(name, current.design.terms[i].values, runs) / 6 for i, name in nonlinear]
     steps = np.array([_one_error(likelihood, j, step) for j, step in enumerate(first)])
@@ -234,6 +242,7 @@ def _side(likelihood: _Likelihood, j: int, step: float, sign: float) -> list[Poi
 
 
 def _everywhere(likelihood: _Likelihood, j: int) -> list[Point]:
-    """Points of a parameter over its whole range of search."""
+    """Points of a parameter over its whole range of search, each as possible as the maximum."""
     shifts = np.linspace(float(likelihood.low[j]), float(likelihood.high[j]), 2 * WITHIN + 1)
-    return [p for shift in shifts if np.isfinite((p := likelihood.along(j, float(shift))).fall)]
+    points = [likelihood.along(j, float(shift)) for shift in shifts]
+    return [replace(p, fall=0.0) for p in points if np.isfinite(p.fall)]

@@ -55,9 +55,7 @@ def _one(cost: Cost, x0: Array, bounds: Array, steps: Array) -> Array:
     (low, high), (step,), x = bounds[0], steps, float(x0[0])
     for _ in range(MOVES):
         window = max(low, x - NEARBY * step), min(high, x + NEARBY * step)
-        found = minimize_scalar(
-            lambda v: cost(np.array([v])), bounds=window, method="bounded", options={"xatol": EXACT * step}
-        )
+        found = minimize_scalar(lambda v: cost(np.array([v])), bounds=window, method="bounded", options={"xatol": EXACT * step})
         x = float(found.x)
         inner = min(x - window[0], window[1] - x) > 0.05 * step
         if inner or window == (low, high) or min(x - low, high - x) < 0.05 * step:
