@@ -18,18 +18,45 @@ mean of 2R squares.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import Index, Spreads, SpreadScale
+from gyrocal.inference.reml import Index, Spreads, SpreadScale, solve, solve_with_slopes
 from gyrocal.recording.session import Array
 
 WEAK = 0.5
 """A standard error above this fraction of a spread is replaced by that of the profile likelihood."""
 FALL = 0.5
-BISECTIONS = 12
+"""Fall of the log-likelihood at the ends of an interval of one standard error."""
+BISECTIONS, SCORINGS = 12, 3
+
+
+def settled(current: AxisFit) -> AxisFit:
+    """The fit with its spreads at the maximum of the likelihood, by Fisher scoring.
+
+    The search for noise and spreads stops where the log-likelihood is within a thousandth of its maximum. A spread may then be
+    off by a few percent of its error over a population of runs, which is far more than the error of a strong wave's amplitude.
+    """
+    k = current.spreads.run.size
+    if not (current.spreads.run > 0).any():
+        return current
+    n = int(current.design.n_blocks.sum())
+    for _ in range(SCORINGS):
+        sd = np.concatenate([current.spreads.run, current.spreads.scenario])
+        free = np.flatnonzero(sd > 0)
+        solution, slopes = solve_with_slopes(
+            current.design.layout, current.grams, current.logdet, current.design.scenarios, n, current.spreads
+        )
+        inverse, _ = _inverse(current, sd, free)
+        sd[free] *= np.exp(np.clip(inverse @ slopes[free] / 4, -0.2, 0.2))  # slopes are by log sd, the inverse by log variance
+        spreads = Spreads(sd[:k], sd[k:])
+        moved = solve(current.design.layout, current.grams, current.logdet, current.design.scenarios, n, spreads)
+        if not moved.loglik > solution.loglik:
+            break
+        current = replace(current, spreads=spreads, solution=moved)
+    return current
 
 
 def spread_errors(current: AxisFit) -> tuple[Array, Array]:
@@ -39,21 +66,23 @@ def spread_errors(current: AxisFit) -> tuple[Array, Array]:
     differs from zero is half of the interval within which it has fallen by less.
     """
     sd, k = np.concatenate([current.spreads.run, current.spreads.scenario]), current.spreads.run.size
-    if not sd.size:
-        return sd[:k], sd[k:]
     out = np.full(sd.size, np.nan)
     free = np.flatnonzero(sd > 0)
     if free.size:
-        of_these_runs = np.concatenate([_about_zero(current), np.zeros(sd.size - k, dtype=bool)])
-        population, scatter = _information(current, sd, of_these_runs)
-        unit = sd[free] ** 2
-        j = population[np.ix_(free, free)] * np.outer(unit, unit)  # of the logarithms of the variances
-        b = j - scatter[np.ix_(free, free)] * np.outer(unit, unit)
-        inverse = np.linalg.pinv(j, hermitian=True)
-        out[free] = sd[free] / 2 * np.sqrt(np.maximum(np.diag(inverse @ b @ inverse), 0.0))
+        inverse, scatter = _inverse(current, sd, free)
+        variance = np.diag(inverse) - np.einsum("ij,jk,ik->i", inverse, scatter, inverse)
+        out[free] = sd[free] / 2 * np.sqrt(np.maximum(variance, 0.0))
     weak = np.flatnonzero(~(out <= WEAK * sd) | (out <= 0))
     out[weak] = _profiled(current, sd, weak)
     return out[:k], out[k:]
+
+
+def _inverse(current: AxisFit, sd: Array, free: Index) -> tuple[Array, Array]:
+    """Of the logarithms of the free variances: inverse information, and the scatter of the coefficients of these runs."""
+    of_these_runs = np.concatenate([_about_zero(current), np.zeros(current.spreads.scenario.size, dtype=bool)])
+    unit = np.outer(sd[free] ** 2, sd[free] ** 2)
+    population, scatter = (m[np.ix_(free, free)] * unit for m in _information(current, sd, of_these_runs))
+    return np.linalg.pinv(population, hermitian=True), scatter
 
 
 def _about_zero(current: AxisFit) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

@@ -11,7 +11,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.design import LEAST_SCENARIOS
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.joint import Joint, joint
-from gyrocal.inference.spread_errors import spread_errors
+from gyrocal.inference.spread_errors import settled, spread_errors
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
@@ -20,6 +20,7 @@ from gyrocal.recording.session import Array
 
 def finish(current: AxisFit) -> AxisFit:
     """The fit with its terms and noise as a model holds them: parameters by name, with their standard errors."""
+    current = settled(current)
     layout, design = current.design.layout, current.design
     run_se, scenario_se = spread_errors(current)
     together = joint(current)
