@@ -18,6 +18,7 @@ import numpy as np
 from gyrocal.effects.earth_rate import known_dps as earth_dps
 from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array, Run, Session
+from gyrocal.recording.timing import Timing
 
 BLOCK_S = 0.1
 
@@ -70,6 +71,15 @@ class Blocks:
             self.within_ss * share, round(self.within_n * share),
         )  # fmt: skip
 
+    def timed(self, timing: Timing) -> Blocks:
+        """The same blocks against the true rate of another timing; a block that shows an unrecorded moment is left out."""
+        run = self.run.timed(timing)
+        if run is self.run:
+            return self
+        whole = self.mean(run.reached[:, None].astype(float))[:, 0] == 1.0
+        size = round(float(self.n[0])) if self.n.size else 1
+        return _blocks_of(run, self.scenario, self.start[whole], size)
+
 
 def known_dps(run: Run, axis: int) -> Array:
     """Known true rate about an axis, shape [n], deg/s: the table's, plus the Earth's if the latitude is given."""
@@ -85,11 +95,6 @@ def residual_dps(run: Run) -> Array:
 def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     """Blocks of one run. A run of which only the net angle is known is a single block."""
     n = len(run)
-    y = residual_dps(run)
-    if not run.rate_is_mean:
-        for axis in range(3):
-            rows_out, apart_dps = outliers(y[:, axis], run.step_dps[axis])
-            y[rows_out, axis] -= apart_dps
     size = n if run.rate_is_mean else min(n, max(1, round(block_s * run.sample_rate_hz)))
     period_s = float(np.median(np.diff(run.t_s)))
     gap = np.concatenate([[0], np.cumsum(np.diff(run.t_s) > 1.5 * period_s)]) if size < n else np.zeros(n, dtype=int)
@@ -100,6 +105,16 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     start = np.concatenate(starts).astype(np.intp) if starts else np.zeros(0, dtype=np.intp)
     if start.size == 0:  # only gaps: every sample is a block
         size, start = 1, np.arange(n, dtype=np.intp)
+    return _blocks_of(run, scenario, start, size)
+
+
+def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
+    """The blocks of ``size`` samples that begin at the samples ``start`` [m]."""
+    y = residual_dps(run)
+    if not run.rate_is_mean:
+        for axis in range(3):
+            rows_out, apart_dps = outliers(y[:, axis], run.step_dps[axis])
+            y[rows_out, axis] -= apart_dps
     rows = start[:, None] + np.arange(size)
     grouped = y[rows]
     means = grouped.mean(axis=1)

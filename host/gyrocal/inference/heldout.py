@@ -189,6 +189,8 @@ def _predict(step: Step, i: int) -> Prediction:
         if not term.values or term.fault is None:
             continue
         modelled = term.fault.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
+    # A sample that shows a moment without a reference has no prediction. It counts as read, so that it adds no error.
+    modelled = np.where(run.reached, modelled, run.gyro_dps[:, axis.design.axis])
     rows = slice(0, len(run))
     if step.fold.time is not None:
         elapsed = run.t_s - run.t_s[0]

@@ -67,7 +67,7 @@ def _named(term: Term, current: AxisFit, mine: list[int]) -> tuple[Values, Value
     kind, layout = term.effect, current.design.layout
     index = [layout.fixed[j][1] for j in mine]
     beta = np.full(max(len(kind.groups(term.values)), max(index) + 1), np.nan)
-    beta[index] = current.solution.beta[mine]
+    beta[index] = current.solution.beta[mine] + current.design.origin[mine]
     cov = current.solution.cov[np.ix_(mine, mine)]
     values = {n: v for n, v in kind.named(beta, term.values).items() if np.isfinite(v)}
     slopes = np.zeros((len(values), len(mine)))

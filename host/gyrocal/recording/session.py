@@ -15,10 +15,13 @@ from gyrocal.errors import InputError
 from gyrocal.files import new_folder
 from gyrocal.recording.header import FORMAT, Axis, Face, RunEntry, SessionFile, read_header, write_header
 from gyrocal.recording.table import check_table, read_table_and_damage, write_table
+from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
 
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
 """Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
+KEPT = ("_read", "t_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "motion")
+"""What a run has read or computed and that does not depend on its timing."""
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -47,6 +50,8 @@ class Run:
     """Keys of the run's entry in session.toml that nobody reads."""
     table_rate_se_dps: float | None = None
     """Standard error of ``table_rate_dps``."""
+    timing: Timing = SYNCHRONOUS
+    """How the reading follows the reference; ``rate_dps`` is the true rate that the reading shows with this timing."""
 
     @property
     def axis_index(self) -> int:
@@ -127,11 +132,36 @@ class Run:
         reference = self.column("rate_ref_dps")
         if reference is not None:
             known = np.isfinite(reference)
-            return reference if known.all() else np.interp(self.t_s, self.t_s[known], reference[known])
+            rate_dps = reference if known.all() else np.interp(self.t_s, self.t_s[known], reference[known])
+            if self.timing != SYNCHRONOUS and self.motion is not None:
+                rate_dps = rate_dps + self.motion.rate_dps(self.t_s, self.timing) - self.motion.rate_dps(self.t_s)
+            return rate_dps
         if self.table_rate_dps is not None:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
         assert self.turn_deg is not None
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """The true rate between the samples of ``rate_ref_dps``; None where the run has fewer than five."""
+        reference = self.column("rate_ref_dps")
+        known = np.zeros(0, dtype=bool) if reference is None else np.isfinite(reference)
+        return None if reference is None or known.sum() < 5 else Motion(self.t_s[known], reference[known])
+
+    @cached_property
+    def reached(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """False for the samples [n] that show a moment at which no reference was recorded (the first of a delayed run)."""
+        if self.timing == SYNCHRONOUS or self.motion is None:
+            return np.ones(len(self), dtype=bool)
+        return self.motion.reached(self.t_s, self.timing)
+
+    def timed(self, timing: Timing) -> Run:
+        """The same run with another timing; the run itself where its true rate is constant."""
+        if timing == self.timing or self.motion is None:
+            return self
+        out = replace(self, timing=timing)
+        out.__dict__.update({name: self.__dict__[name] for name in KEPT if name in self.__dict__})
+        return out
 
     @property
     def relative_rate_se(self) -> float:
