@@ -16,7 +16,7 @@ class Lag(TimingEffect):
     title = "Lag of the reading"
     cause = (
         "The chip's low-pass filter, the wait until the chip is polled and the transport each delay the reading by "
-        "milliseconds, and the reference's clock may have an offset. The reading lags behind a changing rate. A "
+        "milliseconds, and the reference's clock may have an offset. The reading lags behind a changing rate; a "
         "constant rate does not show the delay. tau_s is the group delay at low frequencies. If the rate changes slowly "
         "compared with it, a delay and a first-order low-pass are equivalent. If it changes fast, only the low-pass also "
         "makes the motion smaller."
