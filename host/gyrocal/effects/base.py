@@ -256,7 +256,7 @@ def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Va
 
 def elapsed_s(run: Run) -> Array:
     """Time since the run's first sample, shape [n], s."""
-    return run.t_s - run.t_s[0]
+    return run.sample_s - run.sample_s[0]
 
 
 def table_angle_rad(run: Run) -> Array:
@@ -267,7 +267,7 @@ def table_angle_rad(run: Run) -> Array:
     if run.table_rate_dps is not None and run.column("rate_ref_dps") is None:
         return np.deg2rad(run.table_rate_dps * elapsed_s(run))
     rate = run.rate_dps * run.face_sign
-    steps = np.diff(run.t_s) * (rate[1:] + rate[:-1]) / 2
+    steps = np.diff(run.sample_s) * (rate[1:] + rate[:-1]) / 2
     return np.deg2rad(np.concatenate([[0.0], np.cumsum(steps)]))
 
 

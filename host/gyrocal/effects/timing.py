@@ -40,7 +40,7 @@ class TimingEffect(Effect):
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if axis != run.axis_index or run.motion is None:
             return np.zeros((len(run), 1))
-        return self.derivative(run.motion, run.t_s, run.timing)[:, None]
+        return self.derivative(run.motion, run.sample_s, run.timing)[:, None]
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if axis != run.axis_index:

@@ -153,7 +153,7 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
 
 def _time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
     assert fold.time is not None
-    elapsed = b.t_s - b.run.t_s[0]
+    elapsed = b.t_s - b.run.sample_s[0]
     start, stop = (f * b.run.duration_s for f in fold.time)
     gap_s = min(POLICY.time_gap_s, 0.05 * b.run.duration_s)
     inside = (elapsed >= start) & (elapsed < stop)
@@ -193,7 +193,7 @@ def _predict(step: Step, i: int) -> Prediction:
     modelled = np.where(run.reached, modelled, run.gyro_dps[:, axis.design.axis])
     rows = slice(0, len(run))
     if step.fold.time is not None:
-        elapsed = run.t_s - run.t_s[0]
+        elapsed = run.sample_s - run.sample_s[0]
         first, stop = (int(np.searchsorted(elapsed, f * run.duration_s)) for f in step.fold.time)
         rows = slice(first, len(run) if step.fold.time[1] >= 1 else stop)
     return Prediction(run, axis.design.axis, rows, modelled[rows])

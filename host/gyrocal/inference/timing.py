@@ -94,7 +94,7 @@ class _Reading:
     @staticmethod
     def of(run: Run, axis: int, every: int) -> _Reading:
         assert run.motion is not None
-        return _Reading(run.t_s[::every], run.gyro_dps[::every, axis], run.motion)
+        return _Reading(run.sample_s[::every], run.gyro_dps[::every, axis], run.motion)
 
 
 class _Search:

@@ -14,13 +14,14 @@ import polars as pl
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
 from gyrocal.recording.header import FORMAT, Axis, Face, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.stamps import in_bursts, regression, weights
 from gyrocal.recording.table import check_table, read_table_and_damage, write_table
 from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
 
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
 """Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
-KEPT = ("_read", "t_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "motion")
+KEPT = ("_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "motion")
 """What a run has read or computed and that does not depend on its timing."""
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -87,6 +88,16 @@ class Run:
         return self.table["t_s"].to_numpy()
 
     @cached_property
+    def sample_s(self) -> Array:
+        """Time of each sample, shape [n], s: as in the file, or by regression on its number where times come in bursts."""
+        return regression(self.t_s).t_s if in_bursts(self.t_s) else self.t_s
+
+    @property
+    def weights(self) -> Array:
+        """The time that each sample stands for over their mean, shape [n]: what makes a mean over samples one over time."""
+        return weights(self.sample_s)
+
+    @cached_property
     def t_us(self) -> np.ndarray[Any, np.dtype[np.int64]]:
         """Whole microseconds since the first sample, shape [n]: what the device sees."""
         us = np.rint(self.t_s * 1e6).astype(np.int64)
@@ -132,9 +143,9 @@ class Run:
         reference = self.column("rate_ref_dps")
         if reference is not None:
             known = np.isfinite(reference)
-            rate_dps = reference if known.all() else np.interp(self.t_s, self.t_s[known], reference[known])
+            rate_dps = reference if known.all() else np.interp(self.sample_s, self.sample_s[known], reference[known])
             if self.timing != SYNCHRONOUS and self.motion is not None:
-                rate_dps = rate_dps + self.motion.rate_dps(self.t_s, self.timing) - self.motion.rate_dps(self.t_s)
+                rate_dps = rate_dps + self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
             return rate_dps
         if self.table_rate_dps is not None:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
@@ -146,14 +157,14 @@ class Run:
         """The true rate between the samples of ``rate_ref_dps``; None where the run has fewer than five."""
         reference = self.column("rate_ref_dps")
         known = np.zeros(0, dtype=bool) if reference is None else np.isfinite(reference)
-        return None if reference is None or known.sum() < 5 else Motion(self.t_s[known], reference[known])
+        return None if reference is None or known.sum() < 5 else Motion(self.sample_s[known], reference[known])
 
     @cached_property
     def reached(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """False for the samples [n] that show a moment at which no reference was recorded (the first of a delayed run)."""
         if self.timing == SYNCHRONOUS or self.motion is None:
             return np.ones(len(self), dtype=bool)
-        return self.motion.reached(self.t_s, self.timing)
+        return self.motion.reached(self.sample_s, self.timing)
 
     def timed(self, timing: Timing) -> Run:
         """The same run with another timing; the run itself where its true rate is constant."""
@@ -176,7 +187,7 @@ class Run:
     @property
     def duration_s(self) -> float:
         """From the first sample to one period past the last, s."""
-        return float(self.t_s[-1] - self.t_s[0]) * len(self) / (len(self) - 1)
+        return float(self.sample_s[-1] - self.sample_s[0]) * len(self) / (len(self) - 1)
 
     def first(self, seconds: float) -> Run | None:
         """The run's first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged)."""
