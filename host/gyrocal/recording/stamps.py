@@ -16,6 +16,8 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 
 BURST = 0.2
 """Of the mean interval: no sampler takes two samples in less."""
+GAPS = 0.005
+"""Fraction of the intervals that may be gaps of any length."""
 LEAST_BURSTS = 0.001
 """Fraction of such intervals above which stamps come in bursts. Below it they are exact but for a few."""
 WINDOW = 64
@@ -53,7 +55,7 @@ class Stamps:
 def in_bursts(t_s: Array) -> bool:
     """True if stamps [n], s, repeat, go back, or come in bursts that no sampler makes."""
     steps = np.diff(t_s)
-    short = steps < BURST * float(np.mean(steps))
+    short = steps < BURST * _mean_step_s(steps)
     return bool(np.any(steps <= 0)) or (steps.size >= WINDOW and float(np.mean(short)) > LEAST_BURSTS)
 
 
@@ -89,10 +91,16 @@ def regression(t_s: Array) -> Stamps:
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
     for _ in range(ROUNDS):
-        number = (np.arange(n) + _lost(t_s, interval_s, size)).astype(np.intp)
+        number = (np.arange(n) + _lost(t_s, interval_s, size, 2 * burst)).astype(np.intp)
         interval_s = float(np.polyfit(number - number.mean(), t_s - t_s[0], 1)[0])
     fitted = _chain(number, t_s, max(2, round((t_s[-1] - t_s[0]) / KNOT_S) + 1))
     return Stamps(fitted, interval_s, number, float(np.sqrt(np.mean((t_s - fitted) ** 2))))
+
+
+def _mean_step_s(steps_s: Array) -> float:
+    """The mean of steps [n], s, without the longest, which may be gaps."""
+    kept = max(1, int(steps_s.size * (1 - GAPS)))
+    return float(np.mean(np.partition(steps_s, kept - 1)[:kept]))
 
 
 def _first_interval_s(t_s: Array, size: int, burst: int) -> float:
@@ -101,7 +109,7 @@ def _first_interval_s(t_s: Array, size: int, burst: int) -> float:
     Bursts in step with the parts move all slopes alike, by the squared number of bursts in a part at most.
     """
     steps = np.diff(t_s)
-    first = np.concatenate([[0], np.flatnonzero(steps > steps.mean() / 2) + 1])  # of each burst
+    first = np.concatenate([[0], np.flatnonzero(steps > _mean_step_s(steps) / 2) + 1])  # of each burst
     number = first - first.mean()
     mean_s = float(number @ (t_s[first] - t_s[0])) / float(number @ number)
     parts = t_s[: t_s.size // size * size].reshape(-1, size)
@@ -114,17 +122,18 @@ def _first_interval_s(t_s: Array, size: int, burst: int) -> float:
 
 def _longest_burst(t_s: Array) -> int:
     """Most samples that share one arrival."""
-    short = np.diff(t_s) < BURST * float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    steps = np.diff(t_s)
+    short = steps < BURST * _mean_step_s(steps)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], short.astype(np.int8), [0]])))
     return int(np.max(edges[1::2] - edges[::2], initial=0)) + 1
 
 
-def _lost(t_s: Array, interval_s: float, size: int) -> Index:
+def _lost(t_s: Array, interval_s: float, size: int, least: int) -> Index:
     """The number of samples lost before each sample [n].
 
     A late arrival is followed by others that catch up, and a loss is not. The earliest stamp but one, relative to an even
     course, of the ``size`` samples after a long step is compared with that of the samples before it. (A single stamp may
-    be too early.)
+    be too early.) A step with fewer than ``least`` samples after it cannot be judged.
     """
 
     def earliest_s(part: Array) -> float:
@@ -133,7 +142,7 @@ def _lost(t_s: Array, interval_s: float, size: int) -> Index:
     late_s = t_s - t_s[0] - interval_s * np.arange(t_s.size)
     lost = np.zeros(t_s.size, dtype=np.intp)
     since = 0
-    for i in np.flatnonzero(np.diff(t_s) > 1.5 * interval_s).tolist():
+    for i in np.flatnonzero(np.diff(t_s)[: -least or None] > 1.5 * interval_s).tolist():
         i += 1
         shift_s = earliest_s(late_s[i : i + size]) - earliest_s(late_s[max(since, i - size) : i])
         count = round(shift_s / interval_s + 0.5 - LOST)
@@ -156,7 +165,8 @@ def _chain(number: Index, t_s: Array, knots: int) -> Array:
     bands[1] = np.bincount(piece, left**2, knots) + np.bincount(piece + 1, right**2, knots)
     bands[0, 1:] = np.bincount(piece, left * right, knots)[:-1]
     bands[1] += 1e-9 * bands[1].max()  # a stretch without samples
-    start_s = t_s[0]
-    since_s = t_s - start_s
-    height_s = solveh_banded(bands, np.bincount(piece, left * since_s, knots) + np.bincount(piece + 1, right * since_s, knots))
-    return np.asarray(start_s + left * height_s[piece] + right * height_s[piece + 1])
+    line_s = np.polyval(np.polyfit(x, t_s - t_s[0], 1), x) + t_s[0]
+    off_s = t_s - line_s
+    bend_s = solveh_banded(bands, np.bincount(piece, left * off_s, knots) + np.bincount(piece + 1, right * off_s, knots))
+    bent_s = line_s + left * bend_s[piece] + right * bend_s[piece + 1]
+    return np.asarray(bent_s if np.all(np.diff(bent_s) > 0) else line_s)
