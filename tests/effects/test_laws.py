@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from gyrocal.effects.base import Effect, effect, effects
+from gyrocal.effects.base import Effect, effect, effects, table_angle_rad
 from gyrocal.effects.earth_rate import known_dps
 from gyrocal.effects.quantities import temperature_slope_c_s
 from gyrocal.recording.session import Run
+from gyrocal.recording.timing import Timing
 
 from .checks import check_degree, check_law
 from .conftest import Array, MakeRun
@@ -115,6 +116,15 @@ def test_clock_error_is_the_rate_at_the_wrong_time(make_run: MakeRun) -> None:
     run = make_run(t_s, rate_ref_dps=w(t_s))
     term = effect("clock_error").term(run, 2, {"e": e})
     np.testing.assert_allclose(term[:-2], (w((1 + e) * t_s) - w(t_s))[:-2], atol=1e-5)
+
+
+def test_a_late_reading_shows_the_table_s_angle_of_that_moment_too(make_run: MakeRun) -> None:
+    t_s = np.arange(1000) / 100
+    rate_dps, angle_deg = 50 * np.cos(t_s), 50 * np.sin(t_s)
+    run = make_run(t_s, rate_ref_dps=rate_dps, table_angle_deg=angle_deg).timed(Timing(delay_s=0.25))
+    late = t_s > 0.25
+    np.testing.assert_allclose(np.rad2deg(table_angle_rad(run))[late], 50 * np.sin(t_s - 0.25)[late], atol=2e-3)
+    np.testing.assert_allclose(run.rate_dps[late], 50 * np.cos(t_s - 0.25)[late], atol=1e-5)
 
 
 def test_constant_rates_show_neither_lag_nor_clock_error(make_run: MakeRun) -> None:

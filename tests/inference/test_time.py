@@ -1,6 +1,8 @@
 """Delays, low-passes and clock errors of any size in the joint fit, against planted truth and against scipy's least squares."""
 
 import importlib.util
+import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -8,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
@@ -20,8 +23,6 @@ def benchmark() -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    import sys
-
     sys.modules["time_errors"] = module
     spec.loader.exec_module(module)
     return module
@@ -107,6 +108,16 @@ def test_a_fitted_model_is_the_start_of_another_session_of_another_delay() -> No
     model = with_lag_and_clock(BENCHMARK.session(CELLS["delay 300 ms"], 1), "lag")
     again = fit(BENCHMARK.session(CELLS["delay 5 ms"], 1), model, axes="z").model
     assert again.value("lag", "z", "tau_s") == pytest.approx(0.005, abs=3e-5)
+
+
+def test_a_calibration_by_a_model_with_a_delay_has_the_scale() -> None:
+    """Runs of a swinging table that is read late: the delay is the model's, the scale these runs' own."""
+    cell = replace(CELLS["delay 100 ms"], runs=6)
+    session = BENCHMARK.session(cell, 6)
+    model = fit(session, Model.builtin("default").with_term(Term("lag", "z"))).model
+    for found in calibrate(session, methods=["model"], model=model):
+        assert abs(found.scale - BENCHMARK.SCALE) < 4 * found.scale_se
+        assert found.scale_se < 1e-3
 
 
 @pytest.mark.parametrize(("name", "effect_id"), [("delay 100 ms", "lag"), ("clock 0.001", "clock_error")])

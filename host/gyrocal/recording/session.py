@@ -175,6 +175,12 @@ class Run:
         return out
 
     @property
+    def shown_s(self) -> Array:
+        """The moment that each sample shows, shape [n], s; behind a low-pass, that of a slow motion."""
+        start_s, timing = self.sample_s[0], self.timing
+        return np.asarray(start_s + (1 + timing.clock) * (self.sample_s - start_s) - timing.delay_s - timing.filter_s)
+
+    @property
     def relative_rate_se(self) -> float:
         """Standard error of the stated table's rate, a fraction of it; 0 where none is given."""
         return abs(self.table_rate_se_dps / self.table_rate_dps) if self.table_rate_se_dps and self.table_rate_dps else 0.0
