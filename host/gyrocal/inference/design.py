@@ -73,7 +73,8 @@ class Design:
         self.terms = tuple(terms)
         self.given = list(blocks)
         self.timing = timing_of(terms)
-        self.blocks = [self._seen(i, like) for i in range(len(self.given))]
+        self.faults = [term for term in terms if term.fault is not None]
+        self.blocks = self._seen(like)
         runs = [b.run for b in blocks]
         self.scopes = [term.effect.scope_in(runs) for term in terms]
         self.means = [self._means(i, like) for i in range(len(self.blocks))]
@@ -109,16 +110,12 @@ class Design:
             out.append(same)
         return out
 
-    def _seen(self, i: int, like: Design | None) -> Blocks:
-        """The blocks of one run as the terms see them: against the rate of their timing, without useless samples."""
-        given = self.given[i]
-        if like is not None and like.given[i] is given and like.timing == self.timing and like._faults == self._faults:
-            return like.blocks[i]
-        return self._usable(given.timed(self.timing))
-
-    @property
-    def _faults(self) -> list[Term]:
-        return [term for term in self.terms if term.fault is not None]
+    def _seen(self, like: Design | None) -> list[Blocks]:
+        """The blocks as the terms see them: against the rate of their timing, without useless samples."""
+        if like is not None and like.timing == self.timing and like.faults == self.faults:
+            pairs = zip(self.given, like.given, like.blocks, strict=True)
+            return [seen if given is before else self._usable(given.timed(self.timing)) for given, before, seen in pairs]
+        return [self._usable(given.timed(self.timing)) for given in self.given]
 
     def _usable(self, b: Blocks) -> Blocks:
         """The blocks of a run without samples that a fault of the reading makes useless."""
