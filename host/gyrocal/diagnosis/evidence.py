@@ -13,6 +13,7 @@ from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import UNIDENTIFIED, Mask
@@ -148,7 +149,7 @@ def _signal(fitted: AxisFit) -> Array:
     samples.
     """
     mine = len(fitted.design.terms) - 1
-    layout = fitted.design.layout
+    layout, term = fitted.design.layout, fitted.terms[-1]
     p = len(layout.fixed)
     parts, rests = [], []
     for i, b in enumerate(fitted.design.blocks):
@@ -162,6 +163,8 @@ def _signal(fitted: AxisFit) -> Array:
         part = part + sum(
             (u[j] * matrix[1 + p + j] for j, (t, _) in enumerate(layout.run) if t == mine), np.zeros(n.size)
         )
+        if isinstance(term.effect, TimingEffect):  # its column is only a derivative
+            part = b.mean(term.effect.term(b.run, fitted.design.axis, term.values)[:, None])[:, 0]
         parts.append(part * weight)
         rests.append((matrix[[1 + j for j, (t, _) in enumerate(layout.fixed) if t != mine]] * weight).T)
     part, rest = np.concatenate(parts), np.concatenate(rests)

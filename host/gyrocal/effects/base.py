@@ -24,6 +24,7 @@ import numpy as np
 from gyrocal.errors import InputError
 from gyrocal.parameter import Described, Parameter, Values
 from gyrocal.recording.session import Array, Run
+from gyrocal.recording.timing import SYNCHRONOUS
 
 if TYPE_CHECKING:
     from gyrocal.effects.reading_fault import ReadingFault
@@ -286,18 +287,21 @@ def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Va
 
 def elapsed_s(run: Run) -> Array:
     """Time since the run's first sample, shape [n], s."""
-    return run.t_s - run.t_s[0]
+    return run.sample_s - run.sample_s[0]
 
 
 def table_angle_rad(run: Run) -> Array:
-    """Angle of the table, shape [n], rad, from the file, or else integrated from the table's rate, starting at zero."""
+    """Angle of the table, shape [n], rad, from the file, or else integrated from the table's rate, starting at zero.
+
+    It is the angle at the moment that each sample shows.
+    """
     angle = run.column("table_angle_deg")
     if angle is not None:
-        return np.deg2rad(angle)
+        return np.deg2rad(angle if run.timing == SYNCHRONOUS else np.interp(run.shown_s, run.sample_s, angle))
     if run.table_rate_dps is not None and run.column("rate_ref_dps") is None:
         return np.deg2rad(run.table_rate_dps * elapsed_s(run))
     rate = run.rate_dps * run.face_sign
-    steps = np.diff(run.t_s) * (rate[1:] + rate[:-1]) / 2
+    steps = np.diff(run.sample_s) * (rate[1:] + rate[:-1]) / 2
     return np.deg2rad(np.concatenate([[0.0], np.cumsum(steps)]))
 
 

@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Role, Values, with_role
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise, Summed
 from gyrocal.recording.session import Array, Run
+from gyrocal.recording.timing import SYNCHRONOUS, Timing
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
@@ -69,7 +71,10 @@ class Design:
         self.noise_model = noise_model
         self.cell_s = cell_s
         self.terms = tuple(terms)
-        self.blocks = [self._usable(b) for b in blocks]
+        self.given = list(blocks)
+        self.timing = timing_of(terms)
+        self.faults = [term for term in terms if term.fault is not None]
+        self.blocks = self._seen(like)
         runs = [b.run for b in blocks]
         self.scopes = [term.effect.scope_in(runs) for term in terms]
         self.lacking = [self._lacking(term, runs) for term in terms]
@@ -84,7 +89,7 @@ class Design:
 
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms. Columns of unchanged terms are not computed again."""
-        return Design(self.blocks, self.axis, terms, self.noise_model, self.cell_s, like=self)
+        return Design(self.given, self.axis, terms, self.noise_model, self.cell_s, like=self)
 
     def with_values(self, i: int, values: Values) -> Design:
         """The design with other values of one term, the same in all runs."""
@@ -154,6 +159,13 @@ class Design:
                 same = [None if found is None else np.outer(b.n @ b.mean(found[0]), [1.0, found[1]])]
             out.append(same[0] if same else None)
         return out
+
+    def _seen(self, like: Design | None) -> list[Blocks]:
+        """The blocks as the terms see them: against the rate of their timing, without useless samples."""
+        if like is not None and like.timing == self.timing and like.faults == self.faults:
+            pairs = zip(self.given, like.given, like.blocks, strict=True)
+            return [seen if given is before else self._usable(given.timed(self.timing)) for given, before, seen in pairs]
+        return [self._usable(given.timed(self.timing)) for given in self.given]
 
     def _usable(self, b: Blocks) -> Blocks:
         """The blocks of a run without samples that a fault of the reading makes useless."""
@@ -236,6 +248,14 @@ class Design:
             on_axis = b.run.axis_index == self.axis
             rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
         return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
+
+    @cached_property
+    def origin(self) -> Array:
+        """The values about which the shared coefficients are determined, shape [p]; zero except for effects of time."""
+        terms = [self.terms[i] for i, _ in self.layout.fixed]
+        return np.array([
+            t.effect.coefficients(t.values)[0] if isinstance(t.effect, TimingEffect) and t.values else 0.0 for t in terms
+        ])  # fmt: skip
 
     def sample_columns(self, b: Blocks) -> dict[int, Array]:
         """Each term's columns at every sample of a run, by the term's index."""
@@ -339,6 +359,15 @@ class Design:
     @property
     def _samples(self) -> float:
         return max(1.0, sum(float(b.n.sum()) for b in self.blocks))
+
+
+def timing_of(terms: Sequence[Term]) -> Timing:
+    """The timing that the effects of time among the terms describe together."""
+    timing = SYNCHRONOUS
+    for term in terms:
+        if isinstance(term.effect, TimingEffect) and term.values:
+            timing = term.effect.set(timing, term.values)
+    return timing
 
 
 def _off_grid_s(t_s: Array) -> float:

@@ -27,6 +27,7 @@ from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.runs_apart import runs_apart
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
+from gyrocal.inference.timing import settle, started
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.recording.session import AXES, Session
 from gyrocal.threads import each, one_thread
@@ -62,12 +63,13 @@ def fit(
 
 def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise) -> AxisFit:
     """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML."""
-    terms = [_prepared(t, blocks, axis) for t in terms]
+    terms = started([_prepared(t, blocks, axis) for t in terms], [b.run for b in blocks], axis)
     if any(t.effect.fast for t in terms):
         blocks = by_sample(blocks)
     pending = [i for i, t in enumerate(terms) if _needs_choice(t)]
     settled = [t for i, t in enumerate(terms) if i not in pending]
-    current = fit_noise(Design(blocks, axis, settled, noise_model))
+    current = settle(fit_noise(Design(blocks, axis, settled, noise_model)))
+    settled = list(current.design.terms)
     cell_s = _drift_cell_s(current) if current.design.n_blocks.sum() > MANY_BLOCKS else 0.0
     if cell_s:
         design = Design(blocks, axis, settled, noise_model, cell_s, like=current.design)
@@ -76,7 +78,7 @@ def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_m
         current = choose_variant(current, terms[i])
     order = {t.effect_id: i for i, t in enumerate(terms)}
     current = _in_order(current, order, bool(pending))
-    return finish(runs_apart(refine(current)))
+    return finish(settle(runs_apart(refine(current))))
 
 
 def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:

@@ -163,7 +163,7 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
 def time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
     """Masks [m] of a run's blocks that a fold leaves out, and of those beside them that no fit uses."""
     assert fold.time is not None
-    elapsed = b.t_s - b.run.t_s[0]
+    elapsed = b.t_s - b.run.sample_s[0]
     start, stop = (f * b.run.duration_s for f in fold.time)
     gap_s = min(POLICY.time_gap_s, 0.05 * b.run.duration_s)
     inside = (elapsed >= start) & (elapsed < stop)
@@ -199,9 +199,11 @@ def _predict(step: Step, i: int) -> Prediction:
         if not term.values or term.fault is None:
             continue
         modelled = term.fault.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
+    # A sample that shows a moment without a reference has no prediction. It counts as read, so that it adds no error.
+    modelled = np.where(run.reached, modelled, run.gyro_dps[:, axis.design.axis])
     rows = slice(0, len(run))
     if step.fold.time is not None:
-        elapsed = run.t_s - run.t_s[0]
+        elapsed = run.sample_s - run.sample_s[0]
         first, stop = (int(np.searchsorted(elapsed, f * run.duration_s)) for f in step.fold.time)
         rows = slice(first, len(run) if step.fold.time[1] >= 1 else stop)
     return Prediction(run, axis.design.axis, rows, modelled[rows])

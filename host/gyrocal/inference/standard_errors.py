@@ -69,12 +69,12 @@ def _named(term: Term, current: AxisFit, of: Joint, mine: list[int]) -> tuple[Va
     kind, layout = term.effect, current.design.layout
     index = [layout.fixed[j][1] for j in mine]
     full = np.full(max(len(kind.groups(term.values)), max(index) + 1), np.nan)
-    full[index] = current.solution.beta[mine]
+    full[index] = current.solution.beta[mine] + current.design.origin[mine]
     values = {n: v for n, v in kind.named(full, term.values).items() if np.isfinite(v)}
 
     def named(beta: Array, _: Array) -> Array:
         moved = full.copy()
-        moved[index] = beta[mine]
+        moved[index] = beta[mine] + current.design.origin[mine]
         found = kind.named(moved, term.values)
         return np.array([found[n] for n in values])
 
