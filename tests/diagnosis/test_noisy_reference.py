@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from tests.make_runs import make_run, make_session
 
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.noise.drift import ou_noise
+from make_runs import make_run, make_session
 
 RATE_HZ = 100.0
 LEVELS_DPS = (0.0, 30.0, -30.0, 60.0, -60.0)

@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from tests.make_runs import make_run, make_session
 
 from gyrocal.diagnosis.compare import compare
 from gyrocal.noise.drift import ou_noise
+from make_runs import make_run, make_session
 
 RATE_HZ = 100.0
 

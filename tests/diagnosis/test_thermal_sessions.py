@@ -5,12 +5,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from tests.make_runs import make_run, make_session
 
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.drift import ou_noise
+from make_runs import make_run, make_session
 
 RATE_HZ = 100.0
 SECONDS = 60.0

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from tests.make_runs import make_run, make_session
 
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
+from make_runs import make_run, make_session
 
 RATE_HZ = 50.0
 SCALE, REFERENCE_SD, GYRO_SD = 0.02, 0.1, 0.02

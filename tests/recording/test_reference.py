@@ -1,11 +1,11 @@
 """The table [reference] of session.toml: read, kept by save, and its unknown keys warned of."""
 
 import numpy as np
-from tests.make_runs import make_run, make_session
 
 from gyrocal import plausibility
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
 
 
 def test_noises_are_read_and_saved_and_unknown_keys_told(tmp_path):
