@@ -27,7 +27,7 @@ def test_parity_and_degree_in_the_rate(kind: Effect, make_run: MakeRun) -> None:
 
 def test_law_of_a_column_s_slope(rich_run: Run) -> None:
     """Slopes are of smoothed columns: over 10 s of a period of 120 s, over 0.2 s of 6.7 s."""
-    t_s = np.arange(2000) / 100.0
+    t_s = rich_run.t_s
     rate_slope = DW * np.cos(2 * np.pi * 0.15 * t_s)
     temp_slope = 15 * 2 * np.pi / 120 * np.cos(2 * np.pi * t_s / 120)
     for effect_id, want, tolerance in (

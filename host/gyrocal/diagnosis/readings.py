@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.variables.reading import Reading
 
@@ -78,7 +78,7 @@ def single_readings(session: Session, axis: str) -> Finding | None:
     if not steady:
         return None
     readings = [residual_dps(r)[:, i] for r in steady]
-    apart = np.concatenate([outliers(y, r.step_dps[i])[1] for y, r in zip(readings, steady, strict=True)])
+    apart = np.concatenate([outliers_of(r, i, y)[1] for y, r in zip(readings, steady, strict=True)])
     white = np.median(np.concatenate([np.abs(np.diff(y)) for y in readings])) / (0.6745 * np.sqrt(2))
     samples = sum(y.size for y in readings)
     if apart.size < 2 or float(apart @ apart) < POLICY.outlier_power * white**2 * samples:

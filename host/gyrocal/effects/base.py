@@ -23,6 +23,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.parameter import Described, Parameter, Values
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class Case:
 
     values: Values
     recovers: tuple[str, ...]
-    campaign: Literal["paper", "full"] = "paper"
+    campaign: Literal["paper", "full", "swing", "shaker", "chamber"] = "paper"
     axis: str = "z"
 
 
@@ -110,6 +111,17 @@ class Effect(Described):
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
         return len(self.variants(runs, axis))
+
+    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
+        """True if block means of a tenth of a second lose this effect in these runs. A candidate is then fitted to samples."""
+        return self.fast
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        """False if the readings rule the effect out at first sight, so that no fit is tried.
+
+        ``line_chance`` is the probability that noise produces the strongest line in the spectrum of the model's residual.
+        """
+        return not self.fast or line_chance <= POLICY.false_discovery_rate
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         """The first step of a nonlinear parameter's refinement, in its logarithm."""

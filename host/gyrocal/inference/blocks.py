@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
-from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array, Run, Session
 
 BLOCK_S = 0.1
@@ -88,7 +88,7 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     y = residual_dps(run)
     if not run.rate_is_mean:
         for axis in range(3):
-            rows_out, apart_dps = outliers(y[:, axis], run.step_dps[axis])
+            rows_out, apart_dps = outliers_of(run, axis, y[:, axis])
             y[rows_out, axis] -= apart_dps
     size = n if run.rate_is_mean else min(n, max(1, round(block_s * run.sample_rate_hz)))
     period_s = float(np.median(np.diff(run.t_s)))
