@@ -9,8 +9,9 @@ import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import of_session, probe
-from gyrocal.diagnosis.readings import reading_fault, single_readings
+from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.whiteness import too_much_power
+from gyrocal.effects.byte_fault import ByteFault
 from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
@@ -56,10 +57,18 @@ BEYOND_NOISE = (_line, _bump, _not_white, _code)
 """The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
-def _outliers(fitted: Fit, axis: str) -> Finding | None:
-    """Outliers that the model does not explain. Noise does not produce them, so this test has no share of the alarm rate."""
-    known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
-    return None if known else single_readings(fitted.session, axis)
+def _codes(fitted: Fit, axis: str) -> list[Finding]:
+    """Outliers and lost carries that the model does not explain.
+
+    Noise does not produce them, so these tests have no share of the alarm rate.
+    """
+    outliers_known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
+    carry_known = any(isinstance(term.effect, ByteFault) for term in fitted.axes[axis].terms)
+    found = [
+        None if outliers_known else single_readings(fitted.session, axis),
+        None if carry_known else dropped_carry(fitted.session, axis),
+    ]
+    return [finding for finding in found if finding is not None]
 
 
 def find_misfit(
@@ -85,6 +94,6 @@ def find_misfit(
             if finding is not None and finding.chance < share:
                 probed.append(finding)
         beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
-        return probed + [finding for finding in (*beyond, _outliers(fitted, axis)) if finding is not None]
+        return probed + [finding for finding in beyond if finding is not None] + _codes(fitted, axis)
 
     return sorted(chain.from_iterable(each(on, axes, fitted.session.rows)), key=lambda f: -f.strength)

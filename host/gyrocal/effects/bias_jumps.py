@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.byte_fault import single_power
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.outliers import STANDS_OUT as OUTLIER_SPREADS
@@ -144,8 +145,11 @@ class _SingleReadings(ReadingFault):
     looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect outliers, at least two."""
+        """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes."""
         from scipy.stats import norm
+
+        if single_power(runs, axis) is not None:
+            return None
 
         apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
         found = apart_dps[apart_dps != 0]

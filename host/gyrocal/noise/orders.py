@@ -44,8 +44,8 @@ class OrderPeak:
 class OrderSpectrum:
     """Periodograms over the angle, averaged over ``runs`` runs.
 
-    ``power`` [f] is the square of the amplitude (dps^2) at each order, ``tail`` [f] the probability that noise alone reaches it.
-    ``reach`` is the largest order that the slowest sampling of a run shows.
+    ``power`` [f] is the square of the amplitude (dps^2) at each order, and ``tail`` [f] is the probability that noise alone
+    reaches it. ``turns`` is the length of the longest run.
     """
 
     order: Array
