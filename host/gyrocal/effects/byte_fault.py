@@ -11,6 +11,7 @@ from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import grid_dps, rate_about
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
 
 BITS = range(4, 15)
@@ -35,7 +36,7 @@ class ByteFault(Effect):
     id = "byte_fault"
     title = "Wrongly assembled codes"
     cause = (
-        "The driver builds a code from two bytes, or adds a correction to it, and loses the carry from the low part to the high "
+        "The driver builds a code from two bytes, or adds a correction to it, and loses the carry from the low to the high "
         "part. The reading is then too small by a power of two of counts whenever the low bits have just passed zero. If the "
         "bytes are read at different times, single readings at such a border have one byte of another sample."
     )
@@ -92,7 +93,8 @@ class ByteFault(Effect):
         count_dps = count_dps_of([run], axis)
         if "below" not in values or not np.isfinite(count_dps):
             return np.zeros((len(run), 1))
-        return stack(values["fraction"] * carried(run.gyro_dps[:, axis], count_dps, round(values["bit"]), values["below"]))
+        on = carried(run.gyro_dps[:, axis], count_dps, round(values["bit"]), values["below"])
+        return stack(np.where(on, values["fraction"], 0.0))
 
 
 @dataclass(frozen=True)
@@ -206,13 +208,13 @@ def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
     alike = np.abs(sizes - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)
     if bit not in BITS or TOLD_APART * noise > 2.0**bit or float(np.mean(alike)) < MOST:
         return None
-    readings = np.concatenate([r.gyro_dps[rows.astype(np.intp), axis] for r, rows, _ in found])
+    readings = np.concatenate([r.gyro_dps[rows, axis] for r, rows, _ in found])
     low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit
     in_half = max(float(np.mean(np.mod(low - start, 1.0) <= 0.5)) for start in low)
     return (bit, apart_dps.size) if in_half >= MOST else None
 
 
-def _apart(run: Run, axis: int) -> tuple[Array, Array]:
+def _apart(run: Run, axis: int) -> tuple[Index, Array]:
     if run.rate_is_mean:
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     return outliers_of(run, axis, run.gyro_dps[:, axis] - rate_about(run, axis))
@@ -239,7 +241,7 @@ class _SingleReadings(ReadingFault):
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         rows, apart_dps = _apart(run, axis)
         out = modelled_dps.copy()
-        out[rows.astype(np.intp)] += apart_dps
+        out[rows] += apart_dps
         return out
 
     def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:

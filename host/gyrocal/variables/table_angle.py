@@ -11,14 +11,14 @@ from gyrocal.effects.quantities import turns
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables import terms
 from gyrocal.variables.base import Symbol, Variable
-from gyrocal.variables.shapes import Columns, Shape, TableWave
+from gyrocal.variables.shapes import Shape, TableWave, Waves
 
 ORDERS = 6
 """Largest number of periods per turn that is tested."""
 
 
 class TableAngle(Variable):
-    """The table's angle, measured or integrated from its rate. It is tested on the axis about which the table turns."""
+    """The table's angle, measured or integrated from its rate. It is tested on every axis."""
 
     name, title, quantity, unit, order = "table_angle", "Table angle", "table angle", "deg", 5
     period = 360.0
@@ -35,10 +35,10 @@ class TableAngle(Variable):
         return np.rad2deg(table_angle_rad(run)) if turned else None
 
     def shapes(self, axis: int) -> list[Shape]:
-        if not turns(self.runs, axis):
+        if not any(turns(self.runs, table_axis) for table_axis in range(3)):
             return []
         if all(r.column("table_angle_deg") is not None for r in self.runs):
-            return [Columns(_waves, 2 * ORDERS)]
+            return [Waves(_waves, range(1, ORDERS + 1))]
         return [TableWave(k) for k in range(1, ORDERS + 1)]
 
     def terms(self, symbol: str, values: Array) -> list[str]:
