@@ -12,11 +12,13 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import beside
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference import heldout
+from gyrocal.inference.blocks import begins_apart
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.heldout import Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
+from gyrocal.recording.outliers import FIRST
 from gyrocal.recording.session import AXES, Array
 
 
@@ -67,6 +69,7 @@ def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
     out = {}
     for p in heldout.fitted(fitted.on(axis)):
         residual = p.residual_dps
+        residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
         rows, apart_dps = outliers_of(p.run, p.axis, residual)
         residual[rows] -= apart_dps
         out[p.run.index] = residual

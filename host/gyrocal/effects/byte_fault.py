@@ -154,8 +154,11 @@ def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
             left = float(np.mean((rest_dps - step_dps * column) ** 2))
             t = abs(step_dps) / np.sqrt(left / norm)
             full_dps = -(2.0**bit) * count_dps
-            if (best is None or t > best.t) and _confirmed(steady, axis, count_dps, (bit, below), step_dps / full_dps):
-                best = Carry(bit, below, min(1.0, step_dps / full_dps) if step_dps / full_dps < 1 - NEAR else 1.0, t)
+            part = step_dps / full_dps
+            if not STANDS_OUT * noise_dps / abs(full_dps) < part < 1 + NEAR:
+                continue
+            if (best is None or t > best.t) and _confirmed(steady, axis, count_dps, (bit, below), part):
+                best = Carry(bit, below, part if part < 1 - NEAR else 1.0, t)
     return best
 
 
@@ -173,9 +176,6 @@ def _confirmed(runs: Sequence[Run], axis: int, count_dps: float, carry: tuple[in
     """
     bit, below = carry
     full_dps = 2.0**bit * count_dps
-    noise_dps = _noise_dps(runs, axis)
-    if not STANDS_OUT * noise_dps / full_dps < fraction < 1 + NEAR:
-        return False
     smoother, crossings, states = 0, 0, []
     for run in runs:
         y_dps = run.gyro_dps[:, axis]

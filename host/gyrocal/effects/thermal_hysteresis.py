@@ -13,7 +13,7 @@ from gyrocal.recording.session import Array, Run
 
 LEAST_RETURN_C = 1.0
 """Least way back of the temperature within a run that can show a loop, degC."""
-WIDTHS_C = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+WIDTHS_C = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
 
 class ThermalHysteresis(Effect):
@@ -40,7 +40,7 @@ class ThermalHysteresis(Effect):
         ),
         Parameter(
             "width_c", "degC", (0.5, 30.0), "from one branch to the other: a part of the temperature range", 5.0, POSITIVE,
-            search=(0.2, 150.0), sized=False,
+            search=(0.2, 60.0), sized=False,
         ),
     )  # fmt: skip
     linear = ("amplitude_dps",)
