@@ -19,9 +19,10 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     if isinstance(shape, Steps):
         return _steps(current, shape, residuals)
     columns = np.concatenate([b.mean(shape.columns(b.run, current.design.axis, {})) for b in current.design.blocks])
-    columns = columns - columns.mean(axis=0)
+    shown = np.any(columns != 0, axis=1)
+    columns = columns - columns.mean(axis=0) if shown.all() else columns
     coefficients = np.linalg.lstsq(columns, np.concatenate(residuals), rcond=None)[0]
-    amplitude = float(np.std(columns @ coefficients) * np.sqrt(2))
+    amplitude = float(np.sqrt(2 * np.mean((columns[shown] @ coefficients) ** 2)))
     size = f"{amplitude * 1e3:.3g} mdps"
     if isinstance(shape, Waves):
         sizes = np.hypot(coefficients[::2], coefficients[1::2])

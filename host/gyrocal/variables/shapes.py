@@ -51,6 +51,8 @@ class Steps(Shape):
         self.linear = tuple(f"step_{k}" for k in range(1, edges.size + 1))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        if run.rate_is_mean:  # no residual within the run
+            return np.zeros((len(run), len(self.linear)))
         step = np.searchsorted(self.edges, self.values(run), side="right")
         columns = (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
         if not self.times_rate:
@@ -98,6 +100,8 @@ class Transient(ShapeOfEachRun):
         self.tau_s = tau_s
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        if run.rate_is_mean:  # its only block shows an offset and no transient
+            return np.zeros((len(run), 1))
         return np.exp(-elapsed_s(run) / self.tau_s)[:, None]
 
     @staticmethod
