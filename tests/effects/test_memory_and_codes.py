@@ -44,7 +44,8 @@ def test_the_two_branches_of_a_hysteresis_are_its_width_apart(make_run: MakeRun)
     for period_s in (600.0, 1800.0):
         t_s = np.arange(0.0, 2 * period_s, 0.1)
         temp_c = 25 + 20 * np.sin(2 * np.pi * t_s / period_s)
-        term = effect("thermal_hysteresis").term(make_run(t_s, temp_c=temp_c), 2, {"amplitude_dps": amplitude, "width_c": width_c})
+        values = {"amplitude_dps": amplitude, "width_c": width_c}
+        term = effect("thermal_hysteresis").term(make_run(t_s, temp_c=temp_c), 2, values)
         down, up = np.searchsorted(t_s, [1.5 * period_s, 2.0 * period_s - 0.2])
         np.testing.assert_allclose([term[up], term[down]], [amplitude, -amplitude], rtol=1e-6)
         top = int(np.argmax(temp_c[: t_s.size // 2]))

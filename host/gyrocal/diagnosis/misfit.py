@@ -14,6 +14,7 @@ from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_read
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.effects.byte_fault import ByteFault
 from gyrocal.effects.order_tone import turned_turn
+from gyrocal.effects.wave import ONE_RATE
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.noise.orders import order_spectrum
@@ -42,7 +43,10 @@ def _line(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
 
 
 def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
-    """Test for a line in the residual's spectrum over the table's angle."""
+    """Test for a line in the residual's spectrum over the table's angle.
+
+    At one rate, a line that is no whole number per turn is as well a frequency.
+    """
     turning = [b.run for b in fitted.blocks if not b.run.rate_is_mean and np.any(b.run.rate_dps)]
     if not turning:
         return None
@@ -51,6 +55,9 @@ def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding 
     if not peaks or peaks[0].chance >= alarm:
         return None
     (peak,) = peaks
+    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
+    if peak.whole is None and np.ptp(rates_dps) < ONE_RATE * max(rates_dps):
+        return None
     noise_dps = fitted.axes[axis].noise.white_sd_dps
     strength = peak.amplitude_dps / max(noise_dps, LEAST_WHITE_DPS) * float(np.sqrt(sum(map(len, turning)) / 2))
     note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps, {peak.words()}"
