@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from gyrocal.effects.base import Case, Law, Parameter, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL
-from gyrocal.effects.wave import Wave, size_over_rate
-from gyrocal.noise.orders import HIGHEST, OrderSpectrum, order_spectrum
+from gyrocal.effects.wave import ONE_RATE, Wave, size_over_rate
+from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
@@ -33,6 +33,17 @@ def _rest_dps(run: Run, axis: int) -> Array:
     known = np.column_stack([np.ones(len(run)), run.rate_dps, elapsed_s(run)])
     y_dps = run.gyro_dps[:, axis]
     return np.asarray(y_dps - known @ np.linalg.lstsq(known, y_dps, rcond=None)[0])
+
+
+def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
+    """The strongest lines over the table's angle, strongest first.
+
+    At one rate these are whole numbers per turn, because any other line is as well a frequency.
+    """
+    peaks = spectrum_over_turns(runs, axis).peaks(2 * PEAKS)
+    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in runs if _turns(r)]
+    one_rate = np.ptp(rates_dps) < ONE_RATE * max(rates_dps) if rates_dps else True
+    return [p for p in peaks if not one_rate or p.whole is not None]
 
 
 def _turns(run: Run) -> bool:
@@ -82,14 +93,14 @@ class OrderTone(Wave):
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """The strongest lines over the table's angle; a whole number per turn where the runs cannot tell it from one."""
-        peaks = spectrum_over_turns(runs, axis).peaks(PEAKS)
+        peaks = _lines(runs, axis)[:PEAKS]
         return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         return max(1, int(spectrum_over_turns(runs, axis).order.size))
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
-        peaks = spectrum_over_turns(runs, axis).peaks(1)
+        peaks = _lines(runs, axis)
         return bool(peaks) and peaks[0].chance <= POLICY.false_discovery_rate
 
     def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
