@@ -16,6 +16,8 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 
 PEAKS = 2
+HARMONIC = 0.3
+"""Amplitude of a harmonic, as a fraction of the strongest line's, from which on the wave is no tone."""
 
 
 def turned_turn(run: Run) -> Array:
@@ -38,12 +40,22 @@ def _rest_dps(run: Run, axis: int) -> Array:
 def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     """The strongest lines over the table's angle, strongest first.
 
-    At one rate these are whole numbers per turn, because any other line is as well a frequency.
+    At one rate these are whole numbers per turn, because any other line is as well a frequency. There is none if the strongest
+    has a strong harmonic: the wave then has another shape, as a sawtooth has.
     """
-    peaks = spectrum_over_turns(runs, axis).peaks(2 * PEAKS)
+    peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
+    if any(_harmonic(p, peaks[0]) for p in peaks[1:]):
+        return []
     rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in runs if _turns(r)]
     one_rate = np.ptp(rates_dps) < ONE_RATE * max(rates_dps) if rates_dps else True
     return [p for p in peaks if not one_rate or p.whole is not None]
+
+
+def _harmonic(peak: OrderPeak, strongest: OrderPeak) -> bool:
+    ratio = peak.order / strongest.order
+    multiple = round(ratio) > 1 and abs(ratio - round(ratio)) * strongest.order < peak.resolution
+    strong = peak.amplitude_dps > HARMONIC * strongest.amplitude_dps and peak.chance < POLICY.name_alarm
+    return multiple and strong
 
 
 def _turns(run: Run) -> bool:
