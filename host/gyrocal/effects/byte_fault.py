@@ -120,6 +120,8 @@ def carried(y_dps: Array, count_dps: float, bit: int, below: float) -> Mask:
 def count_dps_of(runs: Sequence[Run], axis: int) -> float:
     """One count, deg/s: as the session says, else the grid of the readings; infinite if there is none."""
     stated = [r.lsb_dps for r in runs if r.lsb_dps]
+    if not stated and not runs:
+        return np.inf
     count_dps = min(stated) if stated else grid_dps([r.gyro_dps[:, axis] for r in runs])
     return count_dps if count_dps >= 1e-4 else np.inf
 
@@ -132,6 +134,8 @@ def _noise_dps(runs: Sequence[Run], axis: int) -> float:
 
 def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
     """The lost carry that the residual shows, regressed on each bit's carry beside the true rates; None if there is none."""
+    if not runs:
+        return None
     count_dps, noise_dps = count_dps_of(runs, axis), _noise_dps(runs, axis)
     steady = [r for r in runs if not r.rate_is_mean]
     if not steady or not np.isfinite(count_dps):
