@@ -18,7 +18,7 @@ from gyrocal.inference.heldout import Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import FIRST
+from gyrocal.recording.first_readings import FIRST
 from gyrocal.recording.session import AXES, Array
 
 

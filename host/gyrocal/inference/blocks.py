@@ -17,7 +17,7 @@ import numpy as np
 
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
-from gyrocal.recording.outliers import FIRST, first_apart
+from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import Array, Run, Session
 
 BLOCK_S = 0.1

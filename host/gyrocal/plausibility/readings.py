@@ -12,7 +12,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.plausibility.noise import own_sd_dps, step_dps
 from gyrocal.plausibility.noise import still_dps as still
 from gyrocal.plausibility.runs import lag_samples, longest_lag, told
-from gyrocal.recording.outliers import FIRST, first_apart
+from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
