@@ -192,6 +192,13 @@ class Policy:
         smaller="a tone in half of the runs is named",
         chosen_by="square root of ln 2 for noise alone (Rayleigh); chosen between this and 0",
     )  # fmt: skip
+    one_size: float = threshold(
+        0.25, "ratio of the sums of squares of a wave's sizes about one size and about a size in proportion to the rate, "
+        "below which (or above the inverse of which) the other kind of wave is not named",
+        larger="a wave in few runs is named neither a tone of its order nor a ripple",
+        smaller="a tone of one size is named a ripple of the speed, or the reverse",
+        chosen_by="pytest tests/diagnosis/test_orders.py (at +-30, +-78 and +-150 dps the ratio is below 0.05 or above 20)",
+    )  # fmt: skip
 
     # Diagnosis: rivals
     overlap: float = threshold(

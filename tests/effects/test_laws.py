@@ -31,7 +31,7 @@ def test_parity_and_degree_in_the_rate(kind: Effect, make_run: MakeRun) -> None:
 
 def test_law_of_a_column_s_slope(rich_run: Run) -> None:
     """The slope is of the smoothed column: over 10 s of a period of 120 s."""
-    t_s = np.arange(2000) / 100.0
+    t_s = rich_run.t_s
     want = 0.4 * 15 * 2 * np.pi / 120 * np.cos(2 * np.pi * t_s / 120)
     got = effect("thermal_lag").term(rich_run, 2, {"k_dps_s_per_c": 0.4})
     assert np.max(np.abs(got - want)) <= 0.05 * np.max(np.abs(want))
@@ -47,7 +47,7 @@ def test_effects_of_time_show_the_rate_of_another_moment(
     effect_id: str, values: dict[str, float], moment: Callable[[Array], Array], rich_run: Run
 ) -> None:
     """At any size, wherever that moment was recorded."""
-    t_s = np.arange(2000) / 100.0
+    t_s = rich_run.t_s
 
     def swing(t: Array) -> Array:
         return W * np.sin(2 * np.pi * 0.15 * t)

@@ -32,6 +32,11 @@ TABLE = {
     "clock_error": ["e"],
     "earth_rate": [],
     "bias_jumps": ["n", "size_dps"],
+    "thermal_hysteresis": ["amplitude_dps", "width_c"],
+    "dead_band": ["width_dps"],
+    "order_tone": ["order", "A_dps", "phase_deg"],
+    "g2_sensitivity": ["k_dps_per_g2"],
+    "byte_fault": ["bit", "step_dps", "fraction"],
 }
 EVERY = sorted(effects())
 

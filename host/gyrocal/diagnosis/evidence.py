@@ -59,10 +59,10 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         return judge_reading(current, effect, fault)
     if isinstance(effect, ReadingFault):
         return Candidate(effect, current.axis, "reject")
-    if effect.fast:
-        peak = current.comparison.spectra[current.axis].peak()
-        if peak is None or peak.chance > POLICY.false_discovery_rate:
-            return Candidate(effect, current.axis, "reject")
+    peak = current.comparison.spectra[current.axis].peak()
+    if not effect.shows(current.runs, current.index, 1.0 if peak is None else peak.chance):
+        return Candidate(effect, current.axis, "reject")
+    if effect.needs_samples(current.runs, current.index):
         current = current.of_samples()
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
     if not _measurable(tried):
@@ -78,8 +78,8 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     gain, gain_se = total(gains)
     signal = _signal(fitted)
     excess = explained(current, fitted, signal, chance)
-    one_size = isinstance(effect, Wave) and effect.same_size
-    partial = (one_size and _uneven(fitted)) or (effect.common_mean and _without_mean(term))
+    partial = isinstance(effect, Wave) and _contradicted(fitted, effect)
+    partial = partial or (effect.common_mean and _without_mean(term))
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
@@ -95,16 +95,20 @@ def _parameters(current: AxisFit, fitted: AxisFit, effect: Effect) -> int:
     return coefficients + spreads + len(effect.nonlinear)
 
 
-def _uneven(fitted: AxisFit) -> bool:
-    """True if a wave that should have the same size in all runs appears only in some of them."""
+def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
+    """True if the sizes of a wave in the runs contradict what it says about its size."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:
         return False
     free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # a run's size without shrinkage
-    runs = range(len(fitted.design.blocks))
-    square = [float(np.sum(fitted.run_coefficients(i, fitted.solution.beta, free)[own] ** 2)) for i in runs]
-    return float(np.median(square)) < POLICY.even**2 * float(np.mean(square))
+    first = 1 + len(layout.fixed)
+    parts = [
+        fitted.run_coefficients(i, fitted.solution.beta, free)[own] @ fitted.design.columns(i)[[first + j for j in own]]
+        for i in range(len(fitted.design.blocks))
+    ]
+    sizes_dps = np.array([np.sqrt(np.mean(part**2)) if part.size else 0.0 for part in parts])
+    return not wave.holds([b.run for b in fitted.design.blocks], sizes_dps)
 
 
 def _without_mean(term: Term) -> bool:

@@ -16,7 +16,9 @@ import numpy as np
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import beside
 from gyrocal.effects.base import Role
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference import heldout
+from gyrocal.inference.blocks import begins_apart
 from gyrocal.inference.excess_error import difference_errors
 from gyrocal.inference.expected import expected, of_cycle, removed
 from gyrocal.inference.fitted import AxisFit, Fit
@@ -25,7 +27,7 @@ from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import outliers
+from gyrocal.recording.first_readings import FIRST
 from gyrocal.recording.session import Array
 
 
@@ -46,6 +48,8 @@ class MeanSquares:
         for p in held:
             rate = p.run.rate_dps[p.rows] if p.axis == p.run.axis_index else np.zeros(p.modelled_dps.size)
             columns, residual, cycle = of_cycle(rate), p.residual_dps, p.run.scenario
+            if p.rows.start == 0:
+                residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
             squares += float(residual @ residual)
             samples += residual.size
             sums[cycle] = sums.get(cycle, 0) + columns.T @ residual
@@ -188,7 +192,8 @@ def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
     out = {}
     for p in heldout.fitted(fitted.on(axis)):
         residual = p.residual_dps
-        rows, apart_dps = outliers(residual, p.run.step_dps[p.axis])
+        residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
+        rows, apart_dps = outliers_of(p.run, p.axis, residual)
         residual[rows] -= apart_dps
         out[p.run.index] = residual
     return out

@@ -9,15 +9,24 @@ from itertools import chain
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.levels import residuals
 from gyrocal.diagnosis.probes import of_session, probe
-from gyrocal.diagnosis.readings import reading_fault, single_readings
+from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.whiteness import too_much_power
+from gyrocal.effects.byte_fault import ByteFault
+from gyrocal.effects.order_tone import turned_turn
+from gyrocal.effects.wave import ONE_RATE
 from gyrocal.inference.fitted import Fit
+from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.noise.orders import order_spectrum
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES
+from gyrocal.recording.session import AXES, Run
 from gyrocal.threads import each
 from gyrocal.variables.frequency import Frequency
+from gyrocal.variables.order import Order
+from gyrocal.variables.shapes import TableWave, Waves
+from gyrocal.variables.table_angle import TableAngle
 
 Progress = Callable[[str], None]
 
@@ -30,7 +39,30 @@ def _line(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
     noise_dps = float(np.sqrt(np.median(spectrum.level) * fitted.session.sample_rate_hz / 2))
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
     note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps at {peak.frequency_hz:.4g} Hz"
-    return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note)
+    line_hz = peak.frequency_hz
+    return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
+
+
+def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+    """Test for a line in the residual's spectrum over the table's angle.
+
+    At one rate, a line that is no whole number per turn is as well a frequency.
+    """
+    turning = [b.run for b in fitted.blocks if not b.run.rate_is_mean and np.any(b.run.rate_dps)]
+    if not turning:
+        return None
+    by_run = residuals(fitted, axis)
+    peaks = order_spectrum([by_run[r.index] for r in turning], [turned_turn(r) for r in turning]).peaks(1)
+    if not peaks or peaks[0].chance >= alarm:
+        return None
+    (peak,) = peaks
+    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
+    if peak.whole is None and np.ptp(rates_dps) < ONE_RATE * max(rates_dps):
+        return None
+    noise_dps = fitted.axes[axis].noise.white_sd_dps
+    strength = peak.amplitude_dps / max(noise_dps, LEAST_WHITE_DPS) * float(np.sqrt(sum(map(len, turning)) / 2))
+    note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps, {peak.words()}"
+    return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 
 def _bump(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
@@ -53,14 +85,48 @@ def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
     return reading_fault(fitted.session, axis, alarm, max(steps_dps, default=0.0))
 
 
-BEYOND_NOISE = (_line, _bump, _not_white, _code)
+BEYOND_NOISE = (_line, _order, _bump, _not_white, _code)
 """The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
-def _outliers(fitted: Fit, axis: str) -> Finding | None:
-    """Outliers that the model does not explain. Noise does not produce them, so this test has no share of the alarm rate."""
-    known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
-    return None if known else single_readings(fitted.session, axis)
+def _codes(fitted: Fit, axis: str) -> list[Finding]:
+    """Outliers and lost carries that the model does not explain.
+
+    Noise does not produce them, so these tests have no share of the alarm rate.
+    """
+    outliers_known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
+    carry_known = any(isinstance(term.effect, ByteFault) for term in fitted.axes[axis].terms)
+    found = [
+        None if outliers_known else single_readings(fitted.session, axis),
+        None if carry_known else dropped_carry(fitted.session, axis),
+    ]
+    return [finding for finding in found if finding is not None]
+
+
+def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]:
+    """The findings of an axis without those that another one tells in better words.
+
+    A wave in the table's angle is a line in the spectrum too, at another frequency for each rate.
+    """
+    angle = {o for f in findings if f.against == TableAngle.name for o in _orders(f)}
+    orders = angle | {o for f in findings if f.against == Order.name for o in _orders(f)}
+
+    def repeated(f: Finding) -> bool:
+        if f.against == Order.name:
+            return angle.issuperset(_orders(f))
+        if f.band_hz is None:
+            return False
+        low, high = f.band_hz
+        waves = ((abs(o * float(np.mean(r.rate_dps)) / 360), 2 / r.duration_s) for r in runs for o in orders)
+        return any(low - width <= hz <= high + width for hz, width in waves if hz > 0)
+
+    return [f for f in findings if not repeated(f)]
+
+
+def _orders(finding: Finding) -> tuple[float, ...]:
+    if isinstance(finding.shape, TableWave):
+        return (finding.shape.order,)
+    return tuple(finding.shape.orders) if isinstance(finding.shape, Waves) else ()
 
 
 @dataclass(frozen=True)
@@ -95,8 +161,8 @@ def find_misfit(
             if finding is not None:
                 probed.append(finding)
         beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
-        found = [f for f in probed if f.chance < share] + [f for f in (*beyond, _outliers(fitted, axis)) if f is not None]
-        return found, min(probed, key=lambda f: f.chance, default=None)
+        found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _codes(fitted, axis)
+        return told_once(found, [b.run for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
 
     tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))
     found = sorted(chain.from_iterable(findings for findings, _ in tested.values()), key=lambda f: -f.strength)

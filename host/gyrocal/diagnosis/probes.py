@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gyrocal.diagnosis.drawn import described, described_of_each_run
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
@@ -20,9 +20,9 @@ from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array, Session
+from gyrocal.recording.session import Session
 from gyrocal.variables.base import variables
-from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps
+from gyrocal.variables.shapes import Shape, ShapeOfEachRun
 
 
 def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
@@ -63,11 +63,8 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
         # the probe may have reduced the noise estimate, on which Wald's statistic depends; the likelihood ratio does not
         fitted = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
         statistic, chance = likelihood_ratio(current, fitted, len(columns))
-    fit = with_noise(design, current.noise, current.spreads)
-    parts = [_part(fit, i, columns) for i in range(len(design.blocks))]
-    amplitude = float(np.std(np.concatenate(parts)) * np.sqrt(2))
+    amplitude, note = described(current, shape) if chance < alarm else (0.0, "")
     strength = float(np.sqrt(max(0.0, statistic - len(columns))))
-    note = _where(shape, current, amplitude) if chance < alarm else ""
     return Finding(axis, against, strength, chance, amplitude, note, shape)
 
 
@@ -92,38 +89,9 @@ def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, s
     without = with_noise(current.design, fitted.noise, current.spreads).loglik
     gain = max(0.0, fitted.loglik - max(current.loglik, without))
     sd = float(fitted.spreads.run[-1])
-    amplitude = sd * float(np.sqrt(2))
-    note = f"{amplitude * 1e3:.3g} mdps, {shape.words} in each run"
+    amplitude, note = described_of_each_run(fitted, shape)
     chance = float(0.5 * chi2.sf(2 * gain, 1)) if sd > 0 else 1.0
     return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, shape)
-
-
-def _where(shape: Shape, current: AxisFit, amplitude_dps: float) -> str:
-    """The size of a finding and, of steps, the one in which the model's residual stands out most."""
-    size = f"{amplitude_dps * 1e3:.3g} mdps"
-    if not isinstance(shape, Steps):
-        return f"{size} in all"
-    means, weights = _of_steps(shape, current)
-    k = int(np.argmax(np.abs(means) * np.sqrt(weights)))
-    value = f"{means[k] * 1e6:+.3g} ppm of the rate" if shape.times_rate else f"{means[k] * 1e3:+.3g} mdps"
-    if k == 0:
-        return f"{size} in all; most, {value}, below {shape.edges[0]:.4g}"
-    high = f" to {shape.edges[k]:.4g}" if k < shape.edges.size else " and more"
-    return f"{size} in all; most, {value}, from {shape.edges[k - 1]:.4g}{high}"
-
-
-def _of_steps(shape: Steps, current: AxisFit) -> tuple[Array, Array]:
-    """Mean of the model's residual in each step (deg/s, or a fraction of the rate), and its weight, shape [steps] each."""
-    totals, weights = np.zeros(shape.edges.size + 1), np.zeros(shape.edges.size + 1)
-    p = len(current.design.layout.fixed)
-    for i, b in enumerate(current.design.blocks):
-        columns, u = current.design.columns(i), current.run_coefficients(i, current.solution.beta, current.spreads)
-        residual = columns[0] - current.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]
-        unit = true_rate_dps(b.run)[b.start] if shape.times_rate else np.ones(b.n.size)
-        step = shape.of_samples(b.run)[b.start]
-        np.add.at(totals, step, b.n * unit * residual)
-        np.add.at(weights, step, b.n * unit**2)
-    return np.divide(totals, weights, out=totals, where=weights > 0), weights
 
 
 def _wald(fit: AxisFit, columns: Sequence[int]) -> float:
@@ -131,6 +99,3 @@ def _wald(fit: AxisFit, columns: Sequence[int]) -> float:
     cov = fit.solution.cov[np.ix_(columns, columns)]
     return float(beta @ np.linalg.solve(cov, beta))
 
-
-def _part(fit: AxisFit, i: int, columns: Sequence[int]) -> Array:
-    return fit.solution.beta[list(columns)] @ fit.design.columns(i)[[1 + c for c in columns]]

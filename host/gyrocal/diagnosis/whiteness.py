@@ -64,7 +64,8 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
         amplitude = float(np.sqrt(max(0.0, 2 * powers[band].sum() / counts[band].mean())))
         note = f"{amplitude * 1e3:.3g} mdps between {low:.2g} and {high:.2g} Hz beyond noise"
         if chance < alarm and (worst is None or chance < worst.chance):
-            worst = Finding(axis, Frequency.name, (mean - 1) * float(np.sqrt(looks)), chance, amplitude, note)
+            sigma = (mean - 1) * float(np.sqrt(looks))
+            worst = Finding(axis, Frequency.name, sigma, chance, amplitude, note, band_hz=(low, high))
     return worst
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.parameter import Described, Parameter, Values
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS
 
@@ -64,7 +65,7 @@ class Case:
 
     values: Values
     recovers: tuple[str, ...]
-    campaign: Literal["paper", "full"] = "paper"
+    campaign: Literal["paper", "full", "swing", "shaker", "chamber"] = "paper"
     axis: str = "z"
 
 
@@ -133,9 +134,24 @@ class Effect(Described):
         """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
         return len(self.variants(runs, axis))
 
+    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
+        """True if block means of a tenth of a second lose this effect in these runs. A candidate is then fitted to samples."""
+        return self.fast
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        """False if the readings rule the effect out at first sight, so that no fit is tried.
+
+        ``line_chance`` is the probability that noise produces the strongest line in the spectrum of the model's residual.
+        """
+        return not self.fast or line_chance <= POLICY.false_discovery_rate
+
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         """The first step of a nonlinear parameter's refinement, in its logarithm."""
         return 0.3
+
+    def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
+        """The part of a nonlinear parameter's standard error that comes from the spacing of the samples, even without noise."""
+        return 0.0
 
     @property
     def fault(self) -> ReadingFault | None:

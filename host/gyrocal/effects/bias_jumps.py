@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.byte_fault import single_power
+from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.outliers import STANDS_OUT as OUTLIER_SPREADS
-from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array, Run
 
 MOST = 4
@@ -56,7 +57,7 @@ def outliers_of(run: Run, axis: int) -> Array:
     out = np.zeros(len(run))
     if not run.rate_is_mean:
         about = run.rate_dps if axis == run.axis_index else 0.0
-        rows, apart_dps = outliers(run.gyro_dps[:, axis] - about, run.step_dps[axis])
+        rows, apart_dps = reading_outliers(run, axis, run.gyro_dps[:, axis] - about)
         out[rows] = apart_dps
     return out
 
@@ -144,8 +145,11 @@ class _SingleReadings(ReadingFault):
     looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect outliers, at least two."""
+        """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes."""
         from scipy.stats import norm
+
+        if single_power(runs, axis) is not None:
+            return None
 
         apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
         found = apart_dps[apart_dps != 0]

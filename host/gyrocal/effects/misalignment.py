@@ -41,7 +41,8 @@ class Misalignment(Effect):
         return tuple(i for i in range(3) if i != run.axis_index)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if self._others(runs, axis) else "a run in which the table turns about another axis at a known rate"
+        needed = "a run in which the table turns about another axis at a known rate or by a known angle"
+        return None if self._others(runs, axis) else needed
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         others = self._others(runs, axis) if runs else [name for name in AXES if name != AXES[axis]]
@@ -58,6 +59,6 @@ class Misalignment(Effect):
         return np.sum(others, axis=0) if others else np.zeros(len(next(iter(turning.values()))))
 
     def _others(self, runs: Sequence[Run], axis: int) -> list[str]:
-        """The other axes about which the table turns."""
-        turning = {r.axis for r in runs if r.axis_index != axis and not r.rate_is_mean and np.any(r.rate_dps)}
+        """The other axes about which the table turns. A turn of known angle shows the leak by its mean rate."""
+        turning = {r.axis for r in runs if r.axis_index != axis and np.any(r.rate_dps)}
         return sorted(turning)

@@ -20,6 +20,8 @@ TURNING_AT_ALL = "a run in which the table turns at a known rate"
 VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
 MOVING_TEMPERATURE = "a temp_c column that moves by 1 degC or more over the session"
 
+LOST_IN_BLOCKS_HZ = 2.5
+"""Frequency above which means over blocks of a tenth of a second lose more than a tenth of a wave's amplitude, Hz."""
 LEAST_RANGE_C = 1.0
 TEMPERATURE_WINDOW_S = 10.0
 """Shortest time over which the slope of the temperature is computed, s. Heat passes through a package in seconds."""

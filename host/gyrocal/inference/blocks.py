@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
-from gyrocal.recording.outliers import outliers
+from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import GAP_PERIODS, Array, Run, Session
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import Timing
@@ -97,6 +98,12 @@ def residual_dps(run: Run) -> Array:
     return run.gyro_dps - np.column_stack([known_dps(run, axis) for axis in range(3)])
 
 
+def begins_apart(run: Run, axis: int, y_dps: Array) -> Array:
+    """How far the first readings of a residual [n] are off what follows, shape [FIRST], deg/s: a warning, and no effect."""
+    moves_dps = 2 * float(np.ptp(run.rate_dps[: FIRST + 2])) if axis == run.axis_index else 0.0
+    return first_apart(y_dps, float(run.step_dps[axis]), moves_dps)
+
+
 def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     """Blocks of one run. A run of which only the net angle is known is a single block."""
     n = len(run)
@@ -122,7 +129,8 @@ def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
         y *= run.weights[:, None]
     else:
         for axis in range(3):
-            rows_out, apart_dps = outliers(y[:, axis], run.step_dps[axis])
+            y[:FIRST, axis] -= begins_apart(run, axis, y[:, axis])
+            rows_out, apart_dps = outliers_of(run, axis, y[:, axis])
             y[rows_out, axis] -= apart_dps
     rows = start[:, None] + np.arange(size)
     grouped = y[rows]

@@ -44,7 +44,7 @@ def finish(current: AxisFit) -> AxisFit:
             groups = [layout.run_group[j] for j in own]
             values.update(kind.named_spread(current.spreads.run[groups], term.values))
             se.update(kind.named_spread(run_se[groups], term.values))
-        se.update(_nonlinear_errors(i, together))
+        se.update(_nonlinear_errors(current, i, together))
         terms.append(replace(term, values=values, se=se))
     return replace(current, terms=tuple(terms), noise_model=_fitted_noise(current, scenario_se))
 
@@ -84,8 +84,11 @@ def _named(term: Term, current: AxisFit, of: Joint, mine: list[int]) -> tuple[Va
     return values, dict(zip(values, map(float, errors), strict=True))
 
 
-def _nonlinear_errors(i: int, of: Joint) -> Values:
+def _nonlinear_errors(current: AxisFit, i: int, of: Joint) -> Values:
     """Errors of a term's nonlinear parameters."""
     mine = [k for k, (term, _) in enumerate(of.nonlinear) if term == i]
     errors = of.errors(lambda _, log_values: np.exp(log_values[mine])) if mine else np.zeros(0)
-    return {of.nonlinear[k][1]: float(error) for k, error in zip(mine, errors, strict=True)}
+    term, runs = current.design.terms[i], [b.run for b in current.design.blocks]
+    names = [of.nonlinear[k][1] for k in mine]
+    spacing = [term.effect.resolution(name, term.values, runs, current.design.axis) for name in names]
+    return {name: float(np.hypot(e, s)) for name, e, s in zip(names, errors, spacing, strict=True)}

@@ -309,7 +309,8 @@ def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.Da
     sign = 1.0 if planned.face == "up" else -1.0
     gravity = np.zeros((n, 3))
     gravity[:, AXES.index(planned.axis)] = sign
-    acc_g = np.round((gravity + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
+    shaken = gravity + rng.normal(0, planned.shake_g, (n, 3)) if planned.shake_g else gravity
+    acc_g = np.round((shaken + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
     temp_c = np.round((day.on(planned.power_on_s + t_s) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
     still = {f"g{a}_dps": np.zeros(n) for a in AXES}
     frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})

@@ -42,6 +42,7 @@ class Variable(ABC):
     """Something that a residual can depend on, in the ``runs`` of one session.
 
     ``self.runs`` leaves out runs whose rate is known only as a mean, because they have no residual within the run.
+    ``self.turns`` has these runs.
     """
 
     name: ClassVar[str]
@@ -70,6 +71,7 @@ class Variable(ABC):
 
     def __init__(self, runs: Sequence[Run]) -> None:
         self.runs = [r for r in runs if not r.rate_is_mean]
+        self.turns = [r for r in runs if r.rate_is_mean]
 
     @classmethod
     def label(cls, component: str = "") -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -46,6 +47,10 @@ class Rate(Variable):
             shapes.append(Columns(lambda run: _even(self.values(run, axis), speeds), min(2, speeds.size - 1)))
         if rate_varies(self.runs, axis):
             shapes.append(Columns(lambda run: _slope_dps_s(run, axis), 2))
+        across = sorted({r.axis for r in self.turns if r.axis_index != axis and np.any(r.rate_dps)})
+        if across:
+            words = f"in turns about {' and '.join(across)}"
+            shapes.append(Columns(lambda run: _turned_about(run, across), len(across), words))
         return shapes
 
     def _speeds_dps(self, axis: int) -> Array:
@@ -79,3 +84,8 @@ def _slope_dps_s(run: Run, axis: int) -> Array:
     """The slope of the rate, to which a delay is proportional, and slope times time, to which a clock error is proportional."""
     slope = rate_slope_dps_s(run, axis)
     return np.column_stack([slope, slope * elapsed_s(run)])
+
+
+def _turned_about(run: Run, axes: Sequence[str]) -> Array:
+    """The mean rate of a turn of known angle in the column of its axis, shape [n, axes], deg/s; zero for other runs."""
+    return np.column_stack([run.rate_dps * (run.rate_is_mean and run.axis == axis) for axis in axes])
