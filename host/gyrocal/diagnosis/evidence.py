@@ -30,10 +30,12 @@ def judge(current: Current, effect: Effect) -> Candidate:
         return judge_reading(current, effect, fault)
     if isinstance(effect, ReadingFault):
         return Candidate(effect, current.axis, "reject")
+    least_chance = 0.0
     if effect.fast:
         peak = current.comparison.spectra[current.axis].peak()
         if peak is None or peak.chance > POLICY.false_discovery_rate:
             return Candidate(effect, current.axis, "reject")
+        least_chance = peak.chance  # the noise of samples is coloured, so the line is judged against its neighbours
         current = current.of_samples()
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
     if not _measurable(tried):
@@ -42,7 +44,7 @@ def judge(current: Current, effect: Effect) -> Candidate:
     term = fitted.terms[-1]
     parameters = _parameters(current.fit, fitted, effect)
     looks = effect.looks(current.runs, current.index)
-    chance = min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1])
+    chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
     signal = _signal(fitted)
