@@ -52,14 +52,14 @@ def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
     return reading_fault(fitted.session, axis, alarm, max(steps_dps, default=0.0))
 
 
-BEYOND_NOISE = (_line, _bump, _not_white, _code)
-"""The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
-
-
-def _outliers(fitted: Fit, axis: str) -> Finding | None:
-    """Outliers that the model does not explain. Noise does not produce them, so this test has no share of the alarm rate."""
+def _outliers(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+    """Test for outliers that neither the model nor the noise's own tail explains."""
     known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
-    return None if known else single_readings(fitted.session, axis)
+    return None if known else single_readings(fitted.session, axis, alarm)
+
+
+BEYOND_NOISE = (_line, _bump, _not_white, _code, _outliers)
+"""The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
 def find_misfit(
@@ -85,6 +85,6 @@ def find_misfit(
             if finding is not None and finding.chance < share:
                 probed.append(finding)
         beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
-        return probed + [finding for finding in (*beyond, _outliers(fitted, axis)) if finding is not None]
+        return probed + [finding for finding in beyond if finding is not None]
 
     return sorted(chain.from_iterable(each(on, axes, fitted.session.rows)), key=lambda f: -f.strength)

@@ -8,7 +8,7 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import outliers
+from gyrocal.recording.outliers import chance_of, outliers
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.variables.reading import Reading
 
@@ -71,8 +71,11 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
     return float(np.exp(max(log_chance, -700.0)))
 
 
-def single_readings(session: Session, axis: str) -> Finding | None:
-    """Outliers, if they add at least ``Policy.outlier_power`` to the power of the noise. None otherwise."""
+def single_readings(session: Session, axis: str, alarm: float) -> Finding | None:
+    """Outliers that the noise's own tail does not explain and that add at least ``Policy.outlier_power`` to its power.
+
+    ``alarm`` is the allowed probability of a false alarm. Returns None without a finding.
+    """
     i = AXES.index(axis)
     steady = [r for r in session.runs if not r.rate_is_mean]
     if not steady:
@@ -83,9 +86,12 @@ def single_readings(session: Session, axis: str) -> Finding | None:
     samples = sum(y.size for y in readings)
     if apart.size < 2 or float(apart @ apart) < POLICY.outlier_power * white**2 * samples:
         return None
+    chance = chance_of(readings, max(float(r.step_dps[i]) for r in steady))
+    if chance >= alarm:
+        return None
     size_dps = float(np.sqrt(np.mean(apart**2)))
     note = f"{apart.size} single readings stand out by {size_dps:.3g} dps"
     if session.lsb_dps is not None and np.mean(np.abs(np.abs(apart) - 256 * session.lsb_dps) < 6 * white) > 0.9:
         note += ", 256 counts: the two bytes of a reading are not of one sample"
     strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
-    return Finding(axis, Reading.name, strength, 0.0, size_dps, note)
+    return Finding(axis, Reading.name, strength, chance, size_dps, note)
