@@ -37,7 +37,7 @@ def white(rng: np.random.Generator, n: int, rate_hz: float) -> Array:
 
 
 def low_passed(rng: np.random.Generator, n: int, rate_hz: float, cutoff_hz: float, order: int = 2) -> Array:
-    """White noise of the sensor at eight times the sample rate, through its low-pass, then sampled: what is above folds back."""
+    """White noise at eight times the sample rate, through the sensor's low-pass, then sampled: what is above folds back."""
     from scipy.signal import butter, sosfilt
 
     fine = 8
@@ -116,7 +116,7 @@ def one_run(
     gyro = np.rint((truth + bias_dps + draw(rng, n, rate_hz)) / lsb_dps) * lsb_dps
     temp_c = room_c + 1.5 * (1 - np.exp(-t_s / 200)) + 0.3 * np.sin(2 * np.pi * t_s / 90)
     tilt = rng.normal(0, 0.01, 2)
-    acc = rng.normal(0, 0.003, (n, 3)) + [tilt[0], tilt[1], sign]
+    acc = rng.normal(0, 0.003, (n, 3)) + np.array([tilt[0], tilt[1], sign])
     frame = pl.DataFrame({
         "t_s": t_s, "gx_dps": gyro[:, 0], "gy_dps": gyro[:, 1], "gz_dps": gyro[:, 2],
         "ax_g": acc[:, 0], "ay_g": acc[:, 1], "az_g": acc[:, 2], "temp_c": np.round(temp_c * 256) / 256,
@@ -200,7 +200,8 @@ def show(path: Path) -> None:
         alarms = sum(x["verdict"] not in ("adequate", "implausible") for x in mine)
         bounds = [100 * beta.ppf(0.95, k + 1, max(n - k, 1e-9)) for k in (names, alarms)]
         rows.append([kind, str(n), str(names), f"{bounds[0]:.1f}", str(alarms), f"{bounds[1]:.1f}"])
-    table("sessions without an effect", ["noise", "sessions", "false names", "at most, %", "alarms of any kind", "at most, %"], rows)
+    columns = ["noise", "sessions", "false names", "at most, %", "alarms of any kind", "at most, %"]
+    table("sessions without an effect", columns, rows)
 
 
 def main() -> None:

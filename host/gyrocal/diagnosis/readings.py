@@ -8,7 +8,7 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import chance_of, outliers
+from gyrocal.recording.outliers import ROBUST, chance_of, outliers
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.variables.reading import Reading
 
@@ -30,7 +30,9 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
         return None
     readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
     codes = np.concatenate([np.rint(g / session.lsb_dps).astype(np.int64) for g in readings])
-    noise = float(np.sqrt(np.mean(np.concatenate([np.diff(g) for g in readings]) ** 2) / 2)) / session.lsb_dps
+    steps = np.abs(np.concatenate([np.diff(g) for g in readings]))
+    # the noise that toggles a bit at all times, not that of a burst
+    noise = min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(steps))) / np.sqrt(2) / session.lsb_dps
     mean_codes = np.array([int(np.rint(np.mean(g) / session.lsb_dps)) for g in readings])
     worst: Finding | None = None
     for bit in range(BITS):

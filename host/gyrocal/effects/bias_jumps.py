@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
 from gyrocal.effects.reading_fault import Detected, ReadingFault
-from gyrocal.recording.outliers import chance_of, outliers
+from gyrocal.recording.outliers import Index, chance_of, outliers
 from gyrocal.recording.session import Array, Run
 
 MOST = 4
@@ -64,7 +64,7 @@ def _error(total: Array, width: int) -> Array:
     centre = np.arange(width, total.size - width) // part
     per_window = width // part
 
-    def scatter(first: Array, stop: Array) -> Array:
+    def scatter(first: Index, stop: Index) -> Array:
         first, stop = (np.clip(edge, 0, square.size) for edge in (first, stop))
         return (summed[stop] - summed[first]) / np.maximum(stop - first, 1)
 

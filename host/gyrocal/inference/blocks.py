@@ -41,6 +41,13 @@ class Blocks:
     y_dps: Array
     within_ss: Array
     within_n: int
+    weight: Array | None = None
+    """Relative precision [m] of a sample's noise in each block, if the level of the noise changes; None = equal."""
+
+    @property
+    def precision(self) -> Array:
+        """Number of samples of the usual noise that know as much as each block, shape [m]."""
+        return self.n if self.weight is None else self.n * self.weight
 
     def mean(self, columns: Array) -> Array:
         """Block means of per-sample columns [n_samples, k], shape [m, k]."""
@@ -67,7 +74,7 @@ class Blocks:
         share = float(kept.mean())
         return Blocks(
             self.run, self.scenario, self.start[kept], self.n[kept], self.t_s[kept], self.y_dps[kept],
-            self.within_ss * share, round(self.within_n * share),
+            self.within_ss * share, round(self.within_n * share), None if self.weight is None else self.weight[kept],
         )  # fmt: skip
 
 

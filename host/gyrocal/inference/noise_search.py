@@ -23,6 +23,10 @@ from gyrocal.recording.session import Array
 
 LEAST_WHITE_DPS = 1e-5
 """No reading is less noisy than this: a thousandth of a count."""
+WITHIN = 3.0
+"""Logarithm of the ratio by which the white level of block means may differ from the scatter within blocks.
+
+Behind a low-pass filter, slow noise is larger than the scatter shows. Beside a fast vibration it is smaller."""
 STEP = 1e-4
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
 
@@ -86,7 +90,7 @@ class NoiseScale:
         longest_s, block_s = design.extent_s
         samples = max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks]))))
         unit = float(white0 / np.sqrt(SLOW_S / block_s * samples))
-        bounds = [(float(np.log(white0)) - 0.2, float(np.log(white0)) + 3.0)]
+        bounds = [(float(np.log(white0)) - WITHIN, float(np.log(white0)) + WITHIN)]
         if _drifts(design):
             slow_s = max(SLOW_S, 5 * block_s)
             bounds.append((NO_SPREAD, float(np.log1p((150 * white0 / unit) ** 2))))

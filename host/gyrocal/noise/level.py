@@ -113,27 +113,24 @@ def _at_penalty(basis: Array, penalty: Array, size: float, mean: Array, weight: 
     used = weight > 0
     basis, mean, weight = basis[used], np.maximum(mean[used], np.finfo(np.float64).tiny), weight[used]
     ridge = 1e-9 * float(weight.sum()) * np.eye(penalty.shape[0])
-    if start is None:
-        normal = (basis * weight[:, None]).T @ basis + penalty + ridge
-        start = np.linalg.solve(normal, basis.T @ (weight * np.log(mean)))
+    expected = (basis * weight[:, None]).T @ basis + penalty + ridge  # Fisher's information, the same at any level
+    x: Array = np.linalg.solve(expected, basis.T @ (weight * np.log(mean))) if start is None else start
 
     def cost(x: Array) -> float:
         eta = basis @ x
         return float(weight @ (eta + mean * np.exp(-eta)) + 0.5 * x @ penalty @ x)
 
-    x, at = start, cost(start)
+    at = cost(x)
     for _ in range(NEWTON_STEPS):
         eta = basis @ x
         ratio = mean * np.exp(-eta)
         slope = basis.T @ (weight * (1 - ratio)) + penalty @ x
-        expected = (basis * weight[:, None]).T @ basis + penalty + ridge  # Fisher's scoring
         step = np.linalg.solve(expected, slope)
         while (moved := cost(x - step)) > at + 1e-9 * abs(at) and np.abs(step).max() > 1e-9:
             step = step / 2
         x, gained, at = x - step, at - moved, moved
         if gained < 1e-4:
             break
-    information = (basis * weight[:, None]).T @ basis + penalty + ridge
-    logdet = float(np.linalg.slogdet(information)[1])
+    logdet = float(np.linalg.slogdet(expected)[1])
     rank = penalty.shape[0] - 2
-    return _Penalised(x, information, -at + 0.5 * rank * float(np.log(size)) - 0.5 * logdet)
+    return _Penalised(x, expected, -at + 0.5 * rank * float(np.log(size)) - 0.5 * logdet)

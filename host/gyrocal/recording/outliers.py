@@ -23,6 +23,8 @@ EDGES = np.linspace(0.0, STANDS_OUT, 161)
 FREEDOMS = np.array([1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 40.0, 100.0, 1e6])
 ALLOWED = 2.0
 """Log-likelihood by which degrees of freedom may be worse than the best and still be those of the noise."""
+LARGE = 4.0
+"""Spreads from which on deviations show the tail of the noise. If there are more than the t distribution has, they count."""
 LEVELS = 5
 """Sizes at which outliers are counted, each twice the one before."""
 DISTURBED = 3.0
@@ -68,7 +70,7 @@ def chance_of(residuals: Sequence[Array], step_dps: float) -> float:
     from scipy.ndimage import median_filter
     from scipy.stats import poisson, t
 
-    histogram, samples, sizes = np.zeros(EDGES.size - 1), 0, []
+    histogram, samples, large, sizes = np.zeros(EDGES.size - 1), 0, 0, []
     for y_dps in residuals:
         if y_dps.size < 3 * NEIGHBOURS:
             continue
@@ -78,6 +80,7 @@ def chance_of(residuals: Sequence[Array], step_dps: float) -> float:
             continue
         samples += y_dps.size
         z = np.abs(level) / spread
+        large += int(np.count_nonzero((z > LARGE) & (z < STANDS_OUT)))
         if step_dps < spread:  # coarser counts hide the shape of the noise
             histogram += np.histogram(z, EDGES)[0]
         rows, apart_dps = outliers(y_dps, step_dps)
@@ -88,9 +91,11 @@ def chance_of(residuals: Sequence[Array], step_dps: float) -> float:
     if not found.size:
         return 1.0
     freedom = _freedom(histogram)
+    tail = float(t.sf(LARGE / _unit(freedom), freedom))
+    beyond = max(samples * 2 * tail, large + 2 * np.sqrt(large))  # expected beyond LARGE
     chances = []
     for least in STANDS_OUT * 2.0 ** np.arange(LEVELS):
-        expected = samples * 2 * float(t.sf(least / _unit(freedom), freedom))
+        expected = beyond * float(t.sf(least / _unit(freedom), freedom)) / tail
         chances.append(float(poisson.sf(int(np.count_nonzero(found > least)) - 1, expected)))
     return min(1.0, LEVELS * min(chances))
 
