@@ -22,6 +22,8 @@ COLORS = np.linspace(-0.3, 0.7, 101)
 LOWEST_HZ = 1.0
 """Frequency above which block means show the colour of the fast noise. Below it are drift and effects of a turning table."""
 BANDS = 8
+SURE = 3.0
+"""Standard errors, ``1 / sqrt(blocks)`` each, from which on a correlation counts."""
 LEAST_IN_BAND = 12
 """Bands, each with so many values of the periodogram at the least, whose medians are compared. A median ignores lines."""
 
@@ -79,8 +81,8 @@ def _color(current: AxisFit) -> float:
         power = np.abs(np.fft.rfft((residual - residual.mean()) * np.hanning(m))) ** 2 / m
         angle = 2 * np.pi * np.fft.rfftfreq(m)
         fast = (angle > 2 * np.pi * LOWEST_HZ * step_s) & (angle < 0.98 * np.pi)
-        angles.append(angle[fast])
-        powers.append(np.asarray(power[fast], dtype=np.float64))
+        angles.append(angle[fast].astype(np.float64))
+        powers.append(power[fast].astype(np.float64))
     angle = np.concatenate([*angles, np.zeros(0)])
     if angle.size < BANDS * LEAST_IN_BAND:
         return 0.0
@@ -90,4 +92,5 @@ def _color(current: AxisFit) -> float:
     level = np.array([np.log(np.median(power[band])) for band in bands])
     middle = np.array([float(np.mean(np.cos(angle[band]))) for band in bands])
     off = level[:, None] + np.log(1 + COLORS**2 - 2 * COLORS * middle[:, None])
-    return float(COLORS[int(np.argmin(off.var(axis=0)))])
+    color = float(COLORS[int(np.argmin(off.var(axis=0)))])
+    return color if abs(color) > SURE / np.sqrt(2 * angle.size) else 0.0

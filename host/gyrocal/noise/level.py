@@ -114,7 +114,7 @@ def _at_penalty(basis: Array, penalty: Array, size: float, mean: Array, weight: 
     basis, mean, weight = basis[used], np.maximum(mean[used], np.finfo(np.float64).tiny), weight[used]
     ridge = 1e-9 * float(weight.sum()) * np.eye(penalty.shape[0])
     expected = (basis * weight[:, None]).T @ basis + penalty + ridge  # Fisher's information, the same at any level
-    x: Array = np.linalg.solve(expected, basis.T @ (weight * np.log(mean))) if start is None else start
+    x = np.asarray(np.linalg.solve(expected, basis.T @ (weight * np.log(mean))), dtype=np.float64) if start is None else start
 
     def cost(x: Array) -> float:
         eta = basis @ x

@@ -138,16 +138,16 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     segments = len(power)
     if np.count_nonzero(use) < 8 or not power.any():
         return Spectrum(empty, empty, empty, empty, empty, segments, length)
-    frequency = np.asarray(frequency[use], dtype=np.float64)
+    frequency_hz: Array = frequency[use].astype(np.float64)
     tiny = np.finfo(np.float64).tiny
     mean: Array = np.asarray(power.mean(axis=0), dtype=np.float64)
     pooled: Array = np.asarray((even / _segment_levels(even)[:, None]).mean(axis=0), dtype=np.float64)
-    smooth = smooth_level(frequency, np.maximum(pooled, tiny), float(segments), PAD)
+    smooth = smooth_level(frequency_hz, np.maximum(pooled, tiny), float(segments), PAD)
     ratio = pooled / smooth.level
     scale = float(np.exp(np.median(np.log(np.maximum(mean, tiny)) - np.log(np.maximum(pooled, tiny)))))
     # the level is Gamma-distributed too: of shape 1 / variance
     tail = np.asarray(f.sf(ratio, 2 * segments, 2 / np.maximum(smooth.variance, 1e-9)))
-    return Spectrum(frequency, mean, smooth.level * scale, ratio, tail, segments, length)
+    return Spectrum(frequency_hz, mean, smooth.level * scale, ratio, tail, segments, length)
 
 
 def _periodograms(residuals: Sequence[Array], length: int, rate_hz: float) -> Array:

@@ -16,6 +16,8 @@ from gyrocal.recording.session import Array
 WINDOW = 64
 """Samples of a window. Interference of a second and less is seen at 100 Hz, and a window still knows its level to a tenth."""
 LEAST_WINDOWS = 6
+ENOUGH = 1 << 13
+"""Samples of a recording that show its autocorrelation."""
 SURE = 4.0
 """Standard errors by which windows must differ more than equal ones do."""
 
@@ -80,9 +82,9 @@ def _variance(residuals: Sequence[Array], window: int) -> float:
     """
     total, square = 0.0, np.zeros(window // 2)
     for r in residuals:
-        d = np.diff(r)
+        d = np.diff(r[:ENOUGH])
         if d.size > 2 * window:
-            spectrum = np.abs(np.fft.rfft(d, 2 * d.size)) ** 2
+            spectrum = np.abs(np.fft.rfft(d, 2 * ENOUGH)) ** 2
             square += np.fft.irfft(spectrum)[: square.size]
             total += 1
     rho = square / max(square[0], 1e-300) if total else np.eye(1, square.size)[0]
