@@ -28,23 +28,23 @@ LEAST_PERIODS = 2.5
 class Periodogram:
     """Sums over runs with the same sampling, at each frequency [f].
 
-    ``ratio`` sums power divided by the expected noise, ``beyond`` sums power minus the expected noise (dps^2).
+    ``ratio`` sums power divided by the expected noise, ``power`` sums power (dps^2).
     """
 
     frequency_hz: Array
     ratio: Array
-    beyond: Array
+    power: Array
     runs: int
 
 
 @dataclass(frozen=True)
 class _Band:
-    """A band of frequencies: the sum of ``ratio``, the power beyond noise in one run (dps^2), and the number of values."""
+    """A band of frequencies: the sum of ``ratio``, the power in one run (dps^2), and the number of values."""
 
     low_hz: float
     high_hz: float
     ratio: float
-    beyond: float
+    power: float
     values: float
 
     @property
@@ -58,7 +58,7 @@ class _Band:
 
     def with_next(self, other: _Band) -> _Band:
         return _Band(
-            self.low_hz, other.high_hz, self.ratio + other.ratio, self.beyond + other.beyond, self.values + other.values
+            self.low_hz, other.high_hz, self.ratio + other.ratio, self.power + other.power, self.values + other.values
         )
 
 
@@ -79,7 +79,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
         chance = min(1.0, len(ranges) * max(chances))
         if chance < alarm and (worst is None or chance < worst.chance):
             side = max(other.mean for other in beside)
-            amplitude = float(np.sqrt(max(0.0, 2 * band.beyond)))
+            amplitude = float(np.sqrt(2 * band.power * max(0.0, 1 - side / band.mean)))
             note = f"{amplitude * 1e3:.3g} mdps between {band.low_hz:.2g} and {band.high_hz:.2g} Hz beyond noise"
             worst = Finding(axis, Frequency.name, (band.mean / side - 1) * float(np.sqrt(band.looks)), chance, amplitude, note)
     return worst
@@ -99,7 +99,7 @@ def _bands(fit: AxisFit) -> list[_Band]:
         return []
     frequencies = np.concatenate([p.frequency_hz for p in parts])
     runs = sum(p.runs for p in parts)
-    ratios, powers = np.concatenate([p.ratio for p in parts]), np.concatenate([p.beyond / runs for p in parts])
+    ratios, powers = np.concatenate([p.ratio for p in parts]), np.concatenate([p.power / runs for p in parts])
     counts = np.concatenate([np.full(p.frequency_hz.size, float(p.runs)) for p in parts])
     edges = np.geomspace(frequencies.min(), frequencies.max() * (1 + 1e-9), POLICY.bands + 1)
     bands: list[_Band] = []
@@ -128,26 +128,25 @@ def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
     expected = _expected(fit, window * weight, step_s, first.precision)
     residual = np.stack([fit.block_residuals(i) for i in index]) * weight
     power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
-    ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
+    ratio, power = power / expected, 2 * power / (m * float(window @ window))
     frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
     use = (frequency > max(1 / SLOW_S, LEAST_PERIODS / (m * step_s))) & (frequency < HIGHEST / step_s)
     if not use.any():  # blocks so slow that all of it counts as drift
         return None
-    return Periodogram(frequency[use], ratio.sum(axis=0)[use], beyond.sum(axis=0)[use], len(index))
+    return Periodogram(frequency[use], ratio.sum(axis=0)[use], power.sum(axis=0)[use], len(index))
 
 
 def _expected(fit: AxisFit, window: Array, step_s: float, precision: Array) -> Array:
     """Expectation of the tapered periodogram: the transform of the noise's autocovariance times that of the window.
 
-    ``precision`` [m] is the number of usual samples that each block counts for.
+    ``precision`` [m] is the number of usual samples that each block counts for. The colour of the white noise is left out: it
+    makes the ratio fall with frequency, where an imperfect description of it could make the ratio rise.
     """
     from scipy.signal import fftconvolve
 
-    m, noise, color = window.size, fit.noise, fit.design.color
+    m, noise = window.size, fit.noise
     lags = np.arange(m)
     drift = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
     white = float(window**2 @ (1 / precision)) / float(window @ window) * noise.white_sd_dps**2
-    # the noise is white behind the filter of noise/whitening.py, which leaves its density at low frequencies as it is
-    white_lags = white * (1 - color) / (1 + color) * color**lags if color else np.where(lags == 0, white, 0.0)
-    tapered = (drift + white_lags) * fftconvolve(window, window[::-1])[m - 1 :]
+    tapered = (drift + np.where(lags == 0, white, 0.0)) * fftconvolve(window, window[::-1])[m - 1 :]
     return np.asarray(2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0])
