@@ -8,8 +8,9 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import ROBUST, chance_of, outliers
+from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import AXES, Array, Session
+from gyrocal.recording.tail import ROBUST, chance_of
 from gyrocal.variables.reading import Reading
 
 BITS = 16

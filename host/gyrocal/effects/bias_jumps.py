@@ -8,8 +8,9 @@ import numpy as np
 
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
 from gyrocal.effects.reading_fault import Detected, ReadingFault
-from gyrocal.recording.outliers import Index, chance_of, outliers
+from gyrocal.recording.outliers import Index, outliers
 from gyrocal.recording.session import Array, Run
+from gyrocal.recording.tail import chance_of
 
 MOST = 4
 """Largest number of jumps per run."""
