@@ -36,7 +36,7 @@ def null() -> ModuleType:
     ("kind", "seed"),
     [
         ("low-pass, static", 0), ("low-pass, static", 3), ("flicker, low-pass", 0), ("flicker, static", 1),
-        ("level differs between runs", 0),
+        ("level differs between runs", 0), ("low-pass 5-42 Hz", 22),
         ("level changes, static", 2), ("level changes in a run", 2), ("correlated, coarse counts", 0), ("t5", 0), ("t3", 0),
         ("bursts", 1), ("bursts, static", 1), ("10 Hz, flicker, static", 4),
     ],

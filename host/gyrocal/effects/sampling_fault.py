@@ -18,9 +18,11 @@ def stale(run: Run, apart: int = 1) -> Mask:
 
 
 def _volume(runs: Sequence[Run], apart: int) -> float:
-    """Generalised standard deviation, (deg/s)^3, of the differences of samples that are not equal on all axes."""
-    differences = np.concatenate([(r.gyro_dps[apart:] - r.gyro_dps[:-apart])[~stale(r, apart)] for r in runs])
-    return float(np.sqrt(max(0.0, np.linalg.det(differences.T @ differences / max(1, len(differences))))))
+    """Generalised standard deviation, (deg/s)^3, of the differences of samples, without what rounding to counts adds."""
+    differences = np.concatenate([r.gyro_dps[apart:] - r.gyro_dps[:-apart] for r in runs])
+    covariance = differences.T @ differences / max(1, len(differences))
+    rounding = np.minimum(max(np.max(r.step_dps) for r in runs) ** 2 / 6, 0.9 * np.diag(covariance))
+    return float(np.sqrt(max(0.0, np.linalg.det(covariance - np.diag(rounding)))))
 
 
 class SamplingFault(ReadingFault):
