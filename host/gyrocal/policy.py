@@ -36,6 +36,20 @@ class Policy:
         larger="if the readings have two modes, one of them is removed",
         smaller="the errors of a bus that often loses bits remain in the fit",
     )  # fmt: skip
+    large_spreads: float = threshold(
+        4.0, "standard deviations from which on deviations show the tail of the noise, for what is to be expected beyond",
+        larger="few readings tell the tail", smaller="the body of the noise decides on its tail",
+    )  # fmt: skip
+    tail_loss: float = threshold(
+        2.0, "log-likelihood by which a heavier tail may be worse than the best and still be that of the noise",
+        larger="few outliers are called a fault", smaller="heavy-tailed noise is called a fault",
+        chosen_by="a 95 % interval of one parameter; pytest tests/diagnosis/test_null_noise.py",
+    )  # fmt: skip
+    disturbed_spreads: float = threshold(
+        3.0, "standard deviations from which on a neighbour of an outlier is disturbed too, as in a burst of interference",
+        larger="bursts are called faults of single readings", smaller="ordinary noise beside a fault hides it",
+        chosen_by="tail of the normal distribution (one of six neighbours exceeds 3 in 1.6 % of cases); chosen by judgement",
+    )  # fmt: skip
     outlier_power: float = threshold(
         0.01, "power of a session's outliers, as a fraction of the white noise's power, from which on they are a finding",
         larger="outliers that raise the error are not reported",

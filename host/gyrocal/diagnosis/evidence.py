@@ -60,8 +60,11 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     if isinstance(effect, ReadingFault):
         return Candidate(effect, current.axis, "reject")
     peak = current.comparison.spectra[current.axis].peak()
-    if not effect.shows(current.runs, current.index, 1.0 if peak is None else peak.chance):
+    line_chance = 1.0 if peak is None else peak.chance
+    if not effect.shows(current.runs, current.index, line_chance):
         return Candidate(effect, current.axis, "reject")
+    # the noise of samples is coloured, so a line of constant frequency is judged against its neighbours in the spectrum
+    least_chance = line_chance if effect.is_line else 0.0
     if effect.needs_samples(current.runs, current.index):
         current = current.of_samples()
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
@@ -71,7 +74,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     term = fitted.terms[-1]
     parameters = _parameters(current.fit, fitted, effect)
     looks = effect.looks(current.runs, current.index)
-    chance = min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1])
+    chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     if chance > unless:
         return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
     gains = held_out_gain(current.fit, fitted, current.folds)

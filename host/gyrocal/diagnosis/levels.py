@@ -200,7 +200,10 @@ def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
 
 
 def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:
-    """Mean square of the noise of one sample, dps^2: the scatter of residuals within blocks, without spectral lines."""
+    """Mean square of the noise of one sample, dps^2: scatter within blocks, without spectral lines, and of block means.
+
+    Noise behind a low-pass scatters less within a block than white noise does, and more between the means of blocks.
+    """
     total, count = 0.0, 0
     for b in fitted.blocks:
         if b.run.index not in by_run or b.within_n == 0:
@@ -210,4 +213,9 @@ def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spec
         count += b.within_n
     if count < POLICY.least_scatter:  # each block is one sample: use the white level of the fit
         return fitted.axes[axis].noise.white_sd_dps ** 2
-    return max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
+    within = max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
+    axis_fit = fitted.axes[axis]
+    n = float(np.median(np.concatenate([b.n for b in fitted.blocks if b.within_n])))
+    color = axis_fit.design.color
+    of_means = axis_fit.noise.white_sd_dps**2 / n * (1 - color) / (1 + color)
+    return (n - 1) / n * within + of_means

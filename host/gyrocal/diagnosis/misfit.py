@@ -85,22 +85,21 @@ def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
     return reading_fault(fitted.session, axis, alarm, max(steps_dps, default=0.0))
 
 
-BEYOND_NOISE = (_line, _order, _bump, _not_white, _code)
+def _outliers(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+    """Test for outliers that neither the model nor the noise's own tail explains."""
+    known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
+    return None if known else single_readings(fitted.session, axis, alarm)
+
+
+BEYOND_NOISE = (_line, _order, _bump, _not_white, _code, _outliers)
 """The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
-def _codes(fitted: Fit, axis: str) -> list[Finding]:
-    """Outliers and lost carries that the model does not explain.
-
-    Noise does not produce them, so these tests have no share of the alarm rate.
-    """
-    outliers_known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
-    carry_known = any(isinstance(term.effect, ByteFault) for term in fitted.axes[axis].terms)
-    found = [
-        None if outliers_known else single_readings(fitted.session, axis),
-        None if carry_known else dropped_carry(fitted.session, axis),
-    ]
-    return [finding for finding in found if finding is not None]
+def _carry(fitted: Fit, axis: str) -> list[Finding]:
+    """A lost carry that the model does not explain. Noise does not produce it, so this test has no share of the alarm rate."""
+    known = any(isinstance(term.effect, ByteFault) for term in fitted.axes[axis].terms)
+    found = None if known else dropped_carry(fitted.session, axis)
+    return [] if found is None else [found]
 
 
 def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]:
@@ -161,7 +160,7 @@ def find_misfit(
             if finding is not None:
                 probed.append(finding)
         beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
-        found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _codes(fitted, axis)
+        found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
         return told_once(found, [b.run for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
 
     tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))

@@ -93,6 +93,8 @@ class Effect(Described):
     its columns' variation about bias and scale, not by their size."""
     stands_for: ClassVar[Role] = Role.BIAS
     """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
+    is_line: ClassVar[bool] = False
+    """True if the effect is a line of constant frequency, which is judged against its neighbours in the spectrum too."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
     uncorrected: ClassVar[str] = ""

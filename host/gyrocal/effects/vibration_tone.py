@@ -55,6 +55,7 @@ class VibrationTone(Wave):
     nonlinear = ("f_hz",)
     phases = ("phase_deg",)
     fast = True
+    is_line = True
     same_size = True
     offered_as = "a vibration"
     law = Law({"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(2*pi*3*t)")

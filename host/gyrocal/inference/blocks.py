@@ -8,7 +8,7 @@ Outliers are moved back to their neighbours first.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -46,6 +46,13 @@ class Blocks:
     y_dps: Array
     within_ss: Array
     within_n: int
+    weight: Array | None = None
+    """Relative precision [m] of a sample's noise in each block, if the level of the noise changes; None = equal."""
+
+    @property
+    def precision(self) -> Array:
+        """Number of samples of the usual noise that know as much as each block, shape [m]."""
+        return self.n if self.weight is None else self.n * self.weight
 
     def mean(self, columns: Array) -> Array:
         """Block means of per-sample columns [n_samples, k], shape [m, k]."""
@@ -74,7 +81,7 @@ class Blocks:
         share = float(kept.mean())
         return Blocks(
             self.run, self.scenario, self.start[kept], self.n[kept], self.t_s[kept], self.y_dps[kept],
-            self.within_ss * share, round(self.within_n * share),
+            self.within_ss * share, round(self.within_n * share), None if self.weight is None else self.weight[kept],
         )  # fmt: skip
 
     def timed(self, timing: Timing) -> Blocks:
@@ -84,7 +91,8 @@ class Blocks:
             return self
         whole = self.mean(run.reached[:, None].astype(float))[:, 0] == 1.0
         size = round(float(self.n[0])) if self.n.size else 1
-        return _blocks_of(run, self.scenario, self.start[whole], size)
+        weight = None if self.weight is None else self.weight[whole]
+        return replace(_blocks_of(run, self.scenario, self.start[whole], size), weight=weight)
 
 
 def known_dps(run: Run, axis: int) -> Array:

@@ -60,16 +60,18 @@ class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
 
     ``noise_model`` lists the noise components; with a turn-on bias, the bias is random from power cycle to power cycle.
-    ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block.
+    ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block. ``color`` is the correlation of the white
+    noise of neighbouring blocks.
     """
 
     def __init__(
         self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise, cell_s: float = 0.0,
-        like: Design | None = None,
+        like: Design | None = None, color: float = 0.0,
     ) -> None:  # fmt: skip
         self.axis = axis
         self.noise_model = noise_model
         self.cell_s = cell_s
+        self.color = color
         self.terms = tuple(terms)
         self.given = list(blocks)
         self.timing = timing_of(terms)
@@ -89,7 +91,11 @@ class Design:
 
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms. Columns of unchanged terms are not computed again."""
-        return Design(self.given, self.axis, terms, self.noise_model, self.cell_s, like=self)
+        return Design(self.given, self.axis, terms, self.noise_model, self.cell_s, like=self, color=self.color)
+
+    def colored(self, color: float) -> Design:
+        """The same runs and terms with another ``color`` of the noise."""
+        return Design(self.given, self.axis, self.terms, self.noise_model, self.cell_s, like=self, color=color)
 
     def with_values(self, i: int, values: Values) -> Design:
         """The design with other values of one term, the same in all runs."""
@@ -100,7 +106,9 @@ class Design:
     def over(self, blocks: Sequence[Blocks], terms: Sequence[Term] | None = None, cell_s: float | None = None) -> Design:
         """The same noise model on other blocks of these runs, with the same terms and cells unless others are given."""
         cell_s = self.cell_s if cell_s is None else cell_s
-        return Design(blocks, self.axis, self.terms if terms is None else terms, self.noise_model, cell_s)
+        terms = self.terms if terms is None else terms
+        color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else 0.0
+        return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color)
 
     def _means(self, i: int, like: Design | None) -> list[Array | None]:
         """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
@@ -196,7 +204,7 @@ class Design:
                 n_groups = max(group) + 1
         fixed = [f for f in fixed if self._says_anything(f)]
         summed = [
-            Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.n, self.cell_s)
+            Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.precision, self.cell_s, self.color)
             for index, b in ((index, self.blocks[index[0]]) for index in self.alike)
         ]
         # of two dependent columns the bias stays, because each power cycle has its own offset
@@ -298,7 +306,8 @@ class Design:
             if not b.t_s.size:
                 continue
             even = b.t_s.size > 2 and np.ptp(b.n) == 0 and _off_grid_s(b.t_s) <= 1e-3 * SLOW_S
-            key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
+            even = even and np.ptp(b.precision) == 0
+            key = (b.t_s.size, float(b.precision[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
             together.setdefault(key, []).append(i)
         return list(together.values())
 
@@ -348,7 +357,7 @@ class Design:
     def extent_s(self) -> tuple[float, float]:
         """Length of the longest run and shortest time between blocks, s."""
         longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size)
-        return longest_s, min((float(np.median(np.diff(b.t_s))) for b in self.blocks if b.t_s.size > 1), default=1.0)
+        return longest_s, _step_s(self.blocks)
 
     @cached_property
     def column_rms(self) -> Array:
@@ -368,6 +377,11 @@ def timing_of(terms: Sequence[Term]) -> Timing:
         if isinstance(term.effect, TimingEffect) and term.values:
             timing = term.effect.set(timing, term.values)
     return timing
+
+
+def _step_s(blocks: Sequence[Blocks]) -> float:
+    """Shortest usual time between the blocks of a run, s."""
+    return min((float(np.median(np.diff(b.t_s))) for b in blocks if b.t_s.size > 1), default=1.0)
 
 
 def _off_grid_s(t_s: Array) -> float:

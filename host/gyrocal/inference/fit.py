@@ -22,6 +22,7 @@ from gyrocal.inference.blocks import Blocks, by_sample, reduce_session
 from gyrocal.inference.design import SLOW_S, Design
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.noise_shape import shaped
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.runs_apart import runs_apart
@@ -74,6 +75,7 @@ def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_m
     if cell_s:
         design = Design(blocks, axis, settled, noise_model, cell_s, like=current.design)
         current = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
+    current = shaped(current)
     for i in pending:
         current = choose_variant(current, terms[i])
     order = {t.effect_id: i for i, t in enumerate(terms)}

@@ -88,6 +88,12 @@ class AxisFit:
         u = sd * np.linalg.solve(m, sd * (gram[random] @ residual))
         return np.asarray(u[: len(layout.run)])
 
+    def block_residuals(self, run: int) -> Array:
+        """Block means of a run without the terms that the fit found, shape [m], deg/s; drift and power cycle remain."""
+        columns, p = self.design.columns(run), len(self.design.layout.fixed)
+        u = self.run_coefficients(run, self.solution.beta, self.spreads)
+        return np.asarray(columns[0] - self.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :])
+
     def predict(self, run: int, beta: Array, u: Array) -> Array:
         """Modelled minus true rate at every sample of a run, shape [n], deg/s."""
         columns = self.design.sample_columns(self.design.blocks[run])
