@@ -50,6 +50,10 @@ class Policy:
         larger="bursts are called faults of single readings", smaller="ordinary noise beside a fault hides it",
         chosen_by="tail of the normal distribution (one of six neighbours exceeds 3 in 1.6 % of cases); chosen by judgement",
     )  # fmt: skip
+    outlier_chance: float = threshold(
+        1e-4, "probability that the noise's own tail explains the outliers, above which the floor contains their power",
+        larger="faults of the reading count as noise in the floor", smaller="heavy tails of the noise count as excess",
+    )  # fmt: skip
     outlier_power: float = threshold(
         0.01, "power of a session's outliers, as a fraction of the white noise's power, from which on they are a finding",
         larger="outliers that raise the error are not reported",
@@ -103,6 +107,12 @@ class Policy:
         larger="effects that differ only between power cycles have no explained part",
         smaller="offset and scale of a few power cycles decide the explained part",
         chosen_by="docs/method.md, rms, floor and excess",
+    )  # fmt: skip
+    least_excess: float = threshold(
+        0.3, "smallest excess within power cycles over the floor that is a misfit although no test finds its shape",
+        larger="an error of unknown shape is called adequate",
+        smaller="noise whose level changes or that has heavy tails is called a misfit",
+        chosen_by="bursts and Student's t noise of benchmarks/null_noise.py leave up to 0.25",
     )  # fmt: skip
     excess_errors: float = threshold(
         2.0, "standard errors below which an excess has no explained part",

@@ -12,9 +12,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gyrocal import plausibility
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, floor_of, noise_beside, pooled, residuals, white_power
+from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, floor_of, noise_beside, pooled, white_power
 from gyrocal.diagnosis.misfit import Misfit, find_misfit
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -22,6 +24,7 @@ from gyrocal.inference import heldout
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum, spectrum
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Session
 from gyrocal.threads import each, one_thread
 from gyrocal.warning import Warning
@@ -125,10 +128,12 @@ def measure(
         progress("judging on held-out data")
 
     def measured(axis: str) -> _Measured:
-        by_run = residuals(fitted, axis)
-        lines = spectrum(list(by_run.values()), session.sample_rate_hz)
+        cleaned = Cleaned.of(fitted, axis)
+        lines = spectrum(list(cleaned.by_run.values()), session.sample_rate_hz)
         squares = MeanSquares.of(heldout.predictions(fitted.on(axis), folds))
-        return _Measured(squares, lines, white_power(fitted, axis, by_run, lines))
+        n = float(np.median(np.concatenate([b.n for b in fitted.blocks])))
+        tail = cleaned.tail_power * n / max(n - 1, 1.0)  # outliers count in the means of blocks too
+        return _Measured(squares, lines, white_power(fitted, axis, cleaned.by_run, lines) + tail)
 
     on = dict(zip(fitted.axes, each(measured, fitted.axes, session.rows), strict=True))
     spectra = {axis: m.spectrum for axis, m in on.items()}
@@ -160,7 +165,7 @@ def _left_over(
         if known or not squares[axis].samples or axis not in misfit.nearest:
             continue
         finding = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
-        if finding.chance < misfit.share:
+        if finding.chance < misfit.share and finding.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within:
             out.append(finding)
     return out
 

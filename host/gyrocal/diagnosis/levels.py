@@ -15,6 +15,7 @@ import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import beside
+from gyrocal.diagnosis.readings import single_readings
 from gyrocal.effects.base import Role
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference import heldout
@@ -187,23 +188,42 @@ def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisF
     return replace(current, noise=clean.noise, spreads=Spreads(current.spreads.run, scenario))
 
 
+@dataclass(frozen=True)
+class Cleaned:
+    """In-sample residuals of an axis without its outliers.
+
+    ``by_run`` holds the residuals [n] of each run by its index, deg/s; outliers are moved back to their neighbours.
+    ``tail_power`` is the mean square that this takes away, dps^2; 0 if the outliers are a fault of the reading, which the
+    noise's own tail does not explain.
+    """
+
+    by_run: dict[int, Array]
+    tail_power: float
+
+    @staticmethod
+    def of(fitted: Fit, axis: str) -> Cleaned:
+        by_run: dict[int, Array] = {}
+        raw: list[Array] = []
+        taken = 0.0
+        for p in heldout.fitted(fitted.on(axis)):
+            residual = p.residual_dps
+            residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
+            rows, apart_dps = outliers_of(p.run, p.axis, residual)
+            raw.append(residual.copy())
+            residual[rows] -= apart_dps
+            taken += float(np.sum(raw[-1][rows] ** 2 - residual[rows] ** 2))
+            by_run[p.run.index] = residual
+        fault = taken > 0 and single_readings(fitted.session, axis, POLICY.outlier_chance) is not None
+        return Cleaned(by_run, 0.0 if fault else taken / sum(y.size for y in raw))
+
+
 def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
-    """In-sample residuals of each run [n] by file, deg/s. Outliers are moved back to their neighbours."""
-    out = {}
-    for p in heldout.fitted(fitted.on(axis)):
-        residual = p.residual_dps
-        residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
-        rows, apart_dps = outliers_of(p.run, p.axis, residual)
-        residual[rows] -= apart_dps
-        out[p.run.index] = residual
-    return out
+    """In-sample residuals of each run [n] by its index, deg/s. Outliers are moved back to their neighbours."""
+    return Cleaned.of(fitted, axis).by_run
 
 
 def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:
-    """Mean square of the noise of one sample, dps^2: scatter within blocks, without spectral lines, and of block means.
-
-    Noise behind a low-pass scatters less within a block than white noise does, and more between the means of blocks.
-    """
+    """Mean square of the noise of one sample, dps^2: the scatter of residuals within blocks, without spectral lines."""
     total, count = 0.0, 0
     for b in fitted.blocks:
         if b.run.index not in by_run or b.within_n == 0:
@@ -213,9 +233,4 @@ def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spec
         count += b.within_n
     if count < POLICY.least_scatter:  # each block is one sample: use the white level of the fit
         return fitted.axes[axis].noise.white_sd_dps ** 2
-    within = max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
-    axis_fit = fitted.axes[axis]
-    n = float(np.median(np.concatenate([b.n for b in fitted.blocks if b.within_n])))
-    color = axis_fit.design.color
-    of_means = axis_fit.noise.white_sd_dps**2 / n * (1 - color) / (1 + color)
-    return (n - 1) / n * within + of_means
+    return max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)

@@ -18,6 +18,8 @@ from gyrocal.variables.frequency import Frequency
 
 HANN_NEIGHBOURS = 1.95
 """Neighbouring values of a periodogram with a Hann window are correlated: this many count as one independent value."""
+LEAST_CHANCE = 1e-300
+"""Smaller probabilities are rounding."""
 HIGHEST = 0.49
 """Highest frequency that block means show, as a fraction of the block rate."""
 LEAST_PERIODS = 2.5
@@ -69,6 +71,8 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     that this model describes only roughly (flicker noise, a low-pass filter) still falls with frequency, so it never exceeds
     both sides of a band. Variations slower than ``SLOW_S`` are drift and are not tested.
     """
+    from scipy.stats import norm
+
     bands = _bands(fit)
     ranges = [(first, last) for first in range(1, len(bands)) for last in range(first, len(bands))]
     worst: Finding | None = None
@@ -81,7 +85,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
             side = max(other.mean for other in beside)
             amplitude = float(np.sqrt(2 * band.power * max(0.0, 1 - side / band.mean)))
             note = f"{amplitude * 1e3:.3g} mdps between {band.low_hz:.2g} and {band.high_hz:.2g} Hz beyond noise"
-            sigma = (band.mean / side - 1) * float(np.sqrt(band.looks))
+            sigma = float(norm.isf(max(chance, LEAST_CHANCE)))
             worst = Finding(
                 axis, Frequency.name, sigma, chance, amplitude, note, band_hz=(band.low_hz, band.high_hz)
             )  # fmt: skip

@@ -19,6 +19,10 @@ BELOW = tuple(k / 8 for k in range(1, 8))
 """Parts of the range of the low bits that were tried as those after a lost carry."""
 STANDS_OUT = 8.0
 """Standard deviations of the noise that a step must exceed. Below, noise itself correlates with the bits of a reading."""
+MARGIN = 0.3
+"""Fraction of the carry's size by which a reading may be off it."""
+MOSTLY = 0.8
+"""Fraction of the readings that stand off which must do so by the size of the carry."""
 NEAR = 0.05
 """Fraction by which a fitted step may deviate from a power of two of counts."""
 SMOOTHER = 0.8
@@ -161,9 +165,18 @@ def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
             part = step_dps / full_dps
             if not STANDS_OUT * noise_dps / abs(full_dps) < part < 1 + NEAR:
                 continue
+            if part < 1 - NEAR and not _one_step(rest_dps, on > 0, full_dps):
+                continue
             if (best is None or t > best.t) and _confirmed(steady, axis, count_dps, (bit, below), part):
                 best = Carry(bit, below, part if part < 1 - NEAR else 1.0, t)
     return best
+
+
+def _one_step(rest_dps: Array, on: Mask, step_dps: float) -> bool:
+    """True if readings that stand off where the carry is due do so by its size, and not by any size as in a burst."""
+    off_dps = rest_dps[on] - float(np.median(rest_dps[~on]))
+    away = np.abs(off_dps) > MARGIN * abs(step_dps)
+    return bool(away.any()) and float(np.mean(np.abs(off_dps[away] - step_dps) < MARGIN * abs(step_dps))) > MOSTLY
 
 
 def _carries(runs: Sequence[Run], axis: int, carry: Carry) -> float:

@@ -94,20 +94,22 @@ def _kernels(axis: AxisFit, i: int, masks: Sequence[tuple[Array, Array]]) -> _Ke
     rate = b.mean(b.run.rate_dps[:, None])[:, 0] if on_axis else np.zeros(b.t_s.size)
     cycle = of_cycle(rate)
     kernel = np.hstack(
-        [_inverse_times(noise, b.t_s, b.n * used, columns) for used, _ in masks]
+        [_inverse_times(noise, b.t_s, b.precision * used, columns) for used, _ in masks]
         + [(b.n * held)[:, None] * cycle for _, held in masks]
     )
-    spread = _covariance_times(noise, b.t_s, b.n, kernel)
+    spread = _covariance_times(noise, b.t_s, b.precision, kernel)
     weights = [b.n * held for _, held in masks]
     weighted = [w[:, None] * columns for w in weights]
     samples = np.array([float(w.sum()) for w in weights])
     blocks = np.array([int(np.count_nonzero(w)) for w in weights])
+    color = axis.design.color  # the level of the noise is that of slow variations; between blocks, coloured noise cancels
+    white = noise.white_sd_dps**2 * (1 - color) / (1 + color)
     return _Kernels(
         kernel.T @ spread, kernel.T @ columns,
         np.array([kernel[:, g * c : (g + 1) * c].T @ columns for g in range(groups)]),
         np.array([spread.T @ w for w in weighted]), np.array([columns.T @ w for w in weighted]),
         np.array([cycle.T @ w for w in weighted]), np.array([(cycle * w[:, None]).T @ cycle for w in weights]),
-        blocks * noise.white_sd_dps**2 + samples * noise.ou_sd_dps**2, samples, blocks,
+        white * np.array([float(np.sum(w / b.precision)) for w in weights]) + samples * noise.ou_sd_dps**2, samples, blocks,
     )  # fmt: skip
 
 

@@ -16,6 +16,8 @@ BINS = 512
 LEAST_TURNS = 2.0
 PAD = 2
 MOST_TURNS = 512
+MEDIAN_EFFICIENCY = 2 / np.pi
+"""Variance of a mean over the variance of a median of the same values."""
 NEIGHBOURS = 61
 """Values of the spectrum of which the median is the level between lines."""
 
@@ -77,7 +79,7 @@ def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> 
     Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains.
     """
     from scipy.ndimage import median_filter
-    from scipy.stats import gamma
+    from scipy.stats import f, gamma
 
     pairs = [(y - y.mean(), a - a.min()) for y, a in zip(residuals, angles_turn, strict=True) if np.ptp(a) >= LEAST_TURNS]
     if not pairs:
@@ -97,6 +99,9 @@ def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> 
         power += np.abs(2 * line / np.count_nonzero(inside)) ** 2
     power /= len(pairs)
     level = median_filter(power, NEIGHBOURS, mode="reflect") / (gamma.ppf(0.5, len(pairs)) / len(pairs))
-    tail = gamma.sf(power / np.maximum(level, np.finfo(np.float64).tiny) * len(pairs), len(pairs))
+    # the level is itself estimated, from the median of that many independent values of the spectrum
+    values = len(pairs) * NEIGHBOURS / PAD * MEDIAN_EFFICIENCY
+    tail = f.sf(power / np.maximum(level, np.finfo(np.float64).tiny), 2 * len(pairs), 2 * values)
+    tail[-NEIGHBOURS // 2 :] = 1.0  # there, half of the neighbours are missing
     shortest = max(LEAST_TURNS, min(turns, *(float(a.max()) for _, a in pairs)))
     return OrderSpectrum(order[use], power, np.asarray(tail), max(turns, shortest))
