@@ -1,7 +1,7 @@
 """Do 68 % intervals cover the truth in 68 % of sessions? python benchmarks/coverage.py [sessions]
 
 Short simulated campaigns with a bias that moves with temperature and a ripple of the table of another size and phase in each
-run. Each parameter's interval, value +- standard error, is held against what was planted.
+run. Each parameter's interval, value +- standard error, is compared with the planted value.
 """
 
 from __future__ import annotations

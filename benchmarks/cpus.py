@@ -14,7 +14,7 @@ COLUMNS = ("part", "CPU", "instructions", "largest", "flash, bytes", "RAM, bytes
 
 
 def table() -> str:
-    """One row a part and CPU."""
+    """The table's lines, one for each part and CPU."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "| --- | --- |" + " ---: |" * (len(COLUMNS) - 2)]
     for part in cpus.parts():
         for cpu in cpus.CPUS:

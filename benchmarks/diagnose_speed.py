@@ -17,7 +17,7 @@ RATE_HZ = 145.0
 
 
 def measure(rows: int) -> tuple[float, float, float, str]:
-    """Seconds to read, seconds to diagnose, peak memory in GB, verdict; in a process of its own."""
+    """Seconds to read, seconds to diagnose, peak memory in GB and verdict, measured in a separate process."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "session"
         for step in ("make", "diagnose"):

@@ -56,7 +56,7 @@ void cost_act(void) { peer(up, down, y); }
 DECLARATION = "void peer(const float up[][1][2][290], const float down[][1][2][290], float y[][2]);\n"
 
 def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """The costs; what ``gyrocal benchmark inference --json`` prints. There is no smaller ``sample``."""
+    """Measure the costs and return what ``gyrocal benchmark inference --json`` prints. ``sample`` changes nothing."""
     with tempfile.TemporaryDirectory(prefix="gyrocal-") as name:
         folder = Path(name)
         alone = folder / "alone"
@@ -85,7 +85,7 @@ def _figures(cost: cpus.Cost) -> dict[str, int]:
 
 
 def _peer(folder: Path, kind: str, graph: Path) -> dict[str, Any]:
-    """C generated of a graph: its cost, and how far its numbers are from onnxruntime's."""
+    """The cost of C code generated from a graph, and its largest difference from onnxruntime."""
     folder.mkdir()
     source = folder / "generated.c"
     command = [GENERATOR, "compile", "--model-name", "peer", "--large-temp-threshold", "0", "--input-dim", "N=1"]
@@ -114,7 +114,7 @@ def _difference(source: Path, graph: Path) -> float:
 
 
 def show(found: dict[str, Any]) -> None:
-    """The table on the terminal."""
+    """Print the table on the terminal."""
     rows = [
         [name, *(f"{of[figure]:,}".replace(",", " ") for figure in FIGURES), diff]
         for name, of, diff in [

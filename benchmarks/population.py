@@ -1,4 +1,4 @@
-"""How honest are the standard errors of `calibrate`, and whom does it trust? Sensors anywhere, tables with and without effects.
+"""The standard errors and the trust of `calibrate` over a population of sensors, on tables with and without effects.
 
 Each sensor has a scale within 3 % and a bias within 10 deg/s, evenly drawn, white noise, and drift of 1.5 to 3 mdps over 20 to
 40 s. Half of the tables and sensors have each of the effects of the library that act within such a session, of a size drawn
@@ -55,7 +55,7 @@ FIGURES = (("sd", ".2f"), ("68", ".1%"), ("95", ".1%"))
 
 @dataclass(frozen=True)
 class Population:
-    """Readings less the true rate of both faces [N, samples] of 6 s, and each face's true mean [N] by seconds."""
+    """Readings less the true rate (dps) of both faces, [N, samples] of 6 s, and the true mean of each face [N] by seconds."""
 
     faces: tuple[Array, Array]
     t_us: np.ndarray[Any, np.dtype[np.int64]]
@@ -86,7 +86,7 @@ class Population:
 
 @dataclass(frozen=True)
 class _Common:
-    """Which effects a table and a sensor have, and what both faces share of them, [N, 1] each."""
+    """The effects of a table and a sensor, and their parameters that both faces share, [N, 1] each."""
 
     n: int
     sizes: dict[str, Array]
@@ -107,7 +107,7 @@ class _Common:
         return _Common(n, sizes, tone_hz, _typical(n, "warmup", "tau_s", rng))
 
     def passing(self, t_s: Array, w_dps: float, rng: np.random.Generator) -> Array:
-        """Ripple, spin-up and tone of one face [N, samples]."""
+        """Ripple, spin-up and tone of one face in dps, [N, samples]."""
         angle = np.deg2rad(abs(w_dps)) * t_s
 
         def phase() -> Array:
@@ -120,7 +120,7 @@ class _Common:
         return y + tone
 
     def lasting(self, t_s: Array, power_on_s: float, rng: np.random.Generator) -> Array:
-        """Warm-up, drift and a jump in one of ten runs [N, samples]."""
+        """Warm-up, drift and, in one of ten runs, a jump, in dps, [N, samples]."""
         since_s = power_on_s + t_s
         jumps = (rng.random((self.n, 1)) < 0.1) * self.sizes["jump"] * _sign(self.n, rng)
         moved = t_s > rng.uniform(0.2, 0.8, (self.n, 1)) * t_s[-1]
@@ -139,7 +139,7 @@ def _sign(n: int, rng: np.random.Generator) -> Array:
 
 
 def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Array]]:
-    """By method the answers, their fields arrays [N] (NaN where there is none), and whether they are trusted [N]."""
+    """The answers of each method as arrays [N] (NaN for no answer), and whether they are trusted [N]."""
     samples = round(seconds * RATE_HZ)
     readings = [face[:, :samples] for face in population.faces]
     sums = [FaceSums.of(y, population.t_us[:samples], RATE_HZ) for y in readings]
@@ -173,7 +173,7 @@ def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Ar
 
 
 def figures(answer: Answer, trusted: Array, truth: tuple[Array, Array]) -> dict[str, Any]:
-    """One row: of those that have an answer, error over standard error of scale and bias, coverage, trust."""
+    """One row of figures over the sensors with an answer: error over standard error of scale and bias, coverage, trust."""
     errors = {"scale": (answer.scale - truth[0]) / answer.scale_se, "bias": (answer.bias_dps - truth[1]) / answer.bias_se_dps}
     there = np.isfinite(errors["scale"])
     row: dict[str, Any] = {"answered": float(there.mean()), "trusted": float(trusted.mean())}
@@ -195,7 +195,7 @@ def upper_bound(count: int, n: int) -> float:
 
 
 def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """What ``gyrocal benchmark population --json`` prints: a row for each kind of sensor, time and method."""
+    """Return what ``gyrocal benchmark population --json`` prints: a row for each kind of sensor, time and method."""
     n = SAMPLE_SENSORS if sample else SENSORS
     rows = []
     for i, effects in enumerate((False, True)):
@@ -211,7 +211,7 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
 
 
 def show(found: dict[str, Any]) -> None:
-    """The table."""
+    """Print the table on the terminal."""
 
     def number(value: float | None, form: str) -> str:
         return "-" if value is None else format(value, form)

@@ -26,7 +26,7 @@ SCALE_WITHIN, BIAS_WITHIN_DPS = 0.03, 10.0
 
 
 def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """What ``gyrocal benchmark robustness --json`` prints."""
+    """Run all and return what ``gyrocal benchmark robustness --json`` prints."""
     n = SAMPLE if sample else SCENARIOS
     tables: dict[str, Callable[[], dict[str, Any]]] = {
         **{f"effects x {size:g}": lambda size=size: paper_windows(n, SEED, effects=size) for size in SIZES},
@@ -42,7 +42,7 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
 
 
 def population(n: int, seed: int = SEED) -> dict[str, Any]:
-    """``n`` scenarios of ``table2`` of as many sensors, spread that far about the campaign's."""
+    """Draw ``n`` scenarios of ``table2``, each of another sensor, with the given spreads about the campaign's."""
     data, rng = paper_windows(n, seed), np.random.default_rng(seed)
     scale, bias = rng.uniform(-SCALE_WITHIN, SCALE_WITHIN, n), rng.uniform(-BIAS_WITHIN_DPS, BIAS_WITHIN_DPS, n)
     # whole counts are added, so that readings stay whole counts
@@ -55,7 +55,7 @@ def population(n: int, seed: int = SEED) -> dict[str, Any]:
 
 
 def judge(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Of 2, 4 and 6 s: mean absolute errors, coverage, error over standard deviation, and the share that gets no answer."""
+    """Mean absolute errors, coverage, error over standard deviation and the share without an answer after 2, 4 and 6 s."""
     net, truth, rows = FaceNetwork.shipped(), np.column_stack([data["scale"], data["bias_dps"]]), []
     for k, seconds in enumerate(STAGES_S):
         n = net.samples(k)
@@ -72,7 +72,7 @@ def judge(data: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def show(found: dict[str, Any]) -> None:
-    """The table on the terminal."""
+    """Print the table on the terminal."""
     rows = [
         [r["table"], f"{r['seconds']:g}", f"{r['scale_mae']:.6f}", f"{1e3 * r['bias_mae_dps']:.2f}",
          f"{100 * r['covered_68']:.1f}", f"{100 * r['covered_95']:.1f}", f"{r['scale_z_sd']:.2f}, {r['bias_z_sd']:.2f}",

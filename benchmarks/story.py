@@ -17,7 +17,7 @@ INNATE = ("scale", "bias")
 
 
 def story(campaign: str, effect: str | None, seed: int, scenarios: int | None) -> list[str]:
-    """Cells of the table's row."""
+    """The cells of one row of the table."""
     session, _ = simulate(None, campaign, [effect] if effect else [], seed, scenarios=scenarios)
     found = diagnose(session)
     best = found.best

@@ -45,7 +45,7 @@ CHART = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1)
 
 @contextlib.contextmanager
 def served(folder: Path, *arguments: str) -> Iterator[tuple[str, float, int]]:
-    """A workbench: its address, when it was started, its process."""
+    """Start a workbench. Yields its address, its start time and its process."""
     began = time.monotonic()
     command = [sys.executable, "-m", "gyrocal", "workbench", "--no-browser", *arguments]
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
@@ -68,7 +68,7 @@ HELLO = {
 
 
 class Board:
-    """A device on a pseudo terminal, in a process of its own; its clock is this machine's, so that ages can be told."""
+    """A device on a pseudo terminal, in a separate process. It uses this machine's clock, so that ages can be measured."""
 
     def __init__(self) -> None:
         self._master, self._slave = pty.openpty()
@@ -85,7 +85,7 @@ class Board:
 
 
 def board(master: int) -> None:
-    """The board's life, in a process of its own: answers commands, sends samples on time."""
+    """The main function of the board's process: it answers commands and sends samples on time."""
     seq, n, due, heard = 0, 0, time.monotonic(), b""
 
     def say(tag: str, fields: Any) -> None:
@@ -132,7 +132,7 @@ PRESS = """async ([name, drawn]) => {
 
 
 def looks(page: Any, zooms: int) -> dict[str, list[float]]:
-    """Seconds from a click to the drawn chart, for what a person does most on the compare panel; it ends zoomed in."""
+    """Seconds from a click to the drawn chart for the common actions on the compare panel, which is then zoomed in."""
     ready(page)
     page.wait_for_timeout(1000)
     found: dict[str, list[float]] = {}
@@ -154,7 +154,7 @@ def looks(page: Any, zooms: int) -> dict[str, list[float]]:
 
 
 def told(found: dict[str, list[float]], rows: int) -> bool:
-    """Print how long each took; whether all are within the aim."""
+    """Print the times. Returns True if all are within the aim."""
     met = True
     for name, times in found.items():
         middle, worst = 1e3 * float(np.median(times)), 1e3 * max(times)
@@ -164,14 +164,14 @@ def told(found: dict[str, list[float]], rows: int) -> bool:
 
 
 def peak_mb(pid: int) -> list[float]:
-    """Most memory that a process and its children have held at a time, MB each, what is mapped from files included."""
+    """The peak memory of a process and of its children in MB, with memory-mapped files."""
     family = [pid, *map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split())]
     lines = [Path(f"/proc/{each}/status").read_text() for each in family]
     return [int(re.search(r"VmHWM:\s+(\d+)", text)[1]) / 1e3 for text in lines]  # type: ignore[index]
 
 
 def large(folder: Path, rows: int) -> bool:
-    """A session of so many rows through the engine and the browser; whether every aim was met."""
+    """Pass a session of so many rows through the engine and the browser. Returns True if every aim was met."""
     campaign(folder / "large", rows)
     with chromium() as browser, served(folder, "large") as (url, began, pid):
         page = browser.new_page(viewport={"width": 1280, "height": 720})
@@ -190,7 +190,7 @@ def large(folder: Path, rows: int) -> bool:
 
 
 def first_page(folder: Path, browser: Any) -> tuple[float, float]:
-    """Seconds from the command to a page with everything on it, and the server's processor time until then."""
+    """Seconds from the command to the complete page, and the server's processor time until then."""
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     with served(folder) as (url, began, pid):
         page.goto(url)
@@ -202,7 +202,7 @@ def first_page(folder: Path, browser: Any) -> tuple[float, float]:
 
 
 def frames_per_second(url: str, browser: Any, seconds: float, *, diagnosing: bool) -> float:
-    """Frames of the live page that the browser draws, as long as the diagnosis lasts."""
+    """Frames per second that the browser draws of the live page during the diagnosis."""
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     if diagnosing:
         page.goto(f"{url}diagnose")
@@ -228,7 +228,7 @@ def frames_per_second(url: str, browser: Any, seconds: float, *, diagnosing: boo
 
 
 async def newest(session: Path, port: str, seconds: float) -> dict[str, np.ndarray[Any, Any]]:
-    """Ages of the newest sample that the page's state holds, looked at as often as the page draws, idle and diagnosing."""
+    """Ages of the newest sample in the page's state, sampled as often as the page draws, idle and during a diagnosis."""
     from gyrocal.web.state import Workbench
 
     bench = Workbench([session], lambda topic: None)
@@ -256,7 +256,7 @@ async def newest(session: Path, port: str, seconds: float) -> dict[str, np.ndarr
 
 
 def usual(folder: Path, rows: int, seconds: float) -> bool:
-    """Start, a session of the usual size, a device; whether every aim was met."""
+    """Measure the start, a session of the usual size and a device. Returns True if every aim was met."""
     campaign(folder / "s", rows)
     with contextlib.closing(Board()) as device:
         with chromium() as browser:
@@ -269,7 +269,7 @@ def usual(folder: Path, rows: int, seconds: float) -> bool:
 
 
 def in_browser(browser: Any, folder: Path, port: str, seconds: float, rows: int) -> bool:
-    """Whether every aim was met."""
+    """Run the measurements in the browser. Returns True if every aim was met."""
     took, busy = sorted(first_page(folder, browser) for _ in range(3))[1]
     met = took <= FIRST_PAGE_S
     told_busy = f"{busy:.2f} s of it the server's processor time"
@@ -288,7 +288,7 @@ def in_browser(browser: Any, folder: Path, port: str, seconds: float, rows: int)
 
 
 def campaign(folder: Path, rows: int) -> None:
-    """A session of so many rows whose table ripples."""
+    """Simulate a session of so many rows on a table with ripple."""
     from gyrocal.simulation.simulate import simulate
 
     seconds = rows / RUNS / RATE_HZ

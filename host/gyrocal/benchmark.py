@@ -33,7 +33,10 @@ METHODS = {"gyrocal": None, "stepwise F-test": "stepwise_f_test", "oracle": "ora
 
 
 def benchmark(name: str, *, sample: bool = False, quiet: bool = False) -> dict[str, Any]:
-    """Run one benchmark; what its ``--json`` prints. A progress bar on stderr unless ``quiet``."""
+    """Run a benchmark and return what its ``--json`` prints. Unless ``quiet``, show a progress bar on stderr.
+
+    Raises InputError for an unknown name, and GyrocalError outside a checkout.
+    """
     from rich.progress import Progress
 
     runner = _runner(name)
@@ -44,7 +47,7 @@ def benchmark(name: str, *, sample: bool = False, quiet: bool = False) -> dict[s
 
 
 def _module(name: str) -> Any:
-    """The benchmark's module, from the checkout."""
+    """Import the benchmark's module from the checkout."""
     if name not in BENCHMARKS:
         raise InputError(f"no benchmark {name!r}; there are {', '.join(BENCHMARKS)}")
     folder = BENCHMARKS[name]
@@ -65,7 +68,7 @@ def _runner(name: str) -> Runner:
 
 
 def show(name: str, found: dict[str, Any]) -> None:
-    """A benchmark's tables."""
+    """Print the tables of a benchmark's report."""
     if name != "blind":
         _module(name).show(found)
         return

@@ -18,11 +18,11 @@ from gyrocal.errors import GyrocalError
 
 PACKAGE = "gyrocal.commands"
 INTERRUPTED = 130
-"""What the argument parser makes of Ctrl-C."""
+"""The exit code of the argument parser after Ctrl-C."""
 
 
 def command_modules() -> dict[str, str]:
-    """Verb -> module: the files of ``commands/``, and entry points of that name (``train``, ``export``, ``verify``)."""
+    """The module of each verb: the files of ``commands/``, and entry points of that group (``train``, ``export``)."""
     folder = importlib.import_module(PACKAGE).__path__
     found = {info.name.rstrip("_"): f"{PACKAGE}.{info.name}" for info in pkgutil.iter_modules(folder)}
     found.update({point.name: point.value for point in entry_points(group=PACKAGE)})
@@ -30,7 +30,7 @@ def command_modules() -> dict[str, str]:
 
 
 class LazyGroup(TyperGroup):
-    """Imports a command's file when it is asked for, so that ``gyrocal VERB`` starts fast."""
+    """A group that imports a command's file only when that command runs, so that ``gyrocal VERB`` starts fast."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(command_modules())
@@ -65,7 +65,7 @@ def root(
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; return its exit code: 0 done, 1 failed, 2 bad usage or input, 3 device or port."""
+    """Run one command and return its exit code: 0 done, 1 failed, 2 bad usage or input, 3 device or port."""
     arguments = sys.argv[1:] if argv is None else argv
     debug = "--debug" in arguments
     arguments = [a for a in arguments if a != "--debug"]

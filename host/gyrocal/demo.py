@@ -22,9 +22,9 @@ from gyrocal.device.port import Link
 from gyrocal.device.record import Recorder
 from gyrocal.device.simulated import SimulatedDevice, replay
 from gyrocal.device.wire import Sentence
-from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import Comparison
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.explain import explain
 from gyrocal.error_model.model import Model
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal.present.output import mdps, stdout, table
@@ -121,11 +121,11 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
     progress("what the device answers with the model it has: eq. (4)")
     before = _answers(replay(fresh, stream="off"), fresh, truths)
 
-    diagnosis = diagnose(recorded, progress=progress)
-    best = diagnosis.best
-    if best is None:
+    explanation = explain(recorded, progress=progress)
+    diagnosis, model = explanation.first, explanation.model
+    if not explanation.steps:
         raise GyrocalError(f"the demo's effect was not found: verdict {diagnosis.verdict}; try another --seed")
-    compared_before, compared_after, model = add(recorded, None, best.effect.id, progress=progress)
+    compared = explanation.steps[0].before, explanation.steps[-1].after
     model.save(folder / "model.toml")
 
     progress("writing headers, building the device with them, running it again")
@@ -136,7 +136,7 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
     progress("comparing the C network with onnxruntime")
     story = Story(
         {"scale": truth["runs"][0]["scale"][2], "bias_dps": truth["runs"][0]["bias_dps"][2]},
-        before, diagnosis, (compared_before, compared_after), after, _parity(seed), model, folder,
+        before, diagnosis, compared, after, _parity(seed), model, folder,
     )  # fmt: skip
     draw(story)
     return story

@@ -2,13 +2,13 @@
 
 
 class GyrocalError(Exception):
-    """Anything else that fails; ``exit_code`` is what the command line returns."""
+    """A failure that is neither the user's nor the device's. ``exit_code`` is what the command line returns."""
 
     exit_code = 1
 
 
 class InputError(GyrocalError):
-    """Bad usage or bad input: a file, a row, an option."""
+    """A mistake in the usage or the input: in a file, a row or an option."""
 
     exit_code = 2
 
@@ -20,5 +20,5 @@ class DeviceError(GyrocalError):
 
 
 def first_line(error: BaseException) -> str:
-    """What another library's exception says, in one line."""
+    """The message of another library's exception, in one line."""
     return (str(error).strip() or type(error).__name__).splitlines()[0]

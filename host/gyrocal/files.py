@@ -12,9 +12,9 @@ from pathlib import Path
 
 @contextmanager
 def replacing(path: Path, durable: bool = True) -> Iterator[Path]:
-    """A new file in the same folder that takes the name of ``path`` once the block ends well, and goes if it does not.
+    """Yield a new file in the same folder. It replaces ``path`` if the block succeeds, and is deleted if the block fails.
 
-    ``durable`` waits until the disk has it, which a recording cannot.
+    ``durable`` waits until the data are on the disk; a recording cannot wait for that.
     """
     handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=path.suffix)
     partial = Path(name)
@@ -32,7 +32,7 @@ def replacing(path: Path, durable: bool = True) -> Iterator[Path]:
 
 
 def replace_text(path: Path, text: str, check: Callable[[Path], None] = lambda _: None, durable: bool = True) -> None:
-    """Write a text; ``check`` reads it back before it takes the place of what was there, and raises where it is wrong."""
+    """Replace a file by a text. ``check`` reads the new file before it replaces the old one, and raises if it is wrong."""
     with replacing(path, durable) as partial:
         partial.write_text(text, encoding="utf-8")
         check(partial)
@@ -40,7 +40,7 @@ def replace_text(path: Path, text: str, check: Callable[[Path], None] = lambda _
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """A folder beside ``path`` that takes its name once the block ends well, and goes if it does not."""
+    """Yield a new folder beside ``path``. It is renamed to ``path`` if the block succeeds, and deleted if the block fails."""
     path.absolute().parent.mkdir(parents=True, exist_ok=True)
     partial = Path(tempfile.mkdtemp(dir=path.absolute().parent, prefix=f".{path.name}."))
     try:

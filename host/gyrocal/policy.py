@@ -183,6 +183,18 @@ class Policy:
         larger="effects that absorb a part of each other are added one by one",
         smaller="more sets are fitted, which takes longer",
     )  # fmt: skip
+    largest_set: int = threshold(
+        3, "largest number of overlapping effects that `explain` adds together",
+        larger="more sets are fitted, which takes longer", smaller="three effects that need each other are not found",
+    )  # fmt: skip
+    largest_pool: int = threshold(
+        5, "largest number of overlapping effects of which `explain` forms sets; five give 25 sets",
+        larger="more sets are fitted, which takes longer", smaller="the true effect may be left out of the sets",
+    )  # fmt: skip
+    most_steps: int = threshold(
+        12, "largest number of steps that `explain` makes unless the user gives another",
+        larger="a wrong path is followed longer", smaller="a session with many effects needs several calls",
+    )  # fmt: skip
     noticeable: float = threshold(
         0.1, "fraction of an axis's squared excess, without a step of `explain`, that the step must remove to matter",
         larger="more effects are reported as too small to matter", smaller="fewer effects are reported as too small to matter",

@@ -1,6 +1,6 @@
-"""Threads where they pay: one an axis of a large session, none within linear algebra.
+"""Threads: one for each axis of a large session, and none within linear algebra.
 
-The matrices here are small, and libraries that share them out over threads are several times slower than one thread.
+The matrices here are small. Libraries that distribute them over threads are several times slower than one thread.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ R = TypeVar("R")
 T = TypeVar("T")
 
 MANY_ROWS = 1_000_000
-"""With fewer, most of the time is Python's own, and its threads wait for each other."""
+"""The smallest number of rows for threads. With fewer, the time is mostly Python's own, and its threads wait for each other."""
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
@@ -32,7 +32,7 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def each(work: Callable[[T], R], items: Collection[T], rows: int) -> list[R]:
-    """``work`` on each item, in their order; side by side where it is on many ``rows``."""
+    """The results of ``work`` on each item, in order. The items run in parallel if there are many ``rows``."""
     if rows < MANY_ROWS or not items:
         return [work(item) for item in items]
     with ThreadPoolExecutor(len(items)) as pool:

@@ -25,25 +25,25 @@ class Warning:
         return asdict(self)
 
     def blocks(self, axis: str) -> bool:
-        """Does it keep this axis out of the judgement?"""
+        """True if the warning keeps this axis out of the judgement."""
         return self.blocking and self.axis in (None, axis)
 
 
 def accepted(warnings: Iterable[Warning], accept: Sequence[str]) -> list[Warning]:
-    """The warnings, those that ``accept`` names (``code`` or ``code:axis``) no longer blocking."""
+    """The warnings, of which those named in ``accept`` (as ``code`` or ``code:axis``) no longer block."""
     return [replace(w, blocking=w.blocking and w.code not in accept and f"{w.code}:{w.axis}" not in accept) for w in warnings]
 
 
 def by_weight(warnings: Iterable[Warning]) -> list[Warning]:
-    """The blocking ones first."""
+    """The warnings sorted so that the blocking ones come first."""
     return sorted(warnings, key=lambda w: not w.blocking)
 
 
 def line(warning: Warning) -> str:
-    """A warning in a line: the file, what is the matter (the axis is part of the text), and the code."""
+    """A warning as one line: its file, its text (which names the axis) and its code."""
     return f"{f'{warning.file}: ' if warning.file else ''}{warning.text} ({warning.code})"
 
 
 def lines(warnings: Iterable[Warning]) -> list[str]:
-    """One line of text a warning, the blocking ones first."""
+    """One line of text for each warning, the blocking ones first."""
     return [line(w) for w in by_weight(warnings)]

@@ -13,10 +13,10 @@ BLOCK = 4  # GC_CNN_BLOCK
 
 
 def c_header(graph: Graph, convnet: str = "") -> str:
-    """The header's text; the same graph gives the same text. ``convnet`` is the table of network gyrocal, if it is to answer.
+    """The text of the header, which depends on the graph alone. ``convnet`` is the table of network gyrocal, if that answers.
 
     Raises:
-        InputError: not a quantised network paper, or of a shape that the kernel does not compute.
+        InputError: the graph is not a quantised network paper, or the kernel does not compute its shape.
     """
     arrays: list[str] = []
     heads = {}
@@ -127,7 +127,7 @@ static const gc_cnn_net_t gc_net = {{
 
 
 def c_header_of_gyrocal(convnet: str, metadata: dict[str, str]) -> str:
-    """The header of network gyrocal without the paper's."""
+    """The text of a header with network gyrocal alone."""
     rate_hz, table_dps = (literal(float(metadata[name])) for name in ("rate_hz", "table_dps"))
     return GYROCAL_ALONE.format(table=convnet, name=metadata["name"], rate_hz=rate_hz, table_dps=table_dps)
 

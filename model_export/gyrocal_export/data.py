@@ -27,11 +27,11 @@ STRIDE = 0.6  # of a window, between windows of a recorded run
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of each scenario's two runs and what a network should make of them.
+    """Windows of the two runs of each scenario, and the labels that a network should estimate from them.
 
     Attributes:
-        up, down: measured - true rate (dps), [n, per_run, window].
-        label: scale, bias_dps, [n, 2].
+        up, down: measured minus true rate (dps), [n, per_run, window].
+        label: scale and bias in dps, [n, 2].
     """
 
     up: Tensor
@@ -41,7 +41,7 @@ class Windows:
     rate_hz: float
 
     def pairs(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Both faces' images [m, 1, 2, window] and the labels [m, 2], a row a window."""
+        """The images of both faces [m, 1, 2, window] and the labels [m, 2], one row for each window."""
         per_run, window = self.up.shape[1:]
         images = [
             torch.from_numpy(image(x.reshape(-1, window).numpy(), w))
@@ -50,12 +50,12 @@ class Windows:
         return images[0], images[1], self.label.repeat_interleave(per_run, 0)
 
     def largest_dps(self) -> float:
-        """The training range: the largest |measured - true rate|."""
+        """The training range: the largest |measured - true rate| in dps."""
         return float(max(self.up.abs().max(), self.down.abs().max()))
 
 
 def simulated(n: int, seed: int, window: int, model: str | None = None, axis: str = "z") -> Windows:
-    """``n`` scenarios of the paper's campaign, or of what a fitted model says, the windows of their first 6 s.
+    """Simulate ``n`` scenarios of the paper's campaign or of a fitted model, and cut the windows of their first 6 s.
 
     The labels are the truth.
     """
@@ -77,10 +77,10 @@ def simulated(n: int, seed: int, window: int, model: str | None = None, axis: st
 
 
 def recorded(paths: Iterable[Path], window: int) -> Windows:
-    """Every up/down pair of the sessions: windows of the first 50 s; the labels are the baseline of the whole runs.
+    """Cut windows of the first 50 s of every up/down pair of the sessions. The labels are the baseline of the whole runs.
 
     Raises:
-        InputError: no pair, runs that are too short, or table or sample rates that differ.
+        InputError: there is no pair, the runs are too short, or their table or sample rates differ.
     """
     ups, downs, labels, rates = [], [], [], set()
     for path in paths:
@@ -109,10 +109,10 @@ def recorded(paths: Iterable[Path], window: int) -> Windows:
 
 
 def split(data: Windows, seed: int, share: float = 0.2) -> tuple[Windows, Windows]:
-    """Training and validation scenarios, at least one each.
+    """Split into training and validation scenarios, at least one of each.
 
     Raises:
-        InputError: fewer than two scenarios.
+        InputError: there are fewer than two scenarios.
     """
     n = len(data.label)
     if n < 2:

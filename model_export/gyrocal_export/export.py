@@ -11,10 +11,10 @@ FILES = ("model.onnx", "model.int8.onnx", "model.json", "weights.h")
 
 
 def export_run(run: Path) -> dict[str, bytes]:
-    """The files of a run folder's network, by name: float ONNX, quantised ONNX, how it was made, C header.
+    """The files of a run folder's network by name: float ONNX, quantised ONNX, its origin, C header.
 
     Raises:
-        InputError: not a run folder.
+        InputError: ``run`` is not a run folder.
     """
     from gyrocal_export.run_folder import load_config
 
@@ -52,9 +52,9 @@ def _gyrocal(run: Path) -> tuple[bytes, ...]:
 
 
 def export_shipped() -> dict[str, bytes]:
-    """The same files of network `paper`, those of `gyrocal` beside them, and the header that holds both: what ships.
+    """The shipped files: those of networks `paper` and `gyrocal`, and the header that holds both.
 
-    Needs neither torch nor onnx.
+    This needs neither torch nor onnx.
     """
     data = files("gyrocal") / "data"
     ends = ("onnx", "int8.onnx", "json")
@@ -64,7 +64,7 @@ def export_shipped() -> dict[str, bytes]:
 
 
 def shipped_header() -> str:
-    """``weights.h`` as it ships, made from the quantised graphs: `gyrocal` answers, `paper` is there beside it."""
+    """The shipped ``weights.h``, made from the quantised graphs. It holds both networks, and `gyrocal` answers."""
     import onnx
 
     from gyrocal_export.c_header import c_header

@@ -14,7 +14,7 @@ from gyrocal.errors import GyrocalError
 
 
 def write_all(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write each file whole; only when all of them are on the disk they take their names.
+    """Write several files. They get their names only when all of them are on the disk.
 
     Raises:
         GyrocalError: the folder cannot be written.
@@ -36,6 +36,6 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def two_digits_up(value: float) -> float:
-    """The next number of two digits: a range that is stated need not be exact."""
+    """Round up to two digits, for a range that need not be exact."""
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
     return round(math.ceil(value / step) * step, 9)

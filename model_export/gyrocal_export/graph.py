@@ -18,7 +18,7 @@ INPUTS = ("up", "down")
 
 
 class Graph:
-    """An ONNX file, walked from its inputs to its output."""
+    """An ONNX file, read from its inputs to its output."""
 
     def __init__(self, model: onnx.ModelProto, source: str) -> None:
         self.model = model
@@ -41,7 +41,7 @@ class Graph:
         """Read and check an ONNX file.
 
         Raises:
-            InputError: no such file, no ONNX, or not this network.
+            InputError: the file does not exist, is not ONNX, or does not hold this network.
         """
         try:
             model = onnx.load(path)
@@ -85,5 +85,5 @@ class Graph:
 
 
 def attribute(node: onnx.NodeProto, name: str, default: Any) -> Any:
-    """A node's attribute by name."""
+    """The attribute of a node by name."""
     return next((onnx.helper.get_attribute_value(a) for a in node.attribute if a.name == name), default)

@@ -19,13 +19,13 @@ from gyrocal_export.quantize import Writer, codes
 
 LAYERS = ("first", "second", "third", "fourth", "last")
 PARTS = 6
-"""Of the third layer's sum."""
+"""Times in one part of the third layer's sum."""
 POOLED = {"first": "pool", "second": "second_pool"}
-"""The convolutions, and the average pool behind each."""
+"""The names of the convolutions, each with the average pool that follows it."""
 
 
 def to_onnx(net: GyrocalNet, metadata: dict[str, str], *, int8: bool) -> onnx.ModelProto:
-    """The graph; with ``int8`` its weights are codes and a step an output.
+    """The network as a graph. With ``int8`` its weights are codes with one step for each output.
 
     Inputs ``readings`` float32 [N, 1, samples] (of one face less their mean, deg/s, turned so that the true rate is positive,
     zero beyond the stage) and ``stage`` [N, 3] (one-hot: 2, 4, 6 s); output ``y`` [N, 2]: u less the mean in ``unit_dps`` of
@@ -87,7 +87,7 @@ def to_onnx(net: GyrocalNet, metadata: dict[str, str], *, int8: bool) -> onnx.Mo
 def _model(
     writer: Writer, shapes: dict[str, tuple[int, ...]], metadata: dict[str, str], *, int8: bool
 ) -> onnx.ModelProto:
-    """The nodes as a checked model; the last of the ``shapes``, without the batch, is the output's."""
+    """The nodes as a checked model. The last of the ``shapes``, without the batch, is that of the output."""
     rows = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", *size]) for name, size in shapes.items()]
     graph = helper.make_graph(writer.nodes, "gyrocal_int8" if int8 else "gyrocal", rows[:-1], rows[-1:], writer.constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10, producer_name="gyrocal")
@@ -97,7 +97,7 @@ def _model(
 
 
 def _sum_of_parts(writer: Writer, x: str, weight: str, times: int, channels: int) -> str:
-    """``x`` [N, times · channels] by ``weight``, as a sum over a few times each: long sums round more, and this one cancels."""
+    """``x`` [N, times · channels] times ``weight``, summed in parts: the terms cancel, and a long sum has larger errors."""
     sizes = [channels * len(part) for part in np.array_split(np.arange(times), PARTS)]
     writer.constant("third.sizes", np.array(sizes, np.int64))
     pieces = {name: [f"third.{name}.{i}" for i in range(len(sizes))] for name in ("input", "weight")}
@@ -112,7 +112,7 @@ def tables(model: onnx.ModelProto, source: str) -> str:
     """``gc_gyrocal``, the C table of the quantised graph.
 
     Raises:
-        InputError: not a quantised network gyrocal.
+        InputError: the graph is not a quantised network gyrocal.
     """
     constants = {i.name: numpy_helper.to_array(i) for i in model.graph.initializer}
     metadata = {entry.key: entry.value for entry in model.metadata_props}

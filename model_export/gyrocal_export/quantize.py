@@ -23,19 +23,19 @@ CONV = ("BatchNormalization", "Conv", "AveragePool", "LeakyRelu")
 
 
 def codes(weight: Float) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
-    """int8 codes and the float32 step of each output channel: weight ~ step * code, codes within +-127."""
+    """The int8 codes within +-127 and the float32 step of each output channel: weight ~ step * code."""
     largest = np.abs(weight.reshape(len(weight), -1)).max(axis=1)
     step = (np.where(largest > 0, largest, 1.0) / 127).astype(np.float32)
     return np.rint(weight / by_channel(step, weight)).clip(-127, 127).astype(np.int8), step
 
 
 def by_channel(values: NDArray[Any], weight: NDArray[Any]) -> Float:
-    """[out] as float64 [out, 1, ...], to multiply a weight."""
+    """Reshape [out] to float64 [out, 1, ...], so that it multiplies a weight."""
     return values.astype(np.float64).reshape(-1, *[1] * (weight.ndim - 1))
 
 
 def quantize(float_graph: Graph) -> onnx.ModelProto:
-    """The quantised graph of a float one.
+    """Quantise a float graph.
 
     Raises:
         InputError: the graph is not that of network paper.
@@ -68,7 +68,7 @@ def quantize(float_graph: Graph) -> onnx.ModelProto:
 
 
 class Writer:
-    """Nodes and constants of a graph in the making."""
+    """Collects the nodes and constants of a new graph."""
 
     def __init__(self) -> None:
         self.nodes: list[onnx.NodeProto] = []

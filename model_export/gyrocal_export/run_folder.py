@@ -19,12 +19,12 @@ from gyrocal.errors import InputError
 from gyrocal_export.files import write_json
 
 Report = Callable[[int, float, float], None]
-"""Called after each epoch with its number, training loss and validation loss."""
+"""A function that is called after each epoch with its number, training loss and validation loss."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """What every training depends on: a fitted error model to simulate from, or None, and its axis."""
+    """The settings that all trainings share: a fitted error model to simulate from, or None, and its axis."""
 
     net: str
     model: str | None = None
@@ -33,15 +33,15 @@ class Training:
     epochs: int = 40
 
     def named(self) -> Self:
-        """The same with names for paths: they mean nothing to others."""
+        """The settings with file names in place of paths, which mean nothing on other machines."""
         return replace(self, model=None if self.model is None else Path(self.model).name)
 
 
 def begin(out: Path, seed: int) -> None:
-    """From here on one seed gives one network.
+    """Check that ``out`` is new, and seed the computation so that one seed gives one network.
 
     Raises:
-        InputError: ``out`` is there already.
+        InputError: ``out`` exists already.
     """
     if out.exists():
         raise InputError(f"{out}: is there already; choose another --out or remove it")
@@ -54,12 +54,12 @@ def keep_best(
     out: Path, config: Training, train: Callable[[int], float], check: Callable[[], float], save: Callable[[], None],
     report: Report, patience: int | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Epochs until there are enough, or until for ``patience`` of them the validation loss has not fallen.
+    """Train until the last epoch, or until the validation loss has not decreased for ``patience`` epochs.
 
     Args:
-        train: one epoch of that number; its loss.
-        check: the validation loss.
-        save: writes net.pt; called whenever the validation loss is the lowest yet.
+        train: trains one epoch of the given number and returns its loss.
+        check: returns the validation loss.
+        save: writes net.pt; it is called whenever the validation loss is the lowest so far.
 
     Returns:
         ``best_epoch`` and ``validation_loss``.
@@ -84,7 +84,7 @@ def keep_best(
 
 
 def finish(out: Path, config: Training, words: Sequence[str], data: dict[str, Any], metrics: dict[str, Any]) -> None:
-    """Write the metrics, and what a reader needs to make the network again: ``words`` follow `gyrocal train`."""
+    """Write the metrics and the origin of the network. ``words`` are the arguments of `gyrocal train` that reproduce it."""
     model = [] if config.model is None else [f"--model {config.model}", f"--axis {config.axis}"]
     command = ["gyrocal train", *words, *model, f"--seed {config.seed}", f"--epochs {config.epochs}", f"--out {out.name}"]
     versions = {
@@ -96,10 +96,10 @@ def finish(out: Path, config: Training, words: Sequence[str], data: dict[str, An
 
 
 def load_config(run: Path) -> dict[str, Any]:
-    """What a run folder was trained with.
+    """The settings with which a run folder was trained.
 
     Raises:
-        InputError: not a run folder.
+        InputError: it is not a run folder.
     """
     path = run / "config.json"
     try:

@@ -14,9 +14,9 @@ OPSET = 18
 
 
 def to_onnx(net: PaperNet, metadata: dict[str, str]) -> onnx.ModelProto:
-    """The network as a graph: inputs ``up``, ``down`` float32 [N, 1, 2, window], output ``y`` [N, 2].
+    """The network as an ONNX graph: inputs ``up``, ``down`` float32 [N, 1, 2, window], output ``y`` [N, 2].
 
-    ``metadata`` (name, rate_hz, table_dps) goes with it.
+    ``metadata`` (name, rate_hz, table_dps) is stored in the graph.
     """
     net = net.folded()
     shape = (2, 1, 2, net.shape.window)
@@ -41,7 +41,7 @@ def to_onnx(net: PaperNet, metadata: dict[str, str]) -> onnx.ModelProto:
 
 
 def strip(model: onnx.ModelProto) -> None:
-    """Remove what the exporter says of the machine and files that it ran on."""
+    """Remove the exporter's notes about the machine and the files on which it ran."""
     graph = model.graph
     for part in (*graph.node, *graph.initializer, *graph.input, *graph.output, *graph.value_info, graph):
         part.ClearField("metadata_props")

@@ -21,10 +21,10 @@ from gyrocal_export.run_folder import Report, Training
 
 @dataclass(frozen=True)
 class Config(Training):
-    """All that a training depends on.
+    """The settings of a training.
 
-    ``scenarios`` are simulated afresh for every epoch, unless there are sessions. ``weight_decay`` is for float32's
-    sake: smaller weights cancel less, which brings C and onnxruntime three times nearer for 0.4 % of loss.
+    Without sessions, ``scenarios`` are simulated anew for every epoch. ``weight_decay`` serves the precision of float32:
+    smaller weights cancel less, which reduces the difference between C and onnxruntime to a third for 0.4 % of loss.
     """
 
     net: str = "paper"
@@ -42,15 +42,15 @@ def train(config: Config, out: Path, report: Report) -> dict[str, Any]:
     """Train a network and write its run folder.
 
     Args:
-        config: what to train, and how.
-        out: the folder; it must not be there.
-        report: called after each epoch with its number, training loss and validation loss.
+        config: the settings of the training.
+        out: the run folder, which must not exist.
+        report: a function that is called after each epoch with its number, training loss and validation loss.
 
     Returns:
         The metrics, as in metrics.json.
 
     Raises:
-        InputError: ``out`` is there already, or the sessions cannot be used.
+        InputError: ``out`` exists already, or the sessions cannot be used.
     """
     run_folder.begin(out, config.seed)
     seeds = np.random.SeedSequence(config.seed).generate_state(config.epochs + 2).tolist()
@@ -107,7 +107,7 @@ def _epoch(net: PaperNet, data: tuple[Tensor, Tensor, Tensor], batch: int, optim
 
 
 def predict(net: PaperNet, up: Tensor, down: Tensor) -> Tensor:
-    """[n, 2] of images [n, 1, 2, window], the network at rest (running statistics, no dropout)."""
+    """Scale and bias in dps, [n, 2], of images [n, 1, 2, window], in evaluation mode (running statistics, no dropout)."""
     net.eval()
     with torch.no_grad():
         return net(up, down)
@@ -116,7 +116,7 @@ def predict(net: PaperNet, up: Tensor, down: Tensor) -> Tensor:
 def evaluate(net: PaperNet, training: Windows, validation: Windows) -> dict[str, Any]:
     """Mean absolute errors on the validation scenarios after 1, 2, 3 windows (the mean of their answers).
 
-    Beside the network: the training mean, which knows nothing of the run, and the baseline, eq. (9)-(10).
+    The network is compared with the mean of the training labels and with the baseline, eq. (9)-(10).
     """
     up, down, _ = validation.pairs()
     n, per_run, _ = validation.up.shape
@@ -133,7 +133,7 @@ def evaluate(net: PaperNet, training: Windows, validation: Windows) -> dict[str,
 
 
 def save(net: PaperNet, path: Path, data: Windows) -> None:
-    """Write a checkpoint: weights, shape, training range and the rates that it holds for."""
+    """Write a checkpoint: the weights, the shape, the training range, and the rates for which it is valid."""
     metadata = {"name": "paper", "rate_hz": f"{data.rate_hz:.9g}", "table_dps": f"{data.table_dps:.9g}"}
     torch.save({"state": net.state_dict(), "shape": asdict(net.shape), "clip_dps": net.clip_dps, "metadata": metadata}, path)
 
@@ -142,7 +142,7 @@ def load(run: Path) -> tuple[PaperNet, dict[str, str]]:
     """The network of a run folder, and its metadata (name, rate_hz, table_dps).
 
     Raises:
-        InputError: no such folder, or no checkpoint in it.
+        InputError: the folder or its checkpoint does not exist.
     """
     path = run / "net.pt"
     if not path.is_file():

@@ -23,38 +23,39 @@ from gyrocal_export.quantize import by_channel, codes
 from gyrocal_export.run_folder import Report, Training
 
 GRID, COARSE = 64, 12
-"""Values that stand for a nonlinear parameter in the faces that are drawn, and in the answer that is exact."""
+"""How many values represent a nonlinear parameter in the faces that are drawn, and in the exact answer."""
 STAGE_S = 2.0
 STEPS_AN_EPOCH = 400
 SAMPLES_OFF = 2.0
-"""Times the training data's largest |sample - column| is accepted: more noise than that, or a spike."""
+"""Factor on the largest |sample - column| of the training data up to which a sample is accepted."""
 
 
 @dataclass(frozen=True)
 class GyrocalConfig(Training):
-    """All that a training depends on. New faces are drawn for every step; each is seen after 2, 4 and 6 s.
+    """The settings of a training. New faces are drawn for every step; each is used after 2, 4 and 6 s.
 
-    ``weight_decay`` is for float32's sake: smaller weights cancel less, which brings C and onnxruntime nearer.
+    ``weight_decay`` serves the precision of float32: smaller weights cancel less, so that C and onnxruntime differ less.
     """
 
     net: str = "gyrocal"
     faces: int = 1024
-    """A step."""
+    """Number of faces in one step."""
     validation_faces: int = 20_000
     test_scenarios: int = 4000
     range_faces: int = 1_000_000
-    """Drawn to find the largest deviations."""
+    """Number of faces that are drawn to find the largest deviations."""
     learning_rate: float = 6e-3
     weight_decay: float = 0.1
     spread: float = 2.0
-    """Effects are so many times as large or small at most: who has seen one size alone is too sure of others."""
+    """Largest factor by which effects are larger or smaller than in the campaign. A network trained on one size alone would
+    give too small standard errors for others."""
     settling_steps: int = 1200
     settling_rate: float = 1e-3
     shape: GyrocalShape = field(default_factory=GyrocalShape)
 
 
 def known(config: GyrocalConfig, grid: int = GRID) -> tuple[Calibration, Protocol]:
-    """What the training draws from: a fitted model, or the laws of the campaign ``table2``."""
+    """The distribution that the training draws from: a fitted model, or the laws of the campaign ``table2``."""
     if config.model is None:
         return limit.table2(grid), limit.PROTOCOL
     return calibration_of(Model.open(config.model), config.axis, alternatives=grid), Protocol()
@@ -63,18 +64,18 @@ def known(config: GyrocalConfig, grid: int = GRID) -> tuple[Calibration, Protoco
 def train_gyrocal(config: GyrocalConfig, out: Path, report: Report) -> dict[str, Any]:
     """Train the network and write its run folder.
 
-    Scale and bias are not drawn: the network sees readings less their mean, and learns what to add to the mean.
+    Scale and bias are not drawn: the input is the readings less their mean, and the output is a correction of the mean.
 
     Args:
-        config: what to train, and how.
-        out: the folder; it must not be there.
-        report: called after each epoch with its number, training loss and validation loss.
+        config: the settings of the training.
+        out: the run folder, which must not exist.
+        report: a function that is called after each epoch with its number, training loss and validation loss.
 
     Returns:
         The metrics, as in metrics.json.
 
     Raises:
-        InputError: ``out`` is there already, or the model does not say how its effects are spread.
+        InputError: ``out`` exists already, or the model lacks the spread of an effect.
     """
     run_folder.begin(out, config.seed)
     calibration, protocol = known(config)
@@ -138,13 +139,13 @@ def _sizes(config: GyrocalConfig, faces: Faces, rng: np.random.Generator) -> Ran
 
 
 def _stages(shape: GyrocalShape, columns: Float32) -> list[tuple[Float32, Float32]]:
-    """For each stage the columns less their mean, and what the mean lacks of the truth, which is zero."""
+    """For each stage the columns less their mean, and the correction of the mean; the truth is zero."""
     cut = [columns[:, : shape.stage_columns * (k + 1)] for k in range(STAGES)]
     return [(y - y.mean(1, keepdims=True), -y.mean(1)) for y in cut]
 
 
 def _least_squares(net: GyrocalNet, columns: Float32) -> None:
-    """Start from the best linear answer of each stage."""
+    """Initialise the linear part with the least-squares answer of each stage."""
     with torch.no_grad():
         for k, (x, truth) in enumerate(_stages(net.shape, columns)):
             weight = np.linalg.lstsq(x, truth, rcond=1e-5)[0]
@@ -162,7 +163,7 @@ def _answers(net: GyrocalNet, columns: Float32) -> list[tuple[Tensor, Tensor, Te
 
 
 def _loss(net: GyrocalNet, columns: Float32) -> Tensor:
-    """Over all stages of the same faces."""
+    """The mean loss over all stages of the same faces."""
     return torch.stack([negative_log_likelihood(*answer) for answer in _answers(net, columns)]).mean()
 
 
@@ -218,7 +219,7 @@ def evaluate(net: GyrocalNet, calibration: Calibration, protocol: Protocol, n: i
 
 
 def _face(net: GyrocalNet, residual_dps: Array, stage: int, w_dps: float) -> FaceAnswers:
-    """The network before it is exported: what `gyrocal.calibration.network` gives of the same readings [n, samples]."""
+    """The answer of the network before export, as `gyrocal.calibration.network` gives it for the same readings [n, samples]."""
     y = residual_dps[:, : net.shape.pool * net.shape.stage_columns * (stage + 1)]
     mean, sign, unit = y.mean(1), np.sign(w_dps), net.sizes.unit_dps
     columns = sign * (y.reshape(len(y), -1, net.shape.pool).mean(-1) - mean[:, None]) / unit

@@ -31,7 +31,10 @@ from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.recording.session import AXES, Session
 
 from . import stepwise
-from .generator import DIGITAL, Case, Effect, Truth, detectability, make
+from .generator.case import Case, Effect, Truth
+from .generator.chip import DIGITAL
+from .generator.detectability import detectability
+from .generator.session import make
 
 LEAST_DETECTABILITY = 8.0
 """In standard errors: the aims hold for what the data can tell."""
@@ -280,7 +283,7 @@ def run(cases: Sequence[Case], progress: Progress | None = None, processes: int 
 
 
 def score(outcomes: Iterable[Outcome], method: str = "gyrocal") -> dict[str, float | None]:
-    """The contract's figures, and `completed_rate`; None where no case bears on a figure."""
+    """The benchmark's figures (docs/blind.md), and `completed_rate`; None where no case bears on a figure."""
     kinds: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         kinds.setdefault(outcome.case.kind, []).append(outcome)

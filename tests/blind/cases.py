@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .generator import AXES, Case, Effect
+from .generator.case import AXES, Case, Effect
 
 SECONDS = {"paper": 30.0, "full": 15.0, "swing": 20.0}
 
@@ -168,7 +168,7 @@ PAIRS = [
     ("full", "spin_up", "scale_asymmetry"),
 ]
 
-# Outside the contract's table. None is a sum of its effects: cycles of random length, an order that is no whole number,
+# Outside the library. None is a sum of its effects: cycles of random length, an order that is no whole number,
 # a frequency that wanders or sweeps, a code that never occurs.
 UNKNOWN = [
     ("paper", _Planted("stick_slip", "table", {"amplitude": 6e-4, "period_s": 0.8, "spread": 0.25}, ())),

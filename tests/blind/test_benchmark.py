@@ -14,7 +14,8 @@ from gyrocal.recording.session import Session
 
 from . import benchmark, stepwise
 from .benchmark import Answer, Outcome, error_dps, score
-from .generator import Case, Effect, make
+from .generator.case import Case, Effect
+from .generator.session import make
 
 RIPPLE = Effect("table_ripple", {"amplitude_1": 2e-3, "phase_1_deg": 0.0}, "z")
 DRIFT = Effect("drift", {"k_dps_per_s": 1e-3}, "x")

@@ -29,7 +29,7 @@ def objects(cc: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one object a source of the core and of the emulator."""
     folder = tmp_path_factory.mktemp("objects")
     sources = [*sorted(CORE.rglob("*.c")), *sorted(p for p in SIM.glob("*.c") if p.name != "main.c")]
-    subprocess.run([cc, *FLAGS, "-c", f"-I{CORE}", *map(str, sources)], cwd=folder, check=True)
+    subprocess.run([cc, *FLAGS, "-c", f"-I{CORE}", f"-I{INCLUDE}", *map(str, sources)], cwd=folder, check=True)
     return folder
 
 
@@ -118,6 +118,18 @@ def make_run(
 
 def ticks(n: int, rate_hz: float = 145.0) -> NDArray[np.int64]:
     return np.round(np.arange(n) / rate_hz * 1e6).astype(np.int64)
+
+
+def make_pair(rng: np.random.Generator, n: int = 900, w: float = 78.0, **more: object) -> list[dict]:
+    """A run of ``n`` samples face up and one face down at ``w`` dps: scale 0.4 %, bias -0.05 dps."""
+    return [make_run(rng, np.full(n, 1.004 * f * w - 0.05), ticks(n), f, table_dps=w, **more) for f in (1, -1)]
+
+
+def without_gyrocal(folder: Path) -> Path:
+    """A folder with a weights.h of network `paper` alone."""
+    folder.mkdir()
+    (folder / "weights.h").write_text((INCLUDE / "weights.h").read_text().replace("    .convnet = &gc_gyrocal,\n", ""))
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gyrocal_firmware import CORE, INCLUDE, SIM
+from gyrocal_firmware import CORE, INCLUDE, SIM, SRC
 
 from .conftest import WARNINGS
 
@@ -59,3 +59,8 @@ def test_the_core_names_no_part_outside_its_driver() -> None:
     for path in (*SOURCES, *HEADERS):
         if path.stem != "gc_lsm6dso":
             assert "lsm6dso" not in path.read_text().lower(), path.name
+
+
+def test_the_port_and_the_simulator_name_the_part_in_one_place_each() -> None:
+    naming = [p.name for folder in (SRC, SIM, INCLUDE) for p in sorted(folder.iterdir()) if "lsm6dso" in p.read_text().lower()]
+    assert naming == ["emul.h", "emul_lsm6dso.c", "emul_lsm6dso.h", "part.h"]

@@ -8,10 +8,9 @@ import pytest
 
 from gyrocal_firmware import INCLUDE
 
-from .conftest import HERE, LSB_DPS, Build, Sentence, make_run, run, sentences, ticks, write_rows
+from .conftest import HERE, LSB_DPS, Build, Sentence, make_run, run, sentences, ticks, without_gyrocal, write_rows
 from .test_device import DOWN, STILL, UP, errors, leds
 from .test_kept import PAIR
-from .test_sim import without_gyrocal
 
 CORRECTED = "noise 0\n> stream corrected\nrun 0.2\n> stream off\nnoise 5\n"
 
@@ -122,7 +121,7 @@ def test_a_rest_that_is_flagged_renews_no_bias(bench: Path) -> None:
 
 
 def test_a_bias_of_two_degrees_a_second_is_answered_and_corrected(bench: Path) -> None:
-    """Scale and bias are no part of the network's range; what is beyond it: test_sim."""
+    """Scale and bias are no part of the network's range; what is beyond it: test_sim_answers."""
     text = run(bench, f"noise 5\npower\n{halves(8914 + 263, -8914 + 263)}{CORRECTED}")
     assert errors(text) == []
     best = next(s for s in sentences(text, "CAL") if (s["method"], s["seconds"]) == ("cnn", "6"))

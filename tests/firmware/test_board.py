@@ -1,4 +1,4 @@
-"""The port itself runs: its tasks, buses, interrupts, flash and light on a board in virtual time (board.cpp)."""
+"""The port itself runs: its tasks, buses, interrupts, flash and light on a board in virtual time (the folder board)."""
 
 import subprocess
 from collections.abc import Callable
@@ -25,7 +25,8 @@ def compile_board(folder: Path, gxx: str, gcc: str, *more: str) -> Path:
     common = [*SANITIZE, *PINS, *more, *folders, "-c"]
     core = [*CORE.rglob("*.c"), SIM / "emul_lsm6dso.c", SRC / "headers.c"]
     subprocess.run([gcc, "-std=gnu99", *common, *map(str, core)], cwd=folder, check=True)
-    subprocess.run([gxx, "-std=gnu++14", *common, *map(str, [*SRC.glob("*.cpp"), HERE / "board.cpp"])], cwd=folder, check=True)
+    sources = [*SRC.glob("*.cpp"), *(HERE / "board").glob("*.cpp")]
+    subprocess.run([gxx, "-std=gnu++14", *common, *map(str, sources)], cwd=folder, check=True)
     program = folder / "board"
     objects = sorted(map(str, folder.glob("*.o")))
     subprocess.run([gxx, *SANITIZE, *objects, "-pthread", "-lm", "-o", str(program)], check=True)

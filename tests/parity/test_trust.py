@@ -1,7 +1,9 @@
 """Standard errors, misfit and flags of the core against the host's, on the same counts."""
 
 import ctypes
+import re
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -13,52 +15,7 @@ from gyrocal.core.library import SHARED, build, core_sources
 from gyrocal.recording.session import AXES, Run
 from gyrocal_firmware import CORE
 
-SHIM = """
-#include "gc_error.h"
-#include "gc_judge.h"
-#include "gc_math.h"
-#include "gc_trust.h"
-#include <math.h>
-
-int trust(const int64_t *t_us, const int16_t *counts, const uint32_t *n, const double *w, double rate_hz, double lsb,
-          uint32_t blocks, int known_table, double *answer, char *flags)
-{
-    static gc_face_t face[2];
-    static gc_evidence_t evidence;
-    for (unsigned i = 0; i < 2; i++) {
-        gc_face_begin(&face[i], rate_hz);
-        for (uint32_t k = 0; k < n[i]; k++) {
-            gc_face_add(&face[i], (uint64_t)*t_us++, *counts++);
-        }
-    }
-    const int error = gc_evidence_begin(&evidence, &face[0], &face[1], blocks, w[0], w[1], lsb);
-    if (error != GC_OK) {
-        return error;
-    }
-    while (!gc_evidence_go_on(&evidence)) {
-    }
-    gc_answer_t base = {answer[0], 0, answer[2], 0, 0}, net = {answer[0], answer[1], answer[2], answer[3], 0};
-    gc_evidence_errors(&evidence, &base);
-    gc_flags_text(gc_evidence_judge(&evidence, known_table != 0, &net) | gc_judge_answer(&base, 2.0 * blocks), flags);
-    answer[0] = base.scale_se;
-    answer[1] = base.bias_se_dps;
-    answer[2] = base.misfit;
-    answer[3] = net.misfit;
-    answer[4] = net.scale_se;
-    answer[5] = net.bias_se_dps;
-    return GC_OK;
-}
-
-void logs_and_decays(const double *x, uint32_t n, double *logs, double *decays)
-{
-    for (uint32_t i = 0; i < n; i++) {
-        logs[i] = gc_log(x[i]);
-        decays[i] = gc_decay(x[i]);
-    }
-}
-
-unsigned flags_room(void) { return GC_FLAGS_TEXT_MAX; }
-"""
+SHIM = Path(__file__).with_name("trust_shim.c")
 LSB_DPS = 0.00875
 
 Trust = Callable[..., tuple[list[float], str]]
@@ -67,7 +24,7 @@ Trust = Callable[..., tuple[list[float], str]]
 @pytest.fixture(scope="module")
 def library(require_tool: Callable[[str], str]) -> ctypes.CDLL:
     require_tool("cc")
-    return ctypes.CDLL(str(build("trust", core_sources(), [CORE], SHARED, {"trust_shim.c": SHIM})))
+    return ctypes.CDLL(str(build("trust", [SHIM, *core_sources()], [CORE], SHARED)))
 
 
 @pytest.fixture(scope="module")
@@ -169,6 +126,13 @@ def test_logarithm_and_decay_are_within_1e_12_everywhere(library: ctypes.CDLL) -
     library.logs_and_decays(pointers[0], ctypes.c_uint32(x.size), *pointers[1:])
     assert logs == pytest.approx(np.log(x), rel=1e-12, abs=1e-15)
     assert decays == pytest.approx(np.where(x > 700, 0.0, np.exp(-x)), rel=1e-12)
+
+
+def test_host_and_core_have_the_same_flags_in_the_same_words() -> None:
+    rows = re.findall(r'X\(GC_FLAG_\w+, (\d+), "(\w+)", "([^"]+)"\)', (CORE / "gc_flags.h").read_text(encoding="utf-8"))
+    assert [(int(bit), name, meaning) for bit, name, meaning in rows] == [
+        (bit, name, meaning) for bit, (name, meaning) in enumerate(FLAGS.items())
+    ]
 
 
 def test_flags_have_one_list(library: ctypes.CDLL) -> None:

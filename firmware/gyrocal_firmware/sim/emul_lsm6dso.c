@@ -29,9 +29,10 @@ enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
 #define BOOT_US 10000u
 #define RESET_US 50u
 #define SETTLE_US 70000u
+#define ROOT_HZ 6667.0 /* AN5192: every output data rate is this one, halved again and again */
 
-/* AN5192: 6667 Hz halved again and again. */
-static const double odr_hz[] = {0, 6667.0 / 512, 6667.0 / 256, 6667.0 / 128, 6667.0 / 64, 6667.0 / 32, 6667.0 / 16, 6667.0 / 8, 6667.0 / 4, 6667.0 / 2, 6667.0, 0, 0, 0, 0, 0};
+static const double odr_hz[16] = {0,            ROOT_HZ / 512, ROOT_HZ / 256, ROOT_HZ / 128, ROOT_HZ / 64, ROOT_HZ / 32,
+                                  ROOT_HZ / 16, ROOT_HZ / 8,   ROOT_HZ / 4,   ROOT_HZ / 2,   ROOT_HZ};
 
 static void defaults(emul_lsm6dso_t *chip) {
     memset(chip->reg, 0, sizeof chip->reg);
@@ -43,6 +44,10 @@ static void defaults(emul_lsm6dso_t *chip) {
     memset(chip->half_read, 0, sizeof chip->half_read);
     memset(chip->waiting, 0, sizeof chip->waiting);
     chip->fifo_n = 0;
+}
+
+double emul_lsm6dso_clock_for(double rate_hz) {
+    return rate_hz * exp2(rint(log2(ROOT_HZ / rate_hz))) / ROOT_HZ;
 }
 
 void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_full_scale_dps) {
@@ -131,7 +136,7 @@ static bool due(double *batched, double rate_hz, double slot_hz) {
 }
 
 static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
-    static const double temp_hz[] = {0, 6667.0 / 4096, 6667.0 / 512, 6667.0 / 128};
+    static const double temp_hz[] = {0, ROOT_HZ / 4096, ROOT_HZ / 512, ROOT_HZ / 128};
     const double gyro_hz = odr_hz[chip->reg[FIFO_CTRL3] >> 4];
     const double acc_hz = odr_hz[chip->reg[FIFO_CTRL3] & 15];
     const double slot_hz = odr_hz[chip->reg[CTRL2_G] >> 4] > 0 ? odr_hz[chip->reg[CTRL2_G] >> 4] : odr_hz[chip->reg[CTRL1_XL] >> 4];

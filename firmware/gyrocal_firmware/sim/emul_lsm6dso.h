@@ -35,6 +35,8 @@ typedef struct {
     bool nack, wrong_id, stale, stuck_bit, stuck_reset, bad_tags;
 } emul_lsm6dso_t;
 
+/* The clock, over nominal, at which the nearest output data rate is exactly rate_hz. */
+double emul_lsm6dso_clock_for(double rate_hz);
 void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_full_scale_dps);
 /* Registers fall back to their defaults, as in a dip of the supply. */
 void emul_lsm6dso_brown_out(emul_lsm6dso_t *chip);

@@ -2,11 +2,11 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "calibration.h"
-#include "emul_lsm6dso.h"
+#include "emul.h"
 #include "gc_device.h"
-#include "gc_lsm6dso.h"
 #include "gc_error.h"
 #include "gc_format.h"
+#include "part.h"
 #include "rows.h"
 #include "weights.h"
 
@@ -50,7 +50,7 @@ typedef struct {
 
     rows_t rows;
     uint64_t now_us; /* since power-on: moves only through waits and the bus */
-    emul_lsm6dso_t chip;
+    emul_t chip;
     gc_device_t device;
 
     /* The run being replayed: row k stands at base_us + t_us. */
@@ -103,7 +103,7 @@ static void misbehave(sim_t *sim) {
     sim->chip.stale = on && strcmp(name, "stale") == 0;
     sim->chip.bad_tags = on && strcmp(name, "bad_tags") == 0;
     if (!sim->fault_over && strcmp(name, "brownout") == 0) {
-        emul_lsm6dso_brown_out(&sim->chip);
+        emul_brown_out(&sim->chip);
     }
     if (!sim->fault_over && strcmp(name, "busy") == 0) {
         sim->fault_over = true;
@@ -121,13 +121,13 @@ static uint64_t next_row_us(const sim_t *sim) {
 }
 
 static void feed_row(sim_t *sim) {
-    emul_lsm6dso_feed(&sim->chip, next_row_us(sim), sim->row->world);
+    emul_feed(&sim->chip, next_row_us(sim), sim->row->world);
     sim->row++;
 }
 
 /* The FIFO takes each row at its time, whatever the device does meanwhile. */
 static void feed_fifo(sim_t *sim) {
-    while (emul_lsm6dso_batches(&sim->chip) && in_run(sim) && next_row_us(sim) <= sim->now_us) {
+    while (emul_batches(&sim->chip) && in_run(sim) && next_row_us(sim) <= sim->now_us) {
         feed_row(sim);
     }
 }
@@ -139,7 +139,7 @@ static void move_to(sim_t *sim, uint64_t t_us) {
     }
     misbehave(sim);
     feed_fifo(sim);
-    emul_lsm6dso_advance(&sim->chip, sim->now_us);
+    emul_advance(&sim->chip, sim->now_us);
 }
 
 static void wait_until_us(void *context, uint64_t t_us) {
@@ -157,7 +157,7 @@ static void skip_missed_rows(sim_t *sim) {
    the FIFO a batch is due when the device says so, but not after the last row. */
 static void wait_sample_us(void *context, uint64_t due_us) {
     sim_t *sim = context;
-    if (emul_lsm6dso_batches(&sim->chip)) {
+    if (emul_batches(&sim->chip)) {
         const uint64_t last_us = in_run(sim) ? sim->base_us + sim->rows_end[-1].t_us : due_us;
         move_to(sim, due_us < last_us ? due_us : last_us);
         return;
@@ -188,14 +188,14 @@ static void spend_bus_time(sim_t *sim, size_t bytes) {
 
 static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
     sim_t *sim = context;
-    const int taken = address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_write(&sim->chip, sim->now_us, reg, data, n) : -1;
+    const int taken = address == PART_ADDRESS ? emul_write(&sim->chip, sim->now_us, reg, data, n) : -1;
     spend_bus_time(sim, n + 2u);
     return taken;
 }
 
 static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     sim_t *sim = context;
-    const int given = address == GC_LSM6DSO_ADDRESS ? emul_lsm6dso_read(&sim->chip, sim->now_us, reg, data, n) : -1;
+    const int given = address == PART_ADDRESS ? emul_read(&sim->chip, sim->now_us, reg, data, n) : -1;
     spend_bus_time(sim, n + 3u);
     return given;
 }
@@ -275,13 +275,12 @@ static void command_set(sim_t *sim, const char *name, float value, const char *i
 static void stand_still(sim_t *sim, const rows_run_t *run) {
     rows_row_t row = sim->rows.rows[run->first_row];
     row.world[1] = row.world[2] = row.world[3] = 0;
-    emul_lsm6dso_feed(&sim->chip, sim->now_us, row.world);
+    emul_feed(&sim->chip, sim->now_us, row.world);
 }
 
 /* A part whose own clock makes its nominal output data rate the rows' true one. */
 static double clock_of(double rate_hz) {
-    const double root_hz = GC_LSM6DSO_ROOT_HZ;
-    return gc_part_odr_for(&gc_lsm6dso, rate_hz) == rate_hz ? rate_hz * exp2(rint(log2(root_hz / rate_hz))) / root_hz : 1.0;
+    return gc_part_odr_for(&PART, rate_hz) == rate_hz ? emul_clock_for(rate_hz) : 1.0;
 }
 
 static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run, bool stream) {
@@ -289,7 +288,7 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     sim->fault_us = sim->fault_us == 0 ? 0 : UINT64_MAX; /* a passing fault passes once */
     pace_from_here(sim);
     sim->chip.clock = clock_of((double)sim->rows.sample_rate_hz);
-    emul_lsm6dso_power_on(&sim->chip, 0, (double)sim->rows.full_scale_dps);
+    emul_power_on(&sim->chip, 0, (double)sim->rows.full_scale_dps);
     if (sim->fault >= 0 && faults[sim->fault].lasts_us == 0) {
         const char *name = faults[sim->fault].name;
         sim->chip.wrong_id = strcmp(name, "wrong_id") == 0;
@@ -329,7 +328,7 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     command(sim, set_axis[run->axis]);
     command_set(sim, "table_dps", run->table_dps, "none");
     command_set(sim, "turn_deg", run->turn_deg, "0");
-    sim->chip.fed_only = emul_lsm6dso_batches(&sim->chip);
+    sim->chip.fed_only = emul_batches(&sim->chip);
     command(sim, run->face > 0 ? "start up" : "start down");
 
     /* Only differences of t_us count; the first row may stand anywhere. */
@@ -465,8 +464,8 @@ int main(int argc, char **argv) {
     };
     const gc_device_config_t config = {
         .port = &port,
-        .part = &gc_lsm6dso,
-        .address = GC_LSM6DSO_ADDRESS,
+        .part = &PART,
+        .address = PART_ADDRESS,
         .imu = imu,
         .calibration = &gc_calibration,
         .net = &gc_net,

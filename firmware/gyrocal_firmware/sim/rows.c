@@ -1,6 +1,6 @@
 #include "rows.h"
 
-#include "gc_lsm6dso.h"
+#include "part.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -93,10 +93,10 @@ static const char *parse(rows_t *rows, const uint8_t *data, size_t size) {
     if (rows->n_runs == 0) {
         return "it holds no run";
     }
-    if (!(rows->sample_rate_hz >= 1.0f) || gc_part_odr_for(&gc_lsm6dso, (double)rows->sample_rate_hz) == 0.0) {
+    if (!(rows->sample_rate_hz >= 1.0f) || gc_part_odr_for(&PART, (double)rows->sample_rate_hz) == 0.0) {
         return "sample_rate_hz must be within 1 and 1388, or 1666";
     }
-    if (!gc_part_full_scale_ok(&gc_lsm6dso, (double)rows->full_scale_dps)) {
+    if (!gc_part_full_scale_ok(&PART, (double)rows->full_scale_dps)) {
         return "full_scale_dps must be 125, 250, 500, 1000 or 2000";
     }
     rows->runs = calloc(rows->n_runs, sizeof *rows->runs);

@@ -1,8 +1,8 @@
 /* The ESP32's port of the core: finds the sensors, gives each a task, passes commands on and shows the light. */
 #include "board.h"
-#include "gc_lsm6dso.h"
 #include "i2c_bus.h"
 #include "output.h"
+#include "part.h"
 #include "sensor.h"
 #include "status_led.h"
 
@@ -14,7 +14,7 @@
 #define IDLE_MS 4
 
 static Sensor *sensors[MAX_SENSORS]; /* by their number; null where none answered */
-static const uint8_t addresses[SENSORS_A_BUS] = {GC_LSM6DSO_ADDRESS, GC_LSM6DSO_ADDRESS_LOW};
+static const uint8_t addresses[SENSORS_A_BUS] = PART_ADDRESSES;
 
 static void add(I2cBus &bus, unsigned which) {
     const unsigned imu = SENSORS_A_BUS * bus.number() + which;

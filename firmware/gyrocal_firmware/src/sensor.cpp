@@ -1,8 +1,8 @@
 #include "sensor.h"
 
-#include "gc_lsm6dso.h"
 #include "headers.h"
 #include "output.h"
+#include "part.h"
 #include "status_led.h"
 
 #include <Arduino.h>
@@ -58,7 +58,7 @@ Sensor::Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1)
     port_.load = Port::load;
     port_.led = Port::led;
     config_.port = &port_;
-    config_.part = &gc_lsm6dso;
+    config_.part = &PART;
     config_.address = address;
     config_.imu = imu;
     config_.calibration = gyrocal_calibration;

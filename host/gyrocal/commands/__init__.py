@@ -1,4 +1,4 @@
-"""One file a command: ``gyrocal VERB`` is ``run`` in ``commands/VERB.py`` (``import`` is ``import_.py``).
+"""One file for each command: ``gyrocal VERB`` is ``run`` in ``commands/VERB.py`` (``import`` is ``import_.py``).
 
 Here are the options that several commands share. It imports whatever lies below it; only ``cli`` imports it.
 """
@@ -18,7 +18,7 @@ def _load(folder: Path | None) -> Path | None:
 
 
 def model_file(model: Path) -> Path:
-    """A model's file that is to be written: any name but those of the built-in models."""
+    """Check the file name of a model to write: any name except those of the built-in models."""
     if str(model) in ("paper", "default"):
         from gyrocal.errors import InputError
 
@@ -30,4 +30,4 @@ OwnEffects = Annotated[
     Path | None,
     typer.Option("--effects", callback=_load, help="A folder with effects of your own (Python files, which are run)."),
 ]
-"""Taken up as soon as the option is read: from then on they are equal to the built-in ones."""
+"""The folder is loaded as soon as the option is read. From then on its effects are equal to the built-in ones."""

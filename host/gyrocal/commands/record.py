@@ -66,7 +66,7 @@ def run(
 
 
 def _finish(report: "Report", as_json: bool) -> None:
-    """Add what the session contradicts itself in, as far as it can be read, and show the report."""
+    """Add the warnings of the session, as far as it can be read, and show the report."""
     from gyrocal.errors import InputError
     from gyrocal.plausibility import check
     from gyrocal.recording.session import Session

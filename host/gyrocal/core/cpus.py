@@ -25,7 +25,7 @@ TIMEOUT_S = 120
 
 @dataclass(frozen=True)
 class Cpu:
-    """An emulated CPU. ``like``: parts that have it. ``flash``, ``ram``: addresses on the emulated board."""
+    """An emulated CPU. ``like`` names parts that have it; ``flash`` and ``ram`` are addresses on the emulated board."""
 
     name: str
     like: str
@@ -37,7 +37,7 @@ class Cpu:
 
     @property
     def tools(self) -> tuple[str, str]:
-        """The programs that it needs: compiler and emulator."""
+        """The names of the compiler and the emulator for this CPU."""
         return self.compiler[0], self.emulator[0]
 
 
@@ -58,7 +58,7 @@ CPUS = (
 
 @dataclass(frozen=True)
 class Cost:
-    """What one part takes: instructions of a call, mean and largest; bytes of flash, of static RAM, and of stack."""
+    """The cost of one part: mean and largest number of instructions in a call; bytes of flash, of static RAM and of stack."""
 
     part: str
     what: str
@@ -76,7 +76,7 @@ def build(
     include_dirs: Sequence[Path] = (),
     flags: Sequence[str] = OPTIMISE,
 ) -> Path:
-    """Link C files, one of them with ``int main(int, char **)``, into a program for an emulated CPU; its path.
+    """Link C files, one of them with ``int main(int, char **)``, into a program for an emulated CPU, and return its path.
 
     Raises:
         GyrocalError: no such compiler, or it refused.
@@ -98,7 +98,9 @@ def build(
 
 
 def run(cpu: Cpu, program: Path, arguments: Sequence[str] = (), timeout_s: float = TIMEOUT_S) -> bytes:
-    """What a program built by :func:`build` prints. Arguments hold no space and no comma; relative paths are from here.
+    """Run a program built by :func:`build` and return what it prints.
+
+    Arguments must not contain a space or a comma. Relative paths start from the current folder.
 
     Raises:
         GyrocalError: no such emulator, or the program failed.
@@ -121,11 +123,12 @@ def cost(
     include_dirs: Sequence[Path] = (),
     flags: Sequence[str] = OPTIMISE,
 ) -> Cost:
-    """Count what a part costs, beyond an empty one.
+    """Measure the cost of a part beyond that of an empty one.
 
     Args:
         part: one of :func:`parts`, or a C file of that form (see ``emul/cost.h``).
-        sources: what it is linked with; the core by default. Flash counts what is used of them, compiler's helpers too.
+        sources: the C files that it is linked with; the core by default. Flash counts what the part uses of them and of the
+            compiler's helper functions.
 
     Raises:
         GyrocalError: as :func:`build` and :func:`run`.

@@ -17,7 +17,7 @@ from gyrocal_firmware import CORE
 SHIM = Path(__file__).with_name("estimator_shim.c")
 
 MOST_TIMES = 3
-"""GC_CHECKPOINTS."""
+"""The largest number of times at which the core answers: GC_CHECKPOINTS."""
 
 
 class _Protocol(ctypes.Structure):
@@ -33,10 +33,10 @@ class _Protocol(ctypes.Structure):
 
 
 class CoreEstimator:
-    """A ``calibration.h`` as ``gyrocal export`` writes it, in the core's estimator.
+    """The core's estimator with a ``calibration.h`` as ``gyrocal export`` writes it.
 
     Raises:
-        InputError: no such file, or not such a header.
+        InputError: the file does not exist or is not such a header.
     """
 
     def __init__(self, header: Path) -> None:
@@ -59,11 +59,13 @@ class CoreEstimator:
         """Scale, its standard error, bias (dps), its standard error and misfit, shape [len(seconds), n, 5].
 
         Args:
-            up_dps, down_dps: measured - true rate of consecutive samples from the runs' first on, [n, samples].
-            seconds: after how long, ascending, at most three.
+            up_dps, down_dps: measured minus true rate (dps) of consecutive samples, from each run's first on, [n, samples].
+            protocol: sample rate, table's rate and power-on times of the runs.
+            seconds: the durations after which to answer, ascending, at most three.
+            temp_c: the temperature of both runs, degC.
 
         Raises:
-            InputError: a wrong shape, or the core's refusal.
+            InputError: a shape is wrong, or the core refuses the calibration.
         """
         up, down = (np.ascontiguousarray(x, np.float64) for x in (up_dps, down_dps))
         if up.ndim != 2 or up.shape != down.shape:

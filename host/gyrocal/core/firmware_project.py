@@ -14,15 +14,15 @@ MINE = "; The firmware as a PlatformIO project"
 
 
 def create(directory: Path, model: str | None = None, include: Path | None = None, axis: str = "z") -> None:
-    """Write the project; one that was written before is brought up to date, whatever else is in it stays.
+    """Write the project. A project that was written before is updated; other files in it stay.
 
     Args:
-        directory: where; new, empty, or a project written before.
+        directory: the folder to write: new, empty, or a project written before.
         model: error model, by name or file, that becomes ``calibration.h`` for ``axis``.
-        include: folder whose ``calibration.h`` and ``weights.h`` are taken; one that is not there is the shipped one.
+        include: the folder of ``calibration.h`` and ``weights.h``; a header that is missing there is the shipped one.
 
     Raises:
-        InputError: another folder's content would be overwritten, no such headers, or the device cannot hold the model.
+        InputError: the folder holds something else, ``include`` holds neither header, or the device cannot hold the model.
     """
     _check_target(directory)
     headers = _headers(model, include, axis)

@@ -28,16 +28,16 @@ SHARED = ("-fPIC", "-shared")
 
 
 def cache_dir() -> Path:
-    """Where compiled files are kept: ``$XDG_CACHE_HOME/gyrocal`` or ``~/.cache/gyrocal``."""
+    """The folder of compiled files: ``$XDG_CACHE_HOME/gyrocal`` or ``~/.cache/gyrocal``."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gyrocal"
 
 
 @cache
 def compiler() -> tuple[str, ...]:
-    """The C compiler's command: ``$CC``, else ``cc``.
+    """The command of the C compiler: ``$CC`` if it is set, otherwise ``cc``.
 
     Raises:
-        GyrocalError: there is none.
+        GyrocalError: there is no such program.
     """
     command = shlex.split(os.environ.get("CC", "")) or ["cc"]
     if shutil.which(command[0]) is None:
@@ -60,17 +60,17 @@ def build(
     flags: Sequence[str] = (),
     texts: Mapping[str, str] | None = None,
 ) -> Path:
-    """Compile ``sources`` into one file of the cache, unless it is there already.
+    """Compile ``sources`` into one file of the cache, unless it exists already, and return its path.
 
     Args:
         name: the first part of the built file's name.
-        sources: ``.c`` files.
-        include_dirs: searched for headers in this order, after the folder of ``texts``.
-        flags: added to ``FLAGS``; ``*SHARED`` makes a library, without it an executable.
-        texts: further files by name, written beside the build: ``.c`` are compiled, ``.h`` found first.
+        sources: the ``.c`` files.
+        include_dirs: folders that are searched for headers in this order, after the folder of ``texts``.
+        flags: options added to ``FLAGS``; ``*SHARED`` makes a library instead of an executable.
+        texts: further files by name: ``.c`` files are compiled, ``.h`` files are found before all others.
 
     Raises:
-        GyrocalError: no compiler, or it refused; the first of its messages is in the error.
+        GyrocalError: there is no compiler, or it failed; the error holds the first of its messages.
     """
     command, texts = compiler(), texts or {}
     headers = [header for folder in include_dirs for header in sorted(folder.rglob("*.h"))]
@@ -111,22 +111,22 @@ def core_sources() -> list[Path]:
 
 
 def build_core() -> Path:
-    """The core as a shared library; its path."""
+    """Compile the core into a shared library and return its path."""
     return build("core", core_sources(), [CORE], SHARED)
 
 
 def build_sim(include: Path = INCLUDE) -> Path:
-    """The simulated device as an executable; its path.
+    """Compile the simulated device and return the path of the executable.
 
     Args:
-        include: folder of ``calibration.h`` and ``weights.h``; one that is not there is taken from the shipped ones.
+        include: the folder of ``calibration.h`` and ``weights.h``; a header that is missing there is the shipped one.
     """
     folders = [include] if include == INCLUDE else [include, INCLUDE]
     return build("sim", [*core_sources(), *sorted(SIM.glob("*.c"))], [*folders, CORE, SIM])
 
 
 class Core:
-    """The core's functions on arrays. ``library`` gives the rest of it to ctypes."""
+    """The core's mathematical functions on arrays. ``library`` gives access to its other functions by ctypes."""
 
     def __init__(self) -> None:
         self.library = ctypes.CDLL(str(build_core()))

@@ -46,49 +46,73 @@ def _build_net(header: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(built))
 
 
-class CoreNetwork:
-    """A network's C header run by the core: what the device computes.
+class _HeaderNetwork:
+    """What both networks of a ``weights.h`` have in common.
+
+    Attributes:
+        source: the header's path.
+        name: the network's name.
+        rate_hz: the sample rate that it was trained for.
+        table_dps: the table's rate that it was trained for.
+    """
+
+    def __init__(self, header: Path, accessor: str, struct: type[ctypes.Structure]) -> None:
+        self.source = str(header)
+        self._library = _build_net(header)
+        function = self._library[accessor]
+        function.restype = ctypes.POINTER(struct)
+        self._pointer = function()
+        if not self._pointer:
+            raise InputError(f"{header}: holds no network gyrocal; write one with `gyrocal export`")
+        net = self._net = self._pointer.contents
+        self.name: str = net.name.decode()
+        self.rate_hz: float = net.rate_hz
+        self.table_dps: float = net.table_dps
+
+
+class CoreNetwork(_HeaderNetwork):
+    """Network `paper` of a C header, run by the core as the device runs it.
 
     Args:
         header: a ``weights.h`` as ``gyrocal export`` writes it; the shipped one by default.
 
+    Attributes:
+        clip_dps: a measured minus true rate beyond it is set to it.
+        window: samples of each face in one window.
+        outputs: numbers that one pair of windows gives.
+        scratch_floats: working memory of one answer, in floats.
+        convnet: True if the header also holds network `gyrocal`, which then answers in this one's place.
+
     Raises:
-        InputError: no such file, or not such a header.
+        InputError: the file does not exist or is not such a header.
     """
 
     def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
-        self.source = str(header)
-        library = _build_net(header)
-        library.gyrocal_net.restype = ctypes.POINTER(_Net)
-        net = library.gyrocal_net().contents
-        self.name: str = net.name.decode()
-        self.rate_hz: float = net.rate_hz
-        self.table_dps: float = net.table_dps
-        self.clip_dps: float = net.clip_dps
-        self.window: int = net.window
-        self.outputs: int = net.outputs
-        self.scratch_floats: int = net.scratch_floats
-        library.gyrocal_convnet.restype = ctypes.c_void_p
-        self.convnet = bool(library.gyrocal_convnet())
-        """Does network gyrocal answer in this one's place?"""
-        self._run = library.gyrocal_net_run
+        super().__init__(header, "gyrocal_net", _Net)
+        self.clip_dps: float = self._net.clip_dps
+        self.window: int = self._net.window
+        self.outputs: int = self._net.outputs
+        self.scratch_floats: int = self._net.scratch_floats
+        self._library.gyrocal_convnet.restype = ctypes.c_void_p
+        self.convnet = bool(self._library.gyrocal_convnet())
+        self._run = self._library.gyrocal_net_run
         pointer = np.ctypeslib.ndpointer(np.float32, flags="C_CONTIGUOUS")
         self._run.argtypes = [pointer, pointer, ctypes.c_uint32, ctypes.c_float, ctypes.c_float, pointer]
 
     def run(
         self, up_residual_dps: ArrayLike, down_residual_dps: ArrayLike, w_up_dps: float, w_down_dps: float
     ) -> NDArray[np.float32]:
-        """Scale and bias (dps) of each pair of windows.
+        """Estimate scale and bias (dps) from each pair of windows.
 
         Args:
-            up_residual_dps, down_residual_dps: measured - true rate, [n, window].
-            w_up_dps, w_down_dps: the true rates about the sensed axis.
+            up_residual_dps, down_residual_dps: measured minus true rate in dps, [n, window].
+            w_up_dps, w_down_dps: the true rates about the sensed axis in dps.
 
         Returns:
-            [n, 2]: scale, bias_dps.
+            [n, 2]: scale and bias in dps.
 
         Raises:
-            InputError: a wrong shape, or the core's refusal of a rate or a NaN.
+            InputError: a shape is wrong, or the core refuses a rate or a NaN.
         """
         up, down = (np.ascontiguousarray(np.atleast_2d(x), np.float32) for x in (up_residual_dps, down_residual_dps))
         if up.shape != down.shape or up.shape[1] != self.window:
@@ -114,30 +138,27 @@ class _Convnet(ctypes.Structure):
     )
 
 
-class CoreFaceNetwork:
-    """Network `gyrocal` of a C header run by the core on raw counts: what the device computes.
+class CoreFaceNetwork(_HeaderNetwork):
+    """Network `gyrocal` of a C header, run by the core on raw counts as the device runs it.
+
+    Attributes:
+        unit_dps: the rate that is 1 in the network's own unit.
+        column_range_dps: the largest difference between a column and the mean of the run in the training data.
+        sample_range_dps: the largest difference between a reading and its column that is accepted.
 
     Raises:
-        InputError: no such file, or no such network in it.
+        InputError: the file does not exist or holds no such network.
     """
 
     def __init__(self, header: Path = INCLUDE / "weights.h") -> None:
-        self.source = str(header)
-        library = self._library = _build_net(header)
-        library.gyrocal_convnet.restype = ctypes.POINTER(_Convnet)
-        pointer = library.gyrocal_convnet()
-        if not pointer:
-            raise InputError(f"{header}: holds no network gyrocal; write one with `gyrocal export`")
-        net = pointer.contents
-        self.name: str = net.name.decode()
-        self.rate_hz: float = net.rate_hz
-        self.table_dps: float = net.table_dps
-        self.unit_dps: float = net.unit_dps
-        self.column_range_dps: float = net.column_range_dps
-        self.sample_range_dps: float = net.sample_range_dps
+        super().__init__(header, "gyrocal_convnet", _Convnet)
+        library = self._library
+        self.unit_dps: float = self._net.unit_dps
+        self.column_range_dps: float = self._net.column_range_dps
+        self.sample_range_dps: float = self._net.sample_range_dps
         library.gc_convnet_samples.argtypes = [ctypes.c_void_p, ctypes.c_uint]
         library.gc_convnet_samples.restype = ctypes.c_uint32
-        self._samples = [library.gc_convnet_samples(pointer, stage) for stage in range(3)]
+        self._samples = [library.gc_convnet_samples(self._pointer, stage) for stage in range(3)]
         for function, number in ((library.gyrocal_convnet_infer, np.float32), (library.gyrocal_convnet_face, np.float64)):
             function.argtypes = [
                 np.ctypeslib.ndpointer(np.int16, flags="C_CONTIGUOUS"), ctypes.c_uint32, ctypes.c_uint, ctypes.c_double,
@@ -145,9 +166,20 @@ class CoreFaceNetwork:
             ]  # fmt: skip
 
     def infer(self, counts: ArrayLike, stage: int, lsb_dps: float, w_dps: float) -> NDArray[np.float32]:
-        """What the graph gives, [n, 2]: u less the mean, in units, and the logarithm of its precision; NaN out of range.
+        """The network's own outputs for n recordings of one face.
 
-        ``counts`` [n, samples] are raw readings of one face at true rate ``w_dps``.
+        Args:
+            counts: raw readings, [n, samples].
+            stage: 0, 1 or 2 for the answer after 2, 4 or 6 s.
+            lsb_dps: the rate of one count.
+            w_dps: the true rate about the sensed axis.
+
+        Returns:
+            [n, 2]: u less the mean, in units of ``unit_dps``, and the logarithm of its precision; NaN where the readings are
+            out of the range of the training.
+
+        Raises:
+            InputError: a wrong number of samples, or the core refuses the rate.
         """
         x = self._counts(counts, stage)
         out = np.empty((len(x), 2), np.float32)
@@ -155,16 +187,22 @@ class CoreFaceNetwork:
         return out
 
     def face(self, counts: ArrayLike, stage: int, lsb_dps: float, w_dps: float) -> NDArray[np.float64]:
-        """w·scale + bias (dps) and its precision (1/dps^2), [n, 2]; NaN out of range. InputError where the core refuses."""
+        """The sum w·scale + bias (dps) and its precision (1/dps^2), [n, 2]; NaN where the readings are out of range.
+
+        The arguments and errors are those of ``infer``.
+        """
         x = self._counts(counts, stage)
         out = np.empty((len(x), 2))
         self._check(self._library.gyrocal_convnet_face(x, len(x), stage, lsb_dps, w_dps, out), w_dps)
         return out
 
     def merge(self, up: ArrayLike, down: ArrayLike, prior_mean: ArrayLike, prior_root: ArrayLike) -> NDArray[np.float64]:
-        """Scale, bias (dps) and their standard deviations [n, 4] of faces [n, 3], each w, u and precision.
+        """Scale, bias (dps) and their standard deviations, [n, 4], of n pairs of faces.
 
-        ``prior_mean`` [2] of bias and scale, ``prior_root`` [2, 2] the square root of their information, upper triangular.
+        Args:
+            up, down: w (dps), u (dps) and precision (1/dps^2) of each face, [n, 3].
+            prior_mean: the prior's bias (dps) and scale, [2].
+            prior_root: the upper-triangular square root of the prior's information, [2, 2].
         """
         faces = np.ascontiguousarray(np.stack([np.asarray(up, float), np.asarray(down, float)], axis=1))
         out = np.empty((len(faces), 4))

@@ -16,17 +16,18 @@ from gyrocal.simulation.simulate import LSB_DPS, WHITE_SD_DPS, paper_windows
 from gyrocal_firmware import INCLUDE
 
 TOLERANCE = 2e-6
-"""Of an output's range over the windows."""
+"""The largest allowed difference, as a fraction of an output's range over the windows."""
 STEPS = 4
-"""Of float32 at an output's largest value, always granted: where it hardly varies, its range says nothing of rounding."""
+"""Steps of float32 at an output's largest value that are always allowed: the range of an output that hardly varies is no
+measure of rounding."""
 
 Pair = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
 def windows(net: Network, seed: int, n: int = 1200) -> Pair:
-    """``n`` pairs of windows, [n, window] each: of the paper's campaign, and a sixth of them extreme.
+    """Draw ``n`` pairs of windows, [n, window] each in dps, from the paper's campaign; a sixth of them are extreme.
 
-    Extreme are saturated at +-250 dps, constant, huge, infinite, denormal and zero readings, and single spikes.
+    Extreme windows hold saturated (+-250 dps), constant, huge, infinite, denormal or zero readings, or a single spike.
     """
     per_run = max(1, (6 * 145) // net.window)
     data = paper_windows(-(-(n - n // 6) // per_run), seed, seconds=per_run * net.window / 145)
@@ -35,7 +36,7 @@ def windows(net: Network, seed: int, n: int = 1200) -> Pair:
 
 
 def counts(net: FaceNetwork, seed: int, n: int) -> dict[str, NDArray[np.int16]]:
-    """``n`` runs of ``up`` and ``down``, raw counts [n, samples of 6 s], half of them of :func:`_odd` kinds."""
+    """Draw ``n`` runs of ``up`` and ``down`` in raw counts, [n, samples of 6 s], half of them of the kinds of :func:`_odd`."""
     data = paper_windows(n - n // 2, seed)
     rng = np.random.default_rng(seed)
     out = {}
@@ -47,9 +48,9 @@ def counts(net: FaceNetwork, seed: int, n: int) -> dict[str, NDArray[np.int16]]:
 
 
 def _odd(net: FaceNetwork, rng: np.random.Generator, n: int, samples: int) -> NDArray[np.float64]:
-    """Deviations [n, samples] unlike a turntable's, up to the network's range or beyond it; kinds by lot.
+    """Draw deviations [n, samples] that no turntable shows, up to the network's range or beyond it; the kinds are random.
 
-    All but constant readings have a sensor's white noise.
+    All of them have a sensor's white noise, except for constant readings.
     """
     t = np.linspace(-1.0, 1.0, samples)
     size = rng.uniform(0, 1, (n, 1)) * net.column_range_dps
@@ -68,7 +69,7 @@ def _odd(net: FaceNetwork, rng: np.random.Generator, n: int, samples: int) -> ND
 
 
 def _with_extremes(plain: list[NDArray[np.float32]], seed: int, n: int) -> Pair:
-    """``n`` rows of each face: the first of ``plain``, below them extreme ones, their kind chosen by lot."""
+    """``n`` rows of each face: first those of ``plain``, then extreme ones of random kinds."""
     rng = np.random.default_rng(seed)
     extreme = n // 6
     shape = extreme, plain[0].shape[1]
@@ -89,7 +90,7 @@ def _with_extremes(plain: list[NDArray[np.float32]], seed: int, n: int) -> Pair:
 
 
 def verify(onnx: Path | None = None, header: Path | None = None, seed: int = 0, n: int = 1200) -> dict[str, Any]:
-    """Run both on the same windows.
+    """Run the C core and onnxruntime on the same windows.
 
     Args:
         onnx: a quantised graph; the shipped ones by default.
@@ -101,7 +102,7 @@ def verify(onnx: Path | None = None, header: Path | None = None, seed: int = 0, 
         difference over the range of its output), ``tolerance`` on that, and ``ok``.
 
     Raises:
-        InputError: a file cannot be used, or they are of different networks.
+        InputError: a file cannot be used, or the two files hold different networks.
     """
     path = header or INCLUDE / "weights.h"
     if onnx is not None:
@@ -127,13 +128,13 @@ Arrays = list[NDArray[np.float64]]
 
 
 def held_to(reference: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of each output of ``reference`` [windows, outputs], and as much as makes :data:`STEPS` the tolerance at least."""
+    """The range of each output of ``reference`` [windows, outputs], raised so that the tolerance is at least :data:`STEPS`."""
     rounding = STEPS * float(np.finfo(np.float32).eps) * np.abs(reference).max(axis=0)
     return np.maximum(np.ptp(reference, axis=0), rounding / TOLERANCE)
 
 
 def _paper(net: Network, header: Path, seed: int, n: int) -> tuple[Arrays, Arrays]:
-    """onnxruntime's answers, and how far the C core's are from them."""
+    """The answers of onnxruntime, and the differences of the C core from them."""
     core = CoreNetwork(header)
     _same(net, core, ("window", "rate_hz", "table_dps"))
     up, down = windows(net, seed, n)

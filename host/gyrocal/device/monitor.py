@@ -22,18 +22,21 @@ EVENTS = {"HEL": "hello", "RUN": "run", "CAL": "result", "STA": "state", "ACK": 
 SAMPLE_UNITS = ("gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 RATE_OVER_S = 2.0
 BLOCKS_A_SECOND = 8.0
-"""Of two faces."""
+"""Blocks of 0.25 s that two faces have in one second."""
 
 Event = dict[str, Any]
 
 
 def misfit_limit(seconds: float) -> float:
-    """As GC_MISFIT_LIMIT in the core: a misfit above it after so many seconds of each face is more than noise shows."""
+    """The largest misfit that noise explains after ``seconds`` of each face; the core's GC_MISFIT_LIMIT."""
     return 1 + 2.5 / math.sqrt(2 * BLOCKS_A_SECOND * seconds)
 
 
 def doubtful(result: Event) -> bool:
-    """Does the device not trust this result, or, of a device that says nothing of trust, is its misfit above the limit?"""
+    """True if the device does not trust this result.
+
+    For a device that does not report trust, True if the misfit is above its limit.
+    """
     if isinstance(result.get("trusted"), int):
         return result["trusted"] == 0
     misfit, seconds = result.get("misfit"), result.get("seconds")
@@ -42,7 +45,7 @@ def doubtful(result: Event) -> bool:
 
 @dataclass
 class Sensor:
-    """What one sensor of the board has said: state, settings, latest sample, results."""
+    """The latest state, settings, sample and results of one sensor of the board."""
 
     state: str = "?"
     face: str = ""
@@ -59,7 +62,7 @@ class Sensor:
         self._arrivals.append((time.monotonic(), len(samples)))
 
     def rate_hz(self) -> float:
-        """Samples a second over the last two seconds of this machine's time."""
+        """The mean number of samples per second over the last two seconds of this machine's time."""
         now = time.monotonic()
         while self._arrivals and now - self._arrivals[0][0] > RATE_OVER_S:
             self._arrivals.popleft()
@@ -69,9 +72,9 @@ class Sensor:
 
 
 class Monitor:
-    """Listens to a device and keeps what a person wants to see of it; :meth:`screen` draws it.
+    """Listens to a device and keeps its state for display; :meth:`screen` draws it.
 
-    ``sensors`` are those of the board that have spoken, by their number.
+    ``sensors`` holds the sensors of the board that have sent a sentence, by number.
     """
 
     def __init__(self, link: Link) -> None:
@@ -80,13 +83,13 @@ class Monitor:
         self.errors: deque[str] = deque(maxlen=4)
 
     def run(self, heard: Callable[[list[Event]], None], seconds: float | None = None) -> None:
-        """Listen until the device ends or ``seconds`` are over.
+        """Listen until the device ends or ``seconds`` have passed.
 
-        ``heard`` is called some twenty times a second or more, with what has happened since: dictionaries with
-        ``event`` (hello, sample, run, result, state, ack, error), ``t_us`` and ``imu``, and at last one ``end``.
+        ``heard`` is called at least about twenty times a second with the events since the last call. An event is a dictionary
+        with ``event`` (hello, sample, run, result, state, ack, error), ``t_us`` and ``imu``. The last event is ``end``.
 
         Raises:
-            DeviceError: nobody answers at the port, or a sentence is not of this version.
+            DeviceError: no device answers at the port, or a sentence is of another version of the protocol.
         """
         deadline = np.inf if seconds is None else time.monotonic() + seconds
         reason = "the time is over"
@@ -108,7 +111,7 @@ class Monitor:
         heard([{"event": "end", "reason": reason, **self.counts()}])
 
     def counts(self) -> dict[str, int]:
-        """Good, lost and bad sentences so far, and restarts of the device."""
+        """The numbers of good, lost and bad sentences so far, and of restarts of the device."""
         r = self.link.reader
         return {"good": r.good, "lost": r.lost, "bad": r.bad + r.overlong, "restarts": r.restarts}
 
@@ -179,7 +182,7 @@ class Monitor:
         return {"event": kind, "t_us": sentence.t_us, "imu": sentence.imu, **values}
 
     def screen(self) -> RenderableType:
-        """The present state, for a terminal."""
+        """The current state as a table for the terminal."""
         from rich.console import Group
         from rich.text import Text
 
@@ -210,7 +213,7 @@ class Monitor:
 
 
 def _unit(sensor: Sensor, *names: str) -> np.ndarray[Any, Any]:
-    """What the sensor says of its counts; NaN before it has."""
+    """A unit from the sensor's hello; NaN before the hello came."""
     found = [parse_real(sensor.hello.get(name, "")) for name in names]
     return np.array([np.nan if value is None else value for value in found])
 

@@ -14,17 +14,17 @@ from gyrocal.device.port import BUSY_NOTE, CHUNK
 from gyrocal.errors import GyrocalError, InputError
 
 PSEUDO_TERMINALS = "/dev/"
-"""What a link to one points into."""
+"""The folder that a link to a pseudo terminal points into."""
 TURN_AWAY_S = 0.2
-"""So long a second reader waits: the first may have hung up, its last words not yet read."""
+"""Time that a second reader waits, because the first may have hung up while its last bytes are not yet read."""
 UNREAD = 4 * 4096
-"""Bytes that a TCP port holds for a reader who is slow."""
+"""Bytes that a TCP port buffers for a slow reader."""
 
 
 class Outlet(Protocol):
-    """Where a reader connects: one at a time, any number after each other.
+    """The end to which a reader connects: one reader at a time, any number in succession.
 
-    ``connected`` tells whether one is there; ``read`` and ``write`` never block; ``fd`` is what to wait for.
+    ``connected`` is True while a reader is connected. ``read`` and ``write`` never block. ``fd`` is the descriptor to wait for.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Outlet(Protocol):
 
 
 class PtyOutlet:
-    """A pseudo terminal; ``symlink`` gives it a name that lasts."""
+    """A pseudo terminal. ``symlink`` gives it a fixed name."""
 
     def __init__(self, symlink: Path | None = None) -> None:
         import tty
@@ -80,7 +80,7 @@ class PtyOutlet:
             return 0
 
     def drained(self) -> bool:
-        """Whether the reader has read everything: what it has not read would be lost with the port."""
+        """True if the reader has read everything. Unread bytes would be lost with the port."""
         import fcntl
         import termios
 
@@ -98,7 +98,7 @@ class PtyOutlet:
 
 
 class TcpOutlet:
-    """A TCP port for ``socket://host:port``; port 0 takes a free one."""
+    """A TCP port for ``socket://host:port``. Port 0 chooses a free one."""
 
     def __init__(self, address: str) -> None:
         host, _, number = address.rpartition(":")
@@ -167,7 +167,7 @@ class TcpOutlet:
             self._client = None
 
     def drained(self) -> bool:
-        """Whether the reader has hung up after the end of the stream: closing before that could take data from it."""
+        """True if the reader has hung up after the end of the stream. Closing earlier could discard data."""
         if self._client is not None:
             with contextlib.suppress(OSError):
                 self._client.shutdown(socket.SHUT_WR)
@@ -182,7 +182,7 @@ class TcpOutlet:
 
 
 def make_outlet(tcp: str | None = None, symlink: Path | None = None) -> Outlet:
-    """A TCP port if ``tcp`` gives its address, else a pseudo terminal."""
+    """Create a TCP port if ``tcp`` gives its address, otherwise a pseudo terminal."""
     if tcp is not None:
         return TcpOutlet(tcp)
     if not hasattr(os, "openpty"):

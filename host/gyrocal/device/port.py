@@ -20,26 +20,26 @@ from gyrocal.errors import DeviceError
 
 BAUD = 921600
 POLL_S = 0.05
-"""A read returns after this time at the latest."""
+"""The longest time that a read takes."""
 CHUNK = 65536
 HELLO_S = 5.0
 ANSWER_S = 3.0
 RETRY_S = 0.5
 REPLAY_NOTE = "replay: this device starts and stops its runs by itself"
-"""The log line by which a simulated device says so to whoever opens its port."""
+"""The log line that a simulated device sends to every reader who opens its port."""
 BUSY = "another program has it open; close that one first"
 BUSY_NOTE = "busy: " + BUSY
-"""The log line by which a simulated device turns a second reader away."""
+"""The log line with which a simulated device rejects a second reader."""
 REFUSALS = range(-29, -19)
-"""Error codes (gc_error.h) that answer a command; others tell of the sensor."""
+"""Error codes (gc_error.h) that answer a command. All others concern the sensor."""
 
 
 class PortGone(DeviceError):
-    """The device was unplugged, or the simulated one came to its end."""
+    """The device was unplugged, or the simulated device ended."""
 
 
 class Port(Protocol):
-    """Bytes in and out. ``read`` waits for at most ``POLL_S``; an empty answer means that nothing came."""
+    """A port that carries bytes. ``read`` waits for at most ``POLL_S`` and returns an empty answer if nothing came."""
 
     def read(self) -> bytes: ...
     def write(self, data: bytes) -> None: ...
@@ -84,7 +84,7 @@ class SerialPort:
 
 
 class SocketPort:
-    """``socket://host:port``, as ``gyrocal device --tcp`` serves it. (pyserial reads these a byte at a time.)"""
+    """``socket://host:port``, as ``gyrocal device --tcp`` serves it. pyserial would read it byte by byte."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -124,7 +124,7 @@ class SocketPort:
 
 
 def open_port(name: str, baud: int = BAUD) -> Port:
-    """Open a serial device, a pseudo terminal, or a URL that pyserial knows; DeviceError says what to do."""
+    """Open a serial device, a pseudo terminal, or a URL that pyserial knows. Raises DeviceError if that fails."""
     return SocketPort(name) if name.startswith("socket://") else SerialPort(name, baud)
 
 
@@ -151,13 +151,13 @@ class Link:
     """A conversation with the device at a port.
 
     Args:
-        name: the port.
-        reconnect: when the device goes away, try to open the port again until it is back, instead of raising PortGone.
-        baud: for serial devices.
-        opener: opens the port by its name and speed.
+        name: the name of the port.
+        reconnect: True to reopen the port until a device that went away is back, instead of raising PortGone.
+        baud: the speed of a serial device, bits per second.
+        opener: the function that opens a port by its name and speed.
 
-    ``reader`` counts good, bad and lost sentences; ``hello`` is the latest ``$HEL``, ``answered`` whether it answers a
-    hello (else the device has just started).
+    ``reader`` counts good, bad and lost sentences. ``hello`` is the latest ``$HEL``. ``answered`` is True if that answers a
+    hello; otherwise the device has just started.
     """
 
     def __init__(
@@ -192,14 +192,14 @@ class Link:
 
     @property
     def replays(self) -> bool:
-        """Whether this is a simulated device that starts and stops runs by itself."""
+        """True if this is a simulated device that starts and stops runs by itself."""
         return REPLAY_NOTE in self.reader.logs
 
     def receive(self) -> list[Sentence]:
-        """What has come, after ``POLL_S`` at the latest; empty if nothing did.
+        """The sentences that have come, after at most ``POLL_S``; empty if none came.
 
         Raises:
-            PortGone: the device is gone and ``reconnect`` was not asked for.
+            PortGone: the device is gone, and ``reconnect`` is False.
         """
         if self._kept:
             kept, self._kept = self._kept, []
@@ -207,9 +207,9 @@ class Link:
         return self._read()
 
     def greet(self, timeout_s: float = HELLO_S) -> Sentence:
-        """Say hello until the device answers; sentences that come meanwhile are kept for :meth:`receive`.
+        """Send hello until the device answers. Sentences that come meanwhile are kept for :meth:`receive`.
 
-        The ``$HEL`` of a device that starts does not count: its settings may still be on their way.
+        The ``$HEL`` of a device that starts does not count, because its settings may still follow.
 
         Raises:
             DeviceError: no answer, or one in another version of the protocol.
@@ -242,14 +242,14 @@ class Link:
         return self.hello
 
     def send(self, text: str) -> None:
-        """Send one command and do not wait for its answer."""
+        """Send one command without waiting for its answer."""
         self._write(text.encode("ascii") + b"\n")
 
     def command(self, text: str, timeout_s: float = ANSWER_S) -> Sentence:
-        """Send one command and wait for its ``$ACK``; other sentences are kept for :meth:`receive`.
+        """Send one command and return its ``$ACK``. Other sentences are kept for :meth:`receive`.
 
         Raises:
-            DeviceError: the device refused (its own advice in the message) or did not answer.
+            DeviceError: the device refused, with its own advice in the message, or it did not answer.
         """
         word = text.split()[0]
         self.send(text)
@@ -314,7 +314,7 @@ class Link:
 
 
 def describe_error(sentence: Sentence) -> str:
-    """An ``$ERR`` in a person's words: its name, code and advice."""
+    """An ``$ERR`` as text for the user: its name, code and advice."""
     fields = sentence.fields
     advice = fields.get("advice", "").replace("_", " ")
     return f"{fields.get('name', '?')} ({fields.get('code', '?')})" + (f": {advice}" if advice else "")

@@ -21,12 +21,12 @@ from gyrocal.recording.session import AXES
 from gyrocal.warning import Warning
 
 SILENCE_S = 3.0
-"""So long without a word, and the device counts as gone."""
+"""Time without a sentence after which the device counts as gone."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """The one run to record: ``table_rate_dps`` signed, about the table; ``turn_deg`` where only the angle is known."""
+    """The one run to record. ``table_rate_dps`` is signed, about the table; ``turn_deg`` is set if only the angle is known."""
 
     face: str
     seconds: float
@@ -35,7 +35,7 @@ class Wanted:
     axis: str | None = None
 
     def fits(self, setting: Setting) -> bool:
-        """Whether a run that the device announces is this one."""
+        """True if a run that the device announces is this one."""
         return (
             setting.face == self.face
             and (self.axis is None or setting.axis == self.axis)
@@ -46,7 +46,7 @@ class Wanted:
 
 @dataclass
 class Report:
-    """What came of a recording; ``results`` and ``errors`` are the ``$CAL`` and ``$ERR`` that came meanwhile."""
+    """The result of a recording. ``results`` and ``errors`` hold the ``$CAL`` and ``$ERR`` that came during it."""
 
     session: str
     runs: list[Recorded] = field(default_factory=list)
@@ -64,17 +64,17 @@ class Report:
 
 
 class Recorder:
-    """Has a device's runs written into a session.
+    """Writes the runs of a device into a session.
 
     Args:
         link: an open conversation with the device.
-        out: the session's folder, new or to be added to.
-        scenario: of the first run; with ``wanted`` None each restart of the device begins the next one.
-        wanted: the one run to record; None: every run that comes.
-        imu: which sensor's samples to take.
-        progress: told after each batch of samples.
+        out: the session's folder: a new one, or one to add runs to.
+        scenario: the power cycle of the first run; if ``wanted`` is None, each restart of the device begins the next one.
+        wanted: the one run to record, or None for every run that comes.
+        imu: the number of the sensor whose samples are recorded.
+        progress: a function that is called after each batch of samples.
 
-    ``report`` is valid also after an error.
+    ``report`` is also valid after an error.
     """
 
     def __init__(
@@ -103,11 +103,11 @@ class Recorder:
         self._taking = self._stopped = False
 
     def record(self) -> Report:
-        """Record until done.
+        """Record until the wanted run, or the device, has ended.
 
         Raises:
-            DeviceError: the device refused, restarted, went away or fell silent; what came until then is kept.
-            InputError: the folder holds something else, or a session at another rate.
+            DeviceError: the device refused, restarted, went away or fell silent; the samples until then are kept.
+            InputError: the folder holds something else, or a session with another sample rate.
         """
         self._hello = self.link.greet()
         self._folder.settle(self._hello)
@@ -131,7 +131,7 @@ class Recorder:
 
     @contextlib.contextmanager
     def stopped_by_signals(self) -> Iterator[None]:
-        """Have Ctrl-C, SIGTERM and SIGHUP end the recording as if it were done; before it has begun they end the program."""
+        """Let Ctrl-C, SIGTERM and SIGHUP end the recording normally. Before the recording begins they end the program."""
 
         def stop(*_: object) -> None:
             if not self._taking:
@@ -150,7 +150,7 @@ class Recorder:
                 signal.signal(number, handler)
 
     def _start(self, wanted: Wanted) -> None:
-        """Set the device up and have it begin."""
+        """Send the settings and start the run."""
         if wanted.axis is not None:
             self.link.command(f"set axis {wanted.axis}")
         rate = "none" if wanted.table_rate_dps is None else f"{wanted.table_rate_dps:.9g}"
@@ -160,13 +160,13 @@ class Recorder:
         self.link.command(f"start {wanted.face}")
 
     def _join(self) -> None:
-        """The device begins by itself; a run may be going on already."""
+        """Follow a device that starts its runs by itself; a run may already be in progress."""
         with contextlib.suppress(PortGone):  # a short replay may be over; all that it said is kept
             self.link.command("stream raw")
             self.link.send("status")
 
     def _ask(self) -> None:
-        """Have the device tell its settings and the run that goes on, if there is one."""
+        """Ask the device for its settings and for the run in progress, if there is one."""
         with contextlib.suppress(PortGone):  # reading says so, once all is read
             self.link.send("hello")
             self.link.send("status")
@@ -201,7 +201,7 @@ class Recorder:
                 return
 
     def _digest(self, sentences: list[Sentence]) -> bool:
-        """Handle sentences in order; True when the wanted run is complete."""
+        """Handle sentences in order. Returns True when the wanted run is complete."""
         self._heard |= {s.imu for s in sentences}
         mine = [s for s in sentences if s.imu == self._imu]
         for sentence in mine:
@@ -226,7 +226,7 @@ class Recorder:
         return False
 
     def _begin(self, heard: HeardRun) -> None:
-        """A run begins; with a wanted one, only that is written."""
+        """Begin to write a run. If one run is wanted, no other is written."""
         wanted = self._wanted
         if heard.start is None:
             self._ask()
@@ -267,7 +267,7 @@ class Recorder:
         return True
 
     def _restarted(self) -> None:
-        """Each power cycle is a scenario of its own; a device that has started anew streams nothing by itself."""
+        """Begin the next scenario for a new power cycle, and start the stream again, which a restart ends."""
         if self._wanted is not None:
             return
         if any(run.scenario == self._scenario for run in self.report.runs):
@@ -278,7 +278,7 @@ class Recorder:
             self.link.send("stream raw")
 
     def _settings(self) -> Sentence:
-        """The device's settings; asked for again where it has restarted since."""
+        """The device's settings. They are requested again if it has restarted since."""
         if not self.link.answered:
             with contextlib.suppress(PortGone):  # it has ended; all that it said is kept
                 self.link.greet()
@@ -288,7 +288,7 @@ class Recorder:
         return self._hello
 
     def _end_run(self, *, cut: bool = False) -> None:
-        """Close the run that is being written, and say what is not as it should be."""
+        """Close the run that is being written, and warn of what is wrong with it."""
         writer, self._writer = self._writer, None
         if writer is None:
             return
@@ -318,7 +318,7 @@ class Recorder:
             self.report.warn("run_unannounced", f"the {' and the '.join(unheard)} of a run did not arrive{source}", file)
 
     def _settle_by_gravity(self, writer: RunWriter) -> bool:
-        """The face of a run of which no sentence told it."""
+        """Take the face of a run from gravity if no sentence gave it."""
         settings = writer.heard.settings or {}
         axis = settings.get("axis", "")
         face = writer.face_by_gravity(axis) if axis in AXES else ""
@@ -340,7 +340,7 @@ class Recorder:
             report.warn("line_damaged", f"{repeated} samples came more than once; each is kept once")
 
     def _check_end(self) -> None:
-        """The device is gone: an error unless it had come to its end between two runs."""
+        """Raise an error for a device that is gone, unless it ended between two runs."""
         if self._writer is not None:
             raise DeviceError(f"{self.link.name}: the device is gone during the run; {self._kept()}{self._said}")
         if self._wanted is not None:
@@ -356,7 +356,7 @@ class Recorder:
         return f"{run.samples} samples, {run.seconds:.2f} s, are kept in {self._folder.path / run.file}"
 
     def _stop_device(self) -> None:
-        """End the run on a device that was told to begin it, and hear what it has to say of it."""
+        """End the run on a device that was told to begin it, and read its last sentences."""
         if self.link.replays or self._wanted is None:
             return
         deadline = time.monotonic() + SILENCE_S
@@ -379,7 +379,7 @@ class Recorder:
 def wanted(
     face: str | None, rate: float | None, seconds: float | None, turn_deg: float | None, axis: str | None
 ) -> Wanted:
-    """What the command line asks for, checked; InputError names the option."""
+    """The run that the command line asks for. Raises InputError, which names the option, if it is contradictory."""
     if face not in ("up", "down"):
         raise InputError(f"--face {face}: want up or down" if face else "--face is missing: up or down (or --follow)")
     if (rate is None) == (turn_deg is None):

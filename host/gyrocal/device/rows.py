@@ -15,7 +15,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording.session import Run, Session
 
 LSB_DPS = {125.0: 0.004375, 250.0: 0.00875, 500.0: 0.0175, 1000.0: 0.035, 2000.0: 0.07}
-"""LSM6DSO datasheet: full scale, deg/s -> one count, deg/s."""
+"""The rate of one count for each full scale, both in deg/s (LSM6DSO datasheet)."""
 DEFAULT_FULL_SCALE_DPS = 250.0
 LSB_G = 6.1e-5
 COUNTS_PER_C = 256.0
@@ -30,7 +30,7 @@ _ROW = np.dtype([("t_us", "<i8"), ("temp", "<i2"), ("gyro", "<i2", 3), ("acc", "
 
 
 def full_scale_for(session: Session) -> float:
-    """The LSM6DSO's full scale: the session's own or 250 dps, or the smallest above it that holds the data, deg/s."""
+    """The full scale of the LSM6DSO in deg/s: the session's or 250, or the smallest larger one that holds the data."""
     wanted = session.full_scale_dps or DEFAULT_FULL_SCALE_DPS
     peak = max(float(np.abs(run.gyro_dps).max()) for run in session.runs)
     for full_scale, lsb in LSB_DPS.items():
@@ -40,9 +40,9 @@ def full_scale_for(session: Session) -> float:
 
 
 def rows_bytes(session: Session) -> bytes:
-    """A session as the simulator's ROWS file (see its main.c): raw counts, each row at its own time.
+    """A session as the bytes of the simulator's ROWS file (see its rows.h).
 
-    Without an accelerometer a run has +-1 g along its axis by its face, without temperature 25 degC.
+    A run without an accelerometer gets +-1 g along its axis, according to its face. A run without temperature gets 25 degC.
     """
     full_scale = full_scale_for(session)
     cycles = {name: i for i, name in enumerate(session.scenarios)}
@@ -65,7 +65,7 @@ def rows_bytes(session: Session) -> bytes:
 
 @contextlib.contextmanager
 def rows_file(session: Session | str | Path) -> Iterator[Path]:
-    """A session, open or by its folder, as a ROWS file that is there within a ``with`` block."""
+    """Yield a ROWS file of a session, given as a session or as its folder. The file exists within the ``with`` block."""
     content = rows_bytes(session if isinstance(session, Session) else Session.open(session))
     with tempfile.TemporaryDirectory(prefix="gyrocal-") as folder:
         path = Path(folder) / "rows"

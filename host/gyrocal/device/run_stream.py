@@ -1,8 +1,8 @@
-"""One sensor's sentences taken apart into runs, also where some of them are damaged, missing or repeated.
+"""Divide the sentences of one sensor into runs, even if some of them are damaged, missing or repeated.
 
-A sentence belongs to the run in progress only if nothing contradicts it. Its number and its time go on from the last sample's,
-gravity has not changed sides, and the sentences missing since the last word of this run are too few to hold another run's
-start. Else a new run begins, whose face is not known until a sentence tells it.
+A sentence belongs to the run in progress only if nothing contradicts it. The number and the time of a sample continue those of
+the last sample, gravity has not changed sides, and the sentences missing since the last one of this run are too few to contain
+the start of another run. Otherwise a new run begins. Its face is unknown until a sentence gives it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from gyrocal.errors import DeviceError
 from gyrocal.recording.session import AXES
 
 RECENT, RECENT_SAMPLES = 64, 4096
-"""A sentence that equals one of so many before it is a repetition; a device that starts anew may say older ones again."""
+"""A sentence that equals one of so many before it is a repetition. A restarted device may repeat older ones."""
 SETTINGS = ("axis", "table_dps", "turn_deg")
 GRAVITY_MIN_G = 0.5
-"""As in the core: with less along the axis, the accelerometer does not show the face."""
+"""The least acceleration along the axis that shows the face, as in the core."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What the device says of a run: ``table_rate_dps`` signed, about the table; ``turn_deg`` the run's net angle."""
+    """The device's settings of a run: ``table_rate_dps``, signed, about the table; ``turn_deg``, the net angle of the run."""
 
     face: str
     axis: str
@@ -34,7 +34,7 @@ class Setting:
 
     @staticmethod
     def of(fields: dict[str, str], face: str) -> Setting:
-        """From the fields of a sentence; DeviceError where they are of another version."""
+        """Read the fields of a sentence. Raises DeviceError if they are of another version of the protocol."""
         axis = fields.get("axis", "")
         if face not in ("up", "down") or axis not in AXES:
             raise DeviceError(f"the device speaks of a run with face {face!r} and axis {axis!r}; flash it again")
@@ -47,13 +47,13 @@ class Setting:
 
 
 def _short(text: str) -> float | None:
-    """A setting; digits beyond a float32's come from a device that keeps it as one."""
+    """A setting rounded to the digits of a float32, because some devices store it as one."""
     value = parse_real(text)
     return None if value is None else float(f"{value:.7g}")
 
 
 class Ending(Enum):
-    """How a run ended: the device said so, it started anew, or nobody heard it."""
+    """How a run ended: by a sentence, by a restart of the device, or unnoticed."""
 
     SAID = auto()
     RESTART = auto()
@@ -62,12 +62,12 @@ class Ending(Enum):
 
 @dataclass
 class HeardRun:
-    """What was heard of one run.
+    """The state of one run, as far as its sentences came.
 
-    ``setting``: None until a sentence has told the face. ``start``: its ``$RUN state=start``, None where that was not heard.
-    ``from_number``: of the first sample that was sent to us. ``sent``: samples of the run that the device has told of.
-    ``repeated``: samples that came again. ``ending``: None while the run goes on. ``settings``: axis, table_dps and turn_deg as
-    the device last told them, None where they have changed since.
+    ``setting`` is None until a sentence gives the face. ``start`` is its ``$RUN state=start``, or None if that did not come.
+    ``from_number`` is the number of the first sample that was sent to this host. ``sent`` counts the samples that the device
+    reported. ``repeated`` counts samples that came again. ``ending`` is None while the run goes on. ``settings`` holds axis,
+    table_dps and turn_deg as the device last reported them, or None if they have changed since.
     """
 
     setting: Setting | None = None
@@ -82,7 +82,7 @@ class HeardRun:
     last_number: int = -1
 
     def may_be_told_by(self, fields: dict[str, str], unheard: int) -> bool:
-        """Whether a ``$RUN state=end`` or a ``$STA`` is this run's, ``unheard`` sentences after the last word of it."""
+        """True if a ``$RUN state=end`` or a ``$STA`` can belong to this run, ``unheard`` sentences after the last one of it."""
         count = _count(fields)
         start = self.start.fields if self.start is not None else {}
         first, firsts = start.get("first", ""), fields.get("first", "")
@@ -92,21 +92,21 @@ class HeardRun:
 
 @dataclass(frozen=True)
 class Begun:
-    """A run begins, or one that goes on is met."""
+    """Event: a run begins, or a run in progress is met."""
 
     run: HeardRun
 
 
 @dataclass(frozen=True)
 class Told:
-    """The setting of a run is known now."""
+    """Event: the setting of a run has become known."""
 
     run: HeardRun
 
 
 @dataclass(frozen=True)
 class Rows:
-    """``$RAW`` sentences of a run, their numbers and times rising."""
+    """Event: ``$RAW`` sentences of a run have come, in the order of their numbers and times."""
 
     run: HeardRun
     sentences: list[Sentence]
@@ -114,21 +114,21 @@ class Rows:
 
 @dataclass(frozen=True)
 class Ended:
-    """A run is over."""
+    """Event: a run has ended."""
 
     run: HeardRun
 
 
 @dataclass(frozen=True)
 class Restarted:
-    """The device has started anew."""
+    """Event: the device has restarted."""
 
 
 Part = Begun | Told | Rows | Ended | Restarted
 
 
 class Memory:
-    """The latest of what was seen."""
+    """A memory of the latest sentences."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -136,7 +136,7 @@ class Memory:
         self._seen: set[object] = set()
 
     def holds(self, key: object) -> bool:
-        """Whether it was there; from now on it is."""
+        """Return True if the sentence is in the memory, and add it."""
         if key in self._seen:
             return True
         self._seen.add(key)
@@ -147,7 +147,7 @@ class Memory:
 
 
 class RunStream:
-    """Takes one sensor's sentences in their order and tells what becomes of its runs."""
+    """Turns the sentences of one sensor, in order, into events of its runs."""
 
     def __init__(self) -> None:
         self.run: HeardRun | None = None
@@ -157,16 +157,16 @@ class RunStream:
         self._lsb_g: float | None = None
         self._last: Sentence | None = None
         self._missing = 0
-        """Sentences since the last sample or boundary."""
+        """Sentences missing since the last sample or boundary."""
         self._unheard = 0
-        """Sentences since the last word of the run in progress."""
+        """Sentences missing since the last one of the run in progress."""
         self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
 
     def feed(self, sentences: Iterable[Sentence]) -> list[Part]:
-        """What these sentences tell, in order.
+        """The events of these sentences, in order.
 
         Raises:
-            DeviceError: a sentence that does not hold what it should.
+            DeviceError: a sentence lacks a field or holds a wrong value.
         """
         self._parts = []
         for sentence in sentences:
@@ -193,7 +193,7 @@ class RunStream:
         return repeated
 
     def _note_order(self, sentence: Sentence) -> None:
-        """Count what is missing before this sentence; one that goes back comes from a device that started anew."""
+        """Count the sentences missing before this one. A number that decreases shows a restart of the device."""
         if self._last is None:
             return
         step = (sentence.seq - self._last.seq) % SEQ_RANGE
@@ -238,7 +238,7 @@ class RunStream:
             self._parts.append(Rows(run, [sentence]))
 
     def _is_next(self, run: HeardRun, sentence: Sentence, number: int) -> bool:
-        """Whether a sample goes on from what was heard of the run."""
+        """True if a sample continues what was heard of the run."""
         if _may_hide_a_start(self._unheard, number):
             return False
         last = run.last
@@ -293,7 +293,7 @@ class RunStream:
         self._tell()
 
     def _learn(self, sentence: Sentence) -> None:
-        """The device's settings, where a sentence tells them; a `set` that does not say what it set leaves them unknown."""
+        """Update the device's settings from a sentence. After a `set` without its value they are unknown."""
         fields = sentence.fields
         told = {name: fields[name] for name in SETTINGS if name in fields}
         self._settings.update(told)
@@ -325,12 +325,12 @@ class RunStream:
 
 
 def _may_hide_a_start(unheard: int, number: int) -> bool:
-    """Whether so many sentences can hold one run's end, another's start and the ``number`` samples before one of that run."""
+    """True if so many sentences can contain the end of a run, the start of another and ``number`` samples of that one."""
     return unheard >= number + 2
 
 
 def _number(sentence: Sentence) -> int:
-    """The sample's number in its run; -1 where there is no run."""
+    """The sample's number in its run, or -1 outside a run."""
     try:
         return int(sentence.text.partition(",")[0])
     except ValueError:
@@ -339,11 +339,11 @@ def _number(sentence: Sentence) -> int:
 
 
 def _acceleration(sentence: Sentence, axis: int) -> float:
-    """Counts; 0 where the device has none."""
+    """The acceleration in counts; 0 if the device has no accelerometer."""
     return parse_real(sentence.text.split(",")[4 + axis]) or 0.0
 
 
 def _count(fields: dict[str, str]) -> int | None:
-    """``n``: how many samples the run has."""
+    """The field ``n``: the number of samples of the run."""
     text = fields.get("n", "")
     return int(text) if text.isdecimal() else None

@@ -1,4 +1,4 @@
-"""A session folder that grows run by run: each sample is on disk as soon as it has come, and the folder can always be read."""
+"""A session folder that grows run by run. Each sample is written at once, and the folder is always a valid session."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from gyrocal.recording.session import AXES, GAP_PERIODS
 
 COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 NAMES = ("up", "down", "unknown")
-"""How a run's file ends."""
+"""The file name suffix of a run."""
 FAST, SLOW = 0.5, 2.0
-"""A session's reader wants the median step between these, in periods."""
+"""The bounds, in periods, within which a session's reader accepts the median time step."""
 
 
 def same(a: float | None, b: float | None) -> bool:
-    """Whether two settings are one, apart from how their numbers were written."""
+    """True if two settings are equal apart from the notation of their numbers."""
     return a is b is None or (a is not None and b is not None and np.isclose(a, b, rtol=1e-6, atol=1e-9).item())
 
 
 @dataclass
 class Recorded:
-    """One run that was recorded; ``face`` and ``axis`` are empty until they are known.
+    """One recorded run. ``face`` and ``axis`` are empty until they are known.
 
-    ``lost``: samples that the device sent and that did not arrive; ``missed``: those that it never took, by their times;
-    ``repeated``: those that came again.
+    ``lost`` counts samples that the device sent and that did not arrive, ``missed`` those that it never took (by the times of
+    their neighbours), ``repeated`` those that came again.
     """
 
     file: str
@@ -48,7 +48,7 @@ class Recorded:
 
 
 class SessionFolder:
-    """A session that grows run by run; ``session.toml`` is replaced whole each time."""
+    """A session that grows run by run. ``session.toml`` is always replaced as a whole."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -65,7 +65,7 @@ class SessionFolder:
         return str(self._keys["axis"])
 
     def settle(self, hello: Sentence) -> None:
-        """Take the device's settings into a new session, or check that an old one is of the same kind."""
+        """Give the device's settings to a new session, or check that those of an existing session are the same."""
         rate_hz = hello.real("rate_hz")
         if rate_hz is None:
             raise DeviceError("the device does not say its rate_hz; flash it again")
@@ -85,21 +85,21 @@ class SessionFolder:
             )
 
     def new_number(self) -> int:
-        """The next run's: none of its names is taken."""
+        """The number of the next run, for which no file exists."""
         number = len(self._entries)
         while any((self.path / f"{number:03d}_{name}.csv").exists() for name in NAMES):
             number += 1
         return number
 
     def list(self, entry: dict[str, Any]) -> None:
-        """Name a run's file in the session."""
+        """Add a run's file to the session."""
         if entry.get("axis") == self._keys["axis"]:
             entry = {**entry, "axis": None}
         self._entries.append(entry)
         write_header(self.path, self._keys, self._entries)
 
     def leave_out(self, file: str) -> None:
-        """A file is no run of the session any more; a session without a run is none."""
+        """Remove a file from the session. A session without runs is deleted."""
         self._entries = [entry for entry in self._entries if entry["file"] != file]
         if self._entries:
             write_header(self.path, self._keys, self._entries)
@@ -108,10 +108,10 @@ class SessionFolder:
 
 
 class RunWriter:
-    """One run's table, written as samples arrive.
+    """Writes the table of one run as its samples arrive.
 
-    The file is `NNN_unknown.csv` until the run's setting is known; ``session.toml`` names it from its second sample on, and
-    only while most of its samples follow each other.
+    The file is called `NNN_unknown.csv` until the run's setting is known. ``session.toml`` lists it from its second sample on,
+    and only while most of its samples are consecutive.
     """
 
     def __init__(self, folder: SessionFolder, hello: Sentence, scenario: str, day: int | None, heard: HeardRun) -> None:
@@ -148,7 +148,7 @@ class RunWriter:
         return self._listed
 
     def settle(self, setting: Setting) -> None:
-        """The run's setting is known: its file gets its name and its place in the session."""
+        """Give the file its name, and add it to the session, now that the run's setting is known."""
         self._setting = setting
         run = self.run
         run.face, run.axis = setting.face, setting.axis
@@ -157,12 +157,12 @@ class RunWriter:
         self._list()
 
     def face_by_gravity(self, axis: str) -> str:
-        """"up" or "down" by the mean acceleration along an axis; empty where it does not show it."""
+        """Return "up" or "down" by the mean acceleration along an axis, or an empty text if that shows neither."""
         along_g = self._acc_sum_g[AXES.index(axis)] / max(self.run.samples, 1)
         return "" if not abs(along_g) > GRAVITY_MIN_G else "up" if along_g > 0 else "down"
 
     def write(self, sentences: list[Sentence], until_s: float = np.inf) -> bool:
-        """Append ``$RAW`` sentences of this run; True once a sample at or after ``until_s`` came, which is left out."""
+        """Append ``$RAW`` sentences of this run. Returns True after a sample at or after ``until_s``, which is not written."""
         table = raw_table(sentences)
         if np.isnan(table.counts[:, :3]).any():
             raise DeviceError("a $RAW sentence without rates; is the sensor's driver of this version?")
@@ -183,11 +183,11 @@ class RunWriter:
         return count < len(inside)
 
     def seconds_sent(self) -> float:
-        """How long the run is with the samples that the device has told of and that did not come."""
+        """The length of the run in seconds, with the samples that the device reported and that did not come."""
         return self.run.seconds + max(self.heard.sent - 1 - self._last_number, 0) * self._period_us * 1e-6
 
     def end(self, until_s: float = np.inf, *, cut: bool = False) -> None:
-        """Close the file. ``cut``: the run was written to ``until_s``, what came behind does not count.
+        """Close the file. With ``cut``, the run was written up to ``until_s``, and later samples do not count.
 
         A file of fewer than two samples is removed.
         """
@@ -240,13 +240,13 @@ class RunWriter:
         self._last_number, self._last_us = int(numbers[-1]), int(t_us[-1])
 
     def _count_behind(self, missing: int, step_us: float, until_s: float) -> None:
-        """Count samples that were sent after the last one that came, as far as they belong to the first ``until_s``."""
+        """Count samples sent after the last one that came, if they belong to the first ``until_s``."""
         if missing > 0:
             seconds = (self._last_us - self._first_us + step_us * np.arange(1, missing + 1)) * 1e-6
             self.run.lost += int(np.sum(seconds < until_s - 0.5e-6))
 
     def _list(self) -> None:
-        """Keep the session's list of runs such that all of it can be read."""
+        """Update the session's list of runs so that every listed run can be read."""
         can_be_read = self.settled and self.run.samples >= 2 and 2 * self._even_steps > self.run.samples - 1
         if can_be_read and not self._listed:
             self._folder.list(self._entry())

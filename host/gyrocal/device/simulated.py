@@ -28,7 +28,7 @@ def replay(
     fifo: int = 0,
     include_dir: Path | None = None,
 ) -> list[Sentence]:
-    """Run a session through the device as fast as it goes, without a port; all that it said.
+    """Run a session through the device at full speed, without a port, and return its sentences.
 
     Raises:
         DeviceError: the simulator failed, or a sentence was lost.
@@ -45,15 +45,15 @@ def replay(
 
 
 class SimulatedDevice:
-    """The simulated device at a virtual port, for a ``with`` block; ``port`` is what to open.
+    """The simulated device at a virtual port, as a context manager. ``port`` is the name to open.
 
     Args:
-        session: the session to replay, open or by its folder; several: one a sensor of the board.
-        speed: ``max``, or how many times faster than real time.
-        fifo: samples that the device takes at once out of the sensor's FIFO, 0 = none.
-        include_dir: other calibration.h and weights.h than the shipped ones.
-        tcp: ``HOST:PORT`` instead of a pseudo terminal.
-        hold: when all rows are served, stay and answer commands.
+        session: the session to replay, or its folder; several for a board with one sensor for each.
+        speed: ``max``, or the factor by which it is faster than real time.
+        fifo: the number of samples that the device takes from the sensor's FIFO at once; 0 for none.
+        include_dir: the folder of calibration.h and weights.h, if not the shipped ones.
+        tcp: ``HOST:PORT`` for a TCP port instead of a pseudo terminal.
+        hold: True to keep the device running after the last row, so that it answers commands.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class SimulatedDevice:
             raise self._error
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait until the device has ended and everything was read; False if it still runs."""
+        """Wait until the device has ended and everything was read. Returns False if it is still running."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -114,7 +114,7 @@ class SimulatedDevice:
 
 
 def simulated_scenario(effects: Sequence[str], seed: int) -> Session:
-    """One scenario of the paper's campaign, face up then face down, with effects planted."""
+    """Simulate one scenario of the paper's campaign, face up then face down, with planted effects."""
     from gyrocal.simulation import simulate
 
     session, _ = simulate.simulate(None, "paper", effects, seed, scenarios=1)
@@ -122,7 +122,7 @@ def simulated_scenario(effects: Sequence[str], seed: int) -> Session:
 
 
 def check_speed(speed: str | float) -> str:
-    """``max`` or a positive factor, as the simulator takes it."""
+    """Check a speed, ``max`` or a positive factor, and return it as an argument of the simulator."""
     text = speed if isinstance(speed, str) else f"{speed:g}"
     if text != "max":
         try:

@@ -1,4 +1,4 @@
-"""The simulator ``gyrocal-sim``, the firmware's own C core as a process, and the bytes between it and who reads it."""
+"""The simulator ``gyrocal-sim``, which runs the firmware's C core as a process, and its connection to a reader."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def sim_command(
     hold: bool = False,
     include_dir: Path | None = None,
 ) -> list[str]:
-    """The simulator's command line; compiles it if need be.
+    """The command line of the simulator, which is compiled if necessary.
 
-    ``imu``: the sensor's number on its board. ``fifo``: samples that the device takes at once out of the sensor's FIFO,
-    0 = none. ``include_dir``: other calibration.h and weights.h.
+    ``imu`` is the sensor's number on its board. ``fifo`` is the number of samples that the device takes from the
+    sensor's FIFO at once, or 0. ``include_dir`` is the folder of calibration.h and weights.h, if not the shipped ones.
     """
     from gyrocal.core import library
 
@@ -47,7 +47,7 @@ def sim_command(
 
 
 def faults() -> str:
-    """The simulator's own list of faults, one a line: name, tab, what happens."""
+    """The simulator's list of faults, one in each line: its name, a tab and its description."""
     from gyrocal.core import library
 
     done = subprocess.run([library.build_sim(), "--fault", "list"], capture_output=True, text=True, check=False)
@@ -55,7 +55,7 @@ def faults() -> str:
 
 
 class Simulator:
-    """A running simulator, for a ``with`` block. ``fd`` is what to wait for."""
+    """A running simulator, as a context manager. ``fd`` is the descriptor to wait for."""
 
     def __init__(self, command: Sequence[str], *, short: bool) -> None:
         self.ended = False
@@ -77,7 +77,7 @@ class Simulator:
                 end.close()
 
     def read(self) -> bytes:
-        """The lines that have come whole, and at its end whatever is left."""
+        """The complete lines that have come; at the end of the simulator also the rest."""
         data = os.read(self.fd, CARRY)
         self.ended = not data
         lines, newline, self._rest = (self._rest + data).rpartition(b"\n")
@@ -95,7 +95,7 @@ class Simulator:
 
 
 def _pipe(*, short: bool) -> tuple[int, int]:
-    """A pipe; a short one lets the device run no further ahead of its reader than it must."""
+    """Create a pipe. It is short, so that the device does not run far ahead of its reader."""
     reading, writing = os.pipe()
     if short:
         import fcntl
@@ -106,7 +106,7 @@ def _pipe(*, short: bool) -> tuple[int, int]:
 
 
 def check_exit(code: int, stderr: bytes) -> None:
-    """Raise what a simulator that failed said last: InputError for bad input, DeviceError for anything else."""
+    """Raise the last message of a simulator that failed: InputError for bad input, DeviceError for anything else."""
     if code:
         lines = stderr.decode("utf-8", "replace").strip().splitlines() or [f"exit code {code}"]
         raise (InputError if code == 2 else DeviceError)(f"simulated device: {lines[-1]}")
@@ -119,11 +119,11 @@ def serve(
     wait_for_reader: bool,
     stopped: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Carry bytes between the simulators and whoever opens the outlet, until they end and all of it is read.
+    """Carry bytes between the simulators and the reader of the outlet, until the simulators end and everything is read.
 
-    There is one a sensor of the board; commands go to all, sentences come whole. They start with the first reader. With
-    ``wait_for_reader`` they wait while nobody reads; without, they run on in their own time, and what is said while nobody
-    listens is gone, as on a wire.
+    There is one simulator for each sensor of the board. Commands go to all of them, and sentences are passed on whole. The
+    simulators start with the first reader. With ``wait_for_reader`` they wait while there is no reader; without it they go
+    on in their own time, and sentences without a reader are lost, as on a wire.
 
     Raises:
         DeviceError: a simulator failed.
@@ -173,7 +173,7 @@ def _carry(sims: Sequence[Simulator], outlet: Outlet, wait_for_reader: bool, sto
 
 
 def _drain(outlet: Outlet, stopped: Callable[[], bool]) -> None:
-    """Wait until the reader has taken what is on its way, or has gone."""
+    """Wait until the reader has read all pending bytes, or has gone."""
     quiet = 0
     while outlet.connected() and quiet < 2 and not stopped():
         quiet = quiet + 1 if outlet.drained() else 0

@@ -20,7 +20,7 @@ from gyrocal.errors import DeviceError
 
 PROTOCOL = 1
 MAX_LINE = 320
-"""Longest line, bytes, its line end counted."""
+"""The longest line in bytes, with its line end."""
 MAX_FIELDS = 24
 
 RAW_FIELDS = ("n", "gx", "gy", "gz", "ax", "ay", "az", "temp")
@@ -33,7 +33,7 @@ Field = str | int | float | None
 
 
 class Sentence(NamedTuple):
-    """One sentence, its CRC checked. ``t_us``: device time, microseconds; ``text``: the fields as they came."""
+    """One sentence whose CRC is correct. ``t_us`` is the device time in microseconds, ``text`` the fields as they came."""
 
     tag: str
     seq: int
@@ -43,17 +43,17 @@ class Sentence(NamedTuple):
 
     @property
     def fields(self) -> dict[str, str]:
-        """The ``name=value`` fields; a value that does not exist is an empty string."""
+        """The ``name=value`` fields. A missing value is an empty string."""
         return {name: value for name, equals, value in (p.partition("=") for p in self.text.split(",")) if equals}
 
     def real(self, name: str) -> float | None:
-        """Field ``name`` as a number; None where it is absent, empty or not a finite number."""
+        """The field ``name`` as a number; None if it is absent, empty or not a finite number."""
         return parse_real(self.fields.get(name, ""))
 
 
 @dataclass(frozen=True)
 class RawTable:
-    """Samples of ``$RAW`` sentences in their order.
+    """The samples of ``$RAW`` sentences, in order.
 
     ``t_us`` int64 [n], device time; ``imu`` int64 [n]; ``number`` int64 [n], the sample's number in its run or -1;
     ``counts`` float64 [n, 7]: gx, gy, gz, ax, ay, az, temp in raw counts, NaN where the device has none.
@@ -69,7 +69,7 @@ class RawTable:
 
 
 def raw_table(sentences: Iterable[Sentence]) -> RawTable:
-    """The ``$RAW`` sentences among ``sentences`` as arrays; DeviceError where one does not hold what it should."""
+    """The ``$RAW`` sentences among ``sentences`` as arrays. Raises DeviceError if one lacks a field or holds a wrong value."""
     raw = [s for s in sentences if s.tag == "RAW"]
     for sentence in raw:
         if sentence.text.count(",") != len(RAW_FIELDS) - 1 or sentence.t_us >= _T_RANGE // 2:
@@ -109,20 +109,20 @@ def crc16(body: bytes) -> int:
 
 
 def format_field(value: Field) -> str:
-    """A field's text: 9 significant digits for real numbers, empty for what does not exist."""
+    """The text of a field: 9 significant digits for real numbers, empty for a missing value."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
 def parse_real(text: str) -> float | None:
-    """A field's text as a number; None where it is empty or not a finite decimal number."""
+    """The text of a field as a number; None if it is empty or not a finite decimal number."""
     value = float(text) if _REAL(text) else math.nan
     return value if math.isfinite(value) else None
 
 
 def parse_value(text: str) -> int | float | str | None:
-    """A field's text as what it looks like: a whole number, a real one, nothing, or a word."""
+    """The text of a field as the type that it has: an integer, a real number, None or a word."""
     if re.fullmatch(r"-?[0-9]{1,18}", text):
         return int(text)
     number = parse_real(text)
@@ -130,7 +130,7 @@ def parse_value(text: str) -> int | float | str | None:
 
 
 def encode(tag: str, seq: int, t_us: int, imu: int, fields: Mapping[str, Field] | Iterable[Field]) -> bytes:
-    """One sentence with its newline. A mapping gives ``name=value`` fields, anything else positional ones."""
+    """Write one sentence with its newline. A mapping gives ``name=value`` fields, other values give positional ones."""
     if isinstance(fields, Mapping):
         texts = [f"{name}={format_field(value)}" for name, value in fields.items()]
     else:
@@ -142,7 +142,7 @@ def encode(tag: str, seq: int, t_us: int, imu: int, fields: Mapping[str, Field] 
 
 
 def decode(line: bytes) -> Sentence:
-    """One sentence from one line, with or without its newline; DeviceError says in one line what is wrong with it."""
+    """Read one sentence from a line, with or without its newline. Raises DeviceError if the line is not a valid sentence."""
     line = line.removesuffix(b"\n")
     sentence = _parse(line)
     if sentence is not None:
@@ -160,7 +160,7 @@ def decode(line: bytes) -> Sentence:
 
 
 def _parse(line: bytes) -> Sentence | None:
-    """The sentence in a line without its newline; None if it does not check."""
+    """The sentence in a line without its newline; None if it is not valid."""
     if line.endswith(b"\r"):
         line = line[:-1]
     body, _, check = line.partition(b"*")
@@ -184,11 +184,11 @@ def _parse(line: bytes) -> Sentence | None:
 
 @dataclass
 class Reader:
-    """Cuts a stream of chunks into sentences and counts what went wrong.
+    """Cuts a stream of chunks into sentences and counts errors.
 
-    ``bad``: lines that start with ``$`` but do not check; ``lost``: sentences whose numbers never came whole, dropped
-    by the device or damaged on the way; ``overlong``: lines of more than 320 bytes; ``restarts``: times that a
-    sequence went back, so the device had started anew; ``logs``: the latest ``#`` lines, for a person.
+    ``bad`` counts lines that start with ``$`` but are not valid, ``lost`` sentences that never came, because the device dropped
+    them or they were damaged, ``overlong`` lines of more than 320 bytes, ``restarts`` decreases of a sequence number, which
+    show a restart of the device. ``logs`` holds the latest ``#`` lines.
     """
 
     good: int = 0
@@ -202,7 +202,7 @@ class Reader:
     _next: dict[int, int] = field(default_factory=dict)
 
     def feed(self, chunk: bytes) -> list[Sentence]:
-        """The sentences that ``chunk`` completes, in order."""
+        """Take a chunk and return the sentences that it completes, in order."""
         lines = (self._rest + chunk).split(b"\n")
         self._rest = lines.pop()
         if self._skipping and lines:

@@ -29,8 +29,6 @@ from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
 
-MOST_STEPS = 12
-
 
 @dataclass(frozen=True)
 class Step:
@@ -101,7 +99,7 @@ class Explanation:
 
 @one_thread
 def explain(
-    session: Session, model: Model | str | Path | None = None, *, most_steps: int = MOST_STEPS,
+    session: Session, model: Model | str | Path | None = None, *, most_steps: int = POLICY.most_steps,
     progress: Progress | None = None,
 ) -> Explanation:  # fmt: skip
     """Add effects to a model as long as one is certain, and state what stays open or unknown.

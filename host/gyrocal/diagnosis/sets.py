@@ -2,7 +2,7 @@
 
 Slow effects share shapes: a warm-up, a temperature coefficient and a drift are all smooth curves of time in one power cycle.
 If they are added one by one, the first one absorbs a part of the others, and the path may end at a wrong model. Here all sets
-of up to :data:`LARGEST_SET` effects are fitted beside the model. A set is *supported* if every member is needed: without it,
+of up to ``Policy.largest_set`` effects are fitted beside the model. A set is *supported* if every member is needed: without it,
 the others predict held-out data significantly worse, and the likelihood ratio of the member is significant. Of the supported
 sets, the one with the largest held-out gain is chosen, unless a smaller one predicts as well.
 """
@@ -29,10 +29,6 @@ from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
-
-LARGEST_SET = 3
-LARGEST_POOL = 5
-"""Number of overlapping effects of which sets are formed. Five effects give 25 sets."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ def without(current: Current, ids: Sequence[str]) -> Current:
 
 
 def overlapping(lead: Candidate, others: Sequence[Candidate]) -> list[Effect]:
-    """The lead's effect, and the effects on its axis whose fitted signals overlap with it, at most :data:`LARGEST_POOL`.
+    """The lead's effect, and the effects on its axis whose fitted signals overlap with it, at most ``Policy.largest_pool``.
 
     Effects that are faster than a block and faults of the reading do not overlap with slow effects.
     """
@@ -93,7 +89,7 @@ def overlapping(lead: Candidate, others: Sequence[Candidate]) -> list[Effect]:
         and cosine(lead.signal, c.signal) > POLICY.overlap and (c.gain or 0.0) > 0
     ]  # fmt: skip
     near.sort(key=lambda c: -(c.gain or 0.0))
-    return [*pool, *(c.effect for c in near[: LARGEST_POOL - 1])]
+    return [*pool, *(c.effect for c in near[: POLICY.largest_pool - 1])]
 
 
 def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
@@ -104,7 +100,7 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
     found: dict[frozenset[str], EffectSet] = {}
     found[frozenset()] = EffectSet((), current.fit, held_out_gain(current.fit, current.fit, current.folds), 0)
     supported: list[EffectSet] = []
-    for size in range(1, LARGEST_SET + 1):
+    for size in range(1, POLICY.largest_set + 1):
         for members in combinations(pool, size):
             ids = frozenset(e.id for e in members)
             if any(frozenset(ids - {e}) not in found for e in ids):

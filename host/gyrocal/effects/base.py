@@ -88,6 +88,10 @@ class Effect(Described):
     """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
+    uncorrected: ClassVar[str] = ""
+    """The reason why ``apply`` leaves this effect in the readings; empty if it belongs to the sensor and can be undone."""
+    requires: ClassVar[tuple[str, ...]] = ()
+    """The columns of a recording and keys of its run without which the effect cannot be computed, for ``apply``."""
     law: ClassVar[Law | None] = None
     cases: ClassVar[tuple[Case, ...]] = ()
 
@@ -156,6 +160,14 @@ class Effect(Described):
         """The arguments of ``effects/<id>.c`` for each column (only for effects with ``on_device``)."""
         return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))
 
+    def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
+        """The error that ``apply`` removes from the reading of an axis, shape [n], deg/s.
+
+        ``turning`` holds the same run once for each axis about which the model knows the scale, turning about that axis at its
+        own rate. The effect acts on the rate about its own axis unless a subclass says otherwise.
+        """
+        return self.term(turning.get(axis, next(iter(turning.values()))), axis, values)
+
     def axes(self, run: Run) -> tuple[int, ...]:
         """The axes on which the simulator plants the effect by default."""
         return (run.axis_index,)
@@ -172,6 +184,7 @@ class OfEachRun(Effect):
     """
 
     scope = "run"
+    uncorrected = "it differs from run to run, so a model cannot foretell it"
 
 
 @cache

@@ -21,6 +21,7 @@ class BiasTemperature(Effect):
         "there."
     )
     equation = "k1_dps_per_c·(T-25) + k2_dps_per_c2·(T-25)^2 + k3_dps_per_c3·(T-25)^3"
+    requires = ("temp_c",)
     looks_like = (
         "warmup and drift, if the part warms up in the same way after each power-on; turn_on_bias, if the "
         "room differs"

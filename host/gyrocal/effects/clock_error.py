@@ -19,6 +19,7 @@ class ClockError(Effect):
         "integrated with that clock is wrong."
     )
     equation = "e·t·dw/dt"
+    uncorrected = "it belongs to the clock of the recorder; correct the times of the recording"
     looks_like = "lag (constant over the run); scale, if only the net angle of a turn is known"
     measure_next = (
         "swing the table for some minutes and record its encoder as rate_ref_dps, or compare the recorder's clock with "

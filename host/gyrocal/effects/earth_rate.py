@@ -21,6 +21,7 @@ class EarthRate(Effect):
         "face down. It is not an error. It is computed from latitude_deg and never fitted."
     )
     equation = "±15.041067 deg/h·sin(latitude), + face up, - face down, about the table's vertical axis"
+    uncorrected = "it is a true rotation and no error of the sensor"
     looks_like = "g_sensitivity of 0.004 dps/g, or bias if only one face is up"
     measure_next = "give latitude_deg in session.toml; a map is enough, as 1 degree changes the rate by 0.07 mdps at most"
     parameters = (

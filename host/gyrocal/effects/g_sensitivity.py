@@ -24,6 +24,7 @@ class GSensitivity(Effect):
         "and face down. On a tilted table the error repeats once per turn."
     )
     equation = "gx_dps_per_g·ax + gy_dps_per_g·ay + gz_dps_per_g·az"
+    requires = ("ax_g", "ay_g", "az_g")
     looks_like = (
         "scale, if the table turns one way and only the face changes (0.1 dps/g looks like 0.13 % at "
         "78 dps); misalignment at one rate; table_ripple on a tilted table"

@@ -19,6 +19,7 @@ class Lag(Effect):
         "first-order lag are equivalent."
     )
     equation = "-tau_s·dw/dt"
+    uncorrected = "undoing a low-pass would amplify the noise; shift the times by tau_s instead"
     looks_like = "clock_error within a short run (it grows with time, a lag does not)"
     measure_next = "swing the table, or start and stop it, for a minute, and record its encoder as rate_ref_dps"
     parameters = (

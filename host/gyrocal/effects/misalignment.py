@@ -51,6 +51,11 @@ class Misalignment(Effect):
         rate_dps = np.zeros(len(run)) if axis == run.axis_index else run.rate_dps
         return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
 
+    def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
+        """The parts of the rates about all other axes."""
+        others = [self.term(run, axis, values) for i, run in turning.items() if i != axis]
+        return np.sum(others, axis=0) if others else np.zeros(len(next(iter(turning.values()))))
+
     def _others(self, runs: Sequence[Run], axis: int) -> list[str]:
         """The other axes about which the table turns."""
         turning = {r.axis for r in runs if r.axis_index != axis and not r.rate_is_mean and np.any(r.rate_dps)}

@@ -24,6 +24,7 @@ class Detected:
 class ReadingFault(Effect):
     """A fault of the reading. It has no columns: :meth:`detect` finds it, :meth:`distort` plants it."""
 
+    uncorrected = "the reading no longer contains what would be needed to undo it"
     clips: ClassVar[bool] = False
     """True if this fault describes readings that stay at a limit."""
 

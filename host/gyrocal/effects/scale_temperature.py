@@ -18,6 +18,7 @@ class ScaleTemperature(Effect):
         "and vanishes at rest."
     )
     equation = "k_per_c·(T-25)·w"
+    requires = ("temp_c",)
     looks_like = (
         "spin_up, if the part warms up in the same way in each run; scale, if the temperature hardly changes"
     )

@@ -21,6 +21,7 @@ class SpinUp(OfEachRun):
         "which a quick calibration uses."
     )
     equation = "-w·A·exp(-t/tau_s)"
+    uncorrected = "it belongs to the turntable and not to the sensor"
     looks_like = "warmup (an effect of the sensor, with the same sign face up and face down, which also shows at rest)"
     measure_next = (
         "wait longer before each run, or record the table's encoder as rate_ref_dps; a run at rest shows no spin-up"

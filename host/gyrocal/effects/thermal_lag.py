@@ -22,6 +22,7 @@ class ThermalLag(Effect):
         "warming and cooling. This loop (hysteresis) cannot be removed by a curve over temperature."
     )
     equation = "k_dps_s_per_c·dT/dt"
+    requires = ("temp_c",)
     looks_like = (
         "warmup, if the part is only recorded while it warms up after power-on; bias_temperature, if it only warms or cools"
     )

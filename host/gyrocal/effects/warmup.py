@@ -24,6 +24,7 @@ class Warmup(Effect):
         "the table and also at rest."
     )
     equation = "A_dps·exp(-p/tau_s)"
+    requires = ("power_on_s",)
     looks_like = (
         "spin_up (an effect of the table, which changes its sign with the rate and vanishes at rest); drift, if tau_s "
         "is long; bias_temperature, if the thermometer shows the same warming"

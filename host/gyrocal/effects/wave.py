@@ -74,6 +74,7 @@ class TableWave(Wave):
     ``orders`` gives the number of periods per turn for each amplitude.
     """
 
+    uncorrected = "it belongs to the turntable and not to the sensor"
     orders: ClassVar[tuple[int, ...]]
     needs: ClassVar[str] = TURNING_AT_ALL
     """The requirement on a recording in which the wave can occur, in words."""

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Parameter, Values, effect, effects
+from gyrocal.effects.base import Effect, OfEachRun, Parameter, Values, effect, effects
+from gyrocal.effects.wave import TableWave
 from gyrocal.errors import InputError
 from gyrocal.noise.axis import COMPONENTS
 from gyrocal.parameter import POSITIVE
@@ -63,6 +64,10 @@ class FormulaEffect(Effect):
         used = {n for _, node in self.terms for n in _names(node)} - CONSTANTS.keys()
         self.variables = sorted(used & symbols().keys())
         self.nonlinear = tuple(sorted(used - symbols().keys()))  # type: ignore[misc]
+        if self.scope == "run":
+            self.uncorrected = OfEachRun.uncorrected  # type: ignore[misc]
+        elif {"theta", "turn"} & set(self.variables):
+            self.uncorrected = TableWave.uncorrected  # type: ignore[misc]
         unset = [n for n in self.nonlinear if n not in self.start]
         if unset:
             raise InputError(f'formula {text!r}: say where {unset[0]} starts, e.g. "{expression}; {unset[0]}=1"')

@@ -228,6 +228,12 @@ class Model:
         kept = tuple(t for t in self.terms if not (t.effect_id == effect_id and axis in (None, t.axis)))
         return replace(self, terms=kept)
 
+    def correct(self, frame: Any, bias_dps: Mapping[str, float] | None = None) -> Any:
+        """Remove the model's effects from a table of readings; see :func:`gyrocal.error_model.correction.correct_frame`."""
+        from gyrocal.error_model.correction import correct_frame
+
+        return correct_frame(self, frame, bias_dps)
+
     def _name(self, add: str) -> str:
         return self.name if add in self.name.split("+") else f"{self.name}+{add}"
 

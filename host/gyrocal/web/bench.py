@@ -99,23 +99,23 @@ class Bench:
         return _diagnosis_view(found)
 
     def add(self, folder: Path, model: str, effect: str, progress: Progress) -> tuple[dict[str, Any], ModelView]:
-        """Add an effect: (the comparison before it, with the richer model's floor; the model with it)."""
+        """Add an effect. Returns the comparison before it, over the richer model's floor, and the model with it."""
         before, after, _ = add_effect(self._opened(folder), self._model(model), effect, progress=progress)
         if before.note:
             raise InputError(before.note)
         return before.to_json(), self._view(after, progress)
 
     def keep(self, folder: Path, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
-        """A formula for what is unknown: (the formula; the model with it)."""
+        """Find a formula for an unknown misfit. Returns the formula and the model with it."""
         proposed, _, after, _ = keep(self._opened(folder), self._model(model), name, progress=progress)
         return proposed.formula, self._view(after, progress)
 
     def without(self, folder: Path, model: str, effect: str, progress: Progress) -> ModelView:
-        """The model without an effect."""
+        """Remove an effect, and return the model without it."""
         return self._view(compare(self._opened(folder), self._model(model).without(effect), progress=progress), progress)
 
     def calibrate(self, folder: Path, models: dict[str, str], progress: Progress) -> CalibrationView:
-        """Scale and bias from the first seconds by baseline, network and each of the models (name: TOML), the last the best."""
+        """Scale and bias from the first seconds by baseline, network and each model (name: TOML); the last is the best."""
         session = self._opened(folder)
         progress("calibrating from the first seconds")
         longest_s = min(
@@ -140,12 +140,12 @@ class Bench:
         return CalibrationView(_estimates(answers), errors)
 
     def verify(self, network: Path | None, progress: Progress) -> dict[str, Any]:
-        """The C network held against onnxruntime: that of an export's folder, or the one that ships."""
+        """Verify the C network of an export's folder, or the shipped one, against onnxruntime."""
         progress("comparing the C network with onnxruntime")
         return verify() if network is None else verify(network / "model.int8.onnx", network / "weights.h")
 
     def export(self, folder: Path, model: str, axis: str, network: Path | None, progress: Progress) -> ExportView:
-        """A firmware project with the model's header and the network (None: the one that ships), the model beside it."""
+        """Write a firmware project with the model's header, the network (None for the shipped one) and the model file."""
         progress("writing headers")
         opened = self._model(model)
         path = self._room() / "model.toml"
@@ -301,7 +301,7 @@ def _signature(c: Candidate, found: Comparison, residuals: dict[tuple[int, str],
     if c.effect.fast:
         s = found.spectra[c.axis]
         x, y = thinned(s.frequency_hz, np.sqrt(s.power) * 1e3, SIGNATURE_DOTS)
-        return Signature("spectrum of what is left over", "Hz", [], list(zip(x.tolist(), y.tolist(), strict=True)))
+        return Signature("spectrum of the residual", "Hz", [], list(zip(x.tolist(), y.tolist(), strict=True)))
     if c.signal is None or c.signal.size != sum(b.t_s.size for b in blocks):
         return None
     parts = np.split(c.signal, np.cumsum([b.t_s.size for b in blocks])[:-1])

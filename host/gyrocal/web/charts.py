@@ -70,7 +70,7 @@ def line(name: str, data: Points, colour: str, *, on: int = 0, style: Options | 
 
 
 def grid(**place: Any) -> Options:
-    """A plot's place, which stays where it is put."""
+    """The fixed place of a plot in the chart."""
     return {"outerBoundsMode": "none", "left": 62, "right": 18, **place}
 
 

@@ -1,4 +1,4 @@
-"""Small round buttons that are pressed or not."""
+"""Small round toggle buttons."""
 
 from __future__ import annotations
 

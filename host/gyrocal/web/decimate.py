@@ -46,9 +46,9 @@ class Pyramid:
             i += 1
 
     def window(self, channel: int, start: int, stop: int, stretches: int) -> tuple[Array, Array]:
-        """Rows ``start:stop`` of a channel as (row, value), at most two a stretch: its minimum and maximum.
+        """Rows ``start:stop`` of a channel as (row, value), at most two for each interval: its minimum and maximum.
 
-        Few enough rows come as they are. A stretch's bounds are those of the level read: off by 6 % of a stretch at most.
+        Short windows are not reduced. The bounds of an interval are those of the stored level, within 6 % of its length.
         """
         n = stop - start
         if n <= 2 * stretches:

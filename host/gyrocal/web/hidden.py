@@ -1,4 +1,4 @@
-"""The menu of what a simulated device hides from its model: each effect says by itself whether it is offered there."""
+"""The menu of effects that a simulated device can hide from its model. Each effect defines whether it is offered."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from nicegui import ui
 
 
 def menu() -> ui.select:
-    """The menu; without a value until the effects have been read, for which no page waits: their imports take a second."""
+    """The menu. It has no value until the effects have been imported, which takes a second; the page does not wait for it."""
     chosen = ui.select({}, label="hidden in it").props("outlined dense")
 
     async def fill() -> None:
@@ -20,7 +20,7 @@ def menu() -> ui.select:
 
 
 def _offered() -> tuple[dict[str, str], str]:
-    """What can be hidden, in words by effect, and the effect that is proposed."""
+    """The titles of the effects that can be hidden, by id, and the id that is proposed."""
     from gyrocal.effects.base import effects
     from gyrocal.simulation.campaigns import RIPPLE
 

@@ -33,13 +33,13 @@ class Job:
 
     title: str
     method: str
-    """Of :class:`~gyrocal.web.bench.Bench`."""
+    """The name of a method of :class:`~gyrocal.web.bench.Bench`."""
     text: str = ""
     began: float = field(default_factory=time.monotonic)
 
 
 class Jobs:
-    """One worker process, started with the first job and kept.
+    """One worker process, which starts with the first job and stays.
 
     ``changed`` is called in the event loop whenever ``current`` changes.
     """
@@ -53,7 +53,7 @@ class Jobs:
         self._process: Any = None
 
     def prepare(self) -> None:
-        """Start the worker before there is work for it: its imports take their time."""
+        """Start the worker before its first job, because its imports take time."""
         if self._process is None:
             self._start()
 
@@ -65,11 +65,11 @@ class Jobs:
         theirs.close()
 
     async def run(self, title: str, method: str, *args: Any) -> Any:
-        """Call a method of :class:`~gyrocal.web.bench.Bench` in the worker; what it returns.
+        """Call a method of :class:`~gyrocal.web.bench.Bench` in the worker, and return its result.
 
         Raises:
-            Cancelled: :meth:`cancel` was called, or what was wanted was overtaken by :meth:`drop`.
-            GyrocalError: what the method raised, or the worker died.
+            Cancelled: :meth:`cancel` or :meth:`drop` was called.
+            GyrocalError: the method raised it, or the worker died.
         """
         generation = self._generation
         async with self._lock:
@@ -108,7 +108,7 @@ class Jobs:
                 return value
 
     def cancel(self) -> None:
-        """Stop what is being done, and what waits behind it."""
+        """Stop the current job and all jobs that wait."""
         self._generation += 1
         if self.current is not None and self._process is not None:
             self._cancelled = True
@@ -126,7 +126,7 @@ class Jobs:
 
 
 async def _in_thread(function: Callable[[], Any]) -> Any:
-    """In a daemon thread: one that waits for ever must not hold up the end of the program."""
+    """Run a function in a daemon thread, so that a function that never returns does not delay the end of the program."""
     loop = asyncio.get_running_loop()
     future: asyncio.Future[Any] = loop.create_future()
 
@@ -148,7 +148,7 @@ async def _in_thread(function: Callable[[], Any]) -> Any:
 
 
 def work(link: Connection, scratch: Path) -> None:
-    """The worker's life: take a method's name and arguments, answer with progress and a result, until the page is gone."""
+    """The loop of the worker: take a method's name and arguments, answer with progress and a result, until the page ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(NICE)

@@ -1,6 +1,6 @@
-"""The process that holds the device's port: it reads, records and passes on, whatever the page is busy with.
+"""The process that owns the device's port. It reads, records and passes on samples independently of the page.
 
-Recording is `gyrocal record`'s own recorder on a tap of the bytes that the live view reads.
+A recording uses the recorder of `gyrocal record` on a copy of the bytes that the live view reads.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ STATUS_S = 0.2
 
 @dataclass(frozen=True)
 class News:
-    """What came since the last one. ``samples``: (imu, device time in us, seven values in :data:`SAMPLE_UNITS`' order)."""
+    """The news since the last call. ``samples`` holds (imu, device time in us, seven values in the order of SAMPLE_UNITS)."""
 
     samples: list[tuple[Any, ...]]
     events: list[dict[str, Any]]
@@ -36,7 +36,7 @@ class News:
 
 @dataclass
 class Recording:
-    """What a recording has come to."""
+    """The progress of a recording."""
 
     folder: str
     imu: int
@@ -56,7 +56,7 @@ class Tap:
         self._chunks.put(first)
 
     def put(self, chunk: bytes | None) -> None:
-        """Bytes that came; None: the device is gone."""
+        """Pass on bytes that came; None if the device is gone."""
         self._chunks.put(chunk)
 
     def stop(self) -> None:
@@ -82,7 +82,7 @@ class Tap:
 
 
 class Tee:
-    """The real port, whose bytes also go to the tap that is there."""
+    """The real port. Its bytes also go to the tap, if there is one."""
 
     def __init__(self, port: Port, listener: Listener) -> None:
         self._port, self._listener = port, listener
@@ -107,7 +107,7 @@ class Tee:
 
 
 class Listener:
-    """Listens at a port until told to end; heals when the device is unplugged and plugged in again."""
+    """Listens at a port until it is stopped, and reconnects to a device that is plugged in again."""
 
     def __init__(self, page: Connection, name: str) -> None:
         self.tap: Tap | None = None
@@ -212,6 +212,6 @@ def _sensor_status(sensor: Sensor) -> dict[str, Any]:
 
 
 def listen(page: Connection, name: str) -> None:
-    """The process's whole life."""
+    """The main function of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Listener(page, name).run()

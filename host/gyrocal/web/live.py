@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from gyrocal.web.samples import Samples
 
 PORTS = re.compile(r"/dev/(tty|cu)[\w.-]+|/dev/pts/\d+|COM\d+|socket://(127\.0\.0\.1|localhost|\[::1\]):\d+")
-"""Ports that the page may open: serial devices, and this machine's own sockets."""
+"""Names of ports that the page may open: serial devices, and sockets of this machine."""
 
 
 class Live:
-    """One device at most. ``changed`` is called in the event loop when more than samples came."""
+    """The connection to at most one device. ``changed`` is called in the event loop for all news except samples."""
 
     def __init__(self, changed: Callable[[], None]) -> None:
         self.port = ""
         self.status: dict[str, Any] = {}
         self.sensors: dict[int, Samples] = {}
         self.newest: tuple[int, float] = (0, 0.0)
-        """Device time of the newest sample, us, and when it was here (this machine's clock, s)."""
+        """Device time of the newest sample in us, and its arrival by this machine's clock in s."""
         self.trusted: set[str] = set()
         """Ports named on the command line, and simulated devices."""
         self._changed = changed
@@ -47,7 +47,7 @@ class Live:
         return bool(self.status.get("connected"))
 
     def sensor(self, imu: int) -> dict[str, Any]:
-        """What one sensor has said: state, face, hello, rate_hz, missed, results; empty where it has not yet spoken."""
+        """State, face, hello, rate_hz, missed and results of one sensor; empty before its first sentence."""
         found: dict[str, Any] = self.status.get("sensors", {}).get(imu, {})
         return found
 
@@ -57,24 +57,24 @@ class Live:
 
     @property
     def ended(self) -> bool:
-        """Whether a simulated device has played its recording to the end."""
+        """True if a simulated device has played its recording to the end."""
         return self._simulated is not None and self._simulated.poll() is not None
 
     def ports(self) -> list[str]:
-        """Devices that are plugged in, and what the command line named."""
+        """The devices that are plugged in, and the ports named on the command line."""
         from serial.tools.list_ports import comports
 
         return list(dict.fromkeys([*sorted(self.trusted), *(p.device for p in comports() if p.hwid != "n/a")]))
 
     def check(self, name: str) -> None:
-        """InputError where the page may not open a port of that name."""
+        """Raise InputError if the page may not open a port of that name."""
         from serial.tools.list_ports import comports
 
         if name not in self.trusted and not PORTS.fullmatch(name) and name not in {p.device for p in comports()}:
             raise InputError(f"{name}: not a serial port; another kind is given as `gyrocal workbench --port`")
 
     def connect(self, name: str) -> None:
-        """Listen at a port from now on; what it says comes by itself."""
+        """Listen at a port from now on. News arrive without further calls."""
         from gyrocal.web.listener import listen
 
         self.check(name)
@@ -120,14 +120,14 @@ class Live:
         self.connect(port)
 
     def record(self, out: Path, wanted: Wanted | None, scenario: str, imu: int = 0) -> None:
-        """Record the wanted run of a sensor; None: every run that it announces, until it ends or is stopped."""
+        """Record the wanted run of a sensor, or for None every run that it announces, until it ends or is stopped."""
         self._tell("record", str(out), wanted, scenario, imu)
 
     def stop(self) -> None:
         self._tell("stop")
 
     def say(self, command: str) -> None:
-        """A command in the wire's plain words."""
+        """Send a command as text of the protocol."""
         self._tell("say", command)
 
     def _tell(self, *words: Any) -> None:

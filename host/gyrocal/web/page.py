@@ -13,19 +13,19 @@ from gyrocal.web import charts
 from gyrocal.web.state import Topic, Workbench
 
 PANELS = {"live": "Live", "compare": "Compare", "diagnose": "Diagnose", "calibrate": "Calibrate & export"}
-"""A file of ``panels`` each; they are imported when they are shown, or when the first page is there."""
+"""The panels, each a file of ``panels``. They are imported when they are shown, or after the first page is drawn."""
 DRAWN_S = 1.0
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
 
 
 def serve(bench: Workbench) -> None:
-    """Show this workbench to whoever opens the page."""
+    """Use this workbench for every tab that opens the page."""
     _bench[:] = [bench]
 
 
 class Tab:
-    """One browser tab: which panel it shows, and its own light or dark."""
+    """One browser tab: the panel that it shows, and its light or dark mode."""
 
     def __init__(self, view: str) -> None:
         self.bench = _bench[0]
@@ -120,7 +120,7 @@ def _panel(view: str) -> Callable[[Tab], Callable[[Topic], None]]:
 
 
 def register() -> None:
-    """The page's addresses."""
+    """Register the addresses of the page."""
 
     def index() -> None:
         looking = _bench[0].opening or _bench[0].session is not None
@@ -135,7 +135,7 @@ def register() -> None:
         ui.page(f"/{view}")(at(view))
 
     async def prepare() -> None:
-        """The first page is there: what the next ones need, when it has been drawn."""
+        """Import what the next panels need, after the first page has been drawn."""
         await asyncio.sleep(DRAWN_S)
         _bench[0].jobs.prepare()
         await asyncio.to_thread(lambda: [_panel(view) for view in PANELS])

@@ -22,7 +22,7 @@ MOST_SHOWN = 200
 
 
 class Places:
-    """Folders that the page may use; the first is where it writes."""
+    """The folders that the page may use. It writes in the first one."""
 
     def __init__(self, roots: Iterable[Path]) -> None:
         self.roots = list(dict.fromkeys(root.resolve() for root in roots))
@@ -32,7 +32,7 @@ class Places:
         return self.roots[0]
 
     def inside(self, path: str | Path) -> Path:
-        """The path, links followed; InputError if it lies outside. A relative one is taken from the first folder."""
+        """The path with links resolved. A relative path starts from the first folder. Raises InputError if it lies outside."""
         found = (self.home / path).resolve()
         if not any(found == root or root in found.parents for root in self.roots):
             raise InputError(
@@ -41,7 +41,7 @@ class Places:
         return found
 
     def session(self, path: str | Path) -> Path:
-        """A session's folder all of whose tables lie within it."""
+        """Check a session's folder: all of its tables must lie within it."""
         from gyrocal.recording.header import read_header
 
         folder = self.inside(path)
@@ -51,7 +51,7 @@ class Places:
         return folder
 
     def new(self, name: str) -> Path:
-        """A folder of that name to be made in the first folder; InputError if it is there or is no plain name."""
+        """The path of a new folder in the first folder. Raises InputError if it exists or the name is not plain."""
         if not re.fullmatch(r"[\w][\w .+-]{0,80}", name):
             raise InputError(f"{name!r}: want a plain name of letters, digits, - and _")
         folder = self.inside(name)
@@ -60,7 +60,7 @@ class Places:
         return folder
 
     def free(self, name: str) -> Path:
-        """The name, or the name with the first number that makes it new."""
+        """A path for the name, with the first number that makes it new if the name is taken."""
         plain = re.sub(r"[^\w+-]+", "-", name).strip("-")[:60] or "session"
         candidates = [plain, *(f"{plain}-{i}" for i in range(2, 1000))]
         return next(self.new(n) for n in candidates if not (self.home / n).exists())
@@ -79,7 +79,7 @@ class Places:
         return sorted(found, key=lambda f: -found[f])[:MOST_SHOWN]
 
     def name(self, path: Path) -> str:
-        """A folder as a person calls it: relative to the folder it was found in."""
+        """The name of a folder for display, relative to the folder in which it was found."""
         for root in self.roots:
             if root == path:
                 return path.name
@@ -88,7 +88,7 @@ class Places:
         return str(path)
 
     def unpack(self, archive: Path | BinaryIO, name: str) -> Path:
-        """A zip of a session folder into a new folder: session.toml and its tables, by name, and nothing else of it."""
+        """Unpack a zip of a session into a new folder: only session.toml and the tables that it names."""
         target = self.free(Path(name).stem)
         try:
             with new_folder(target) as partial:

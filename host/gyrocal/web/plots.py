@@ -19,18 +19,18 @@ STRETCHES = 700
 BINS = 48
 MOST_LINES = 40
 FEW = 12
-"""Fewer points than this are drawn as points."""
+"""Curves with fewer points than this show each point."""
 MOST_BOUNDS = 60
 MOST_NAMED = 20
 LEGEND_RIGHT = 130
 
 Window = tuple[float, float]
-"""Per cent of the timeline: from, to."""
+"""The ends of the visible part of the timeline, in per cent."""
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """Recordings one after another: measured and modelled above, what is left over below; measured alone before a model is."""
+    """Recordings one after another: measured and modelled above, the residual below. Without a model only measured."""
 
     traces: Traces
     runs: Sequence[tuple[int, RunView]]
@@ -80,7 +80,7 @@ class Timeline:
         )
 
     def series(self, window: Window) -> list[Options]:
-        """One curve an axis, or three, as they are seen through the window."""
+        """The curves of one axis or of all three, within the window."""
         p = self.palette
         modelled, residual = self.traces.modelled, self.traces.residual
         out = []
@@ -97,7 +97,7 @@ class Timeline:
         return out
 
     def _bounds(self) -> Options:
-        """Where one recording ends and the next begins."""
+        """The boundaries between recordings."""
         p = self.palette
         data, at = [], 0.0
         style = {"color": p.dim, "fontSize": 10, "position": "insideStartTop", "rotate": 0, "align": "left"}
@@ -109,7 +109,7 @@ class Timeline:
         return charts.marks(p, data, p.dim)
 
     def _seen(self, pyramid: Pyramid, axis: int, window: Window) -> list[list[float | None]]:
-        """What is on the screen of one trace, mdps: each recording's part, a gap between them."""
+        """The visible part of one trace in mdps, with a gap between recordings."""
         low, high = (w / 100 * self.total_s for w in window)
         points: list[list[float | None]] = []
         at = 0.0
@@ -135,7 +135,7 @@ class Timeline:
 
 
 def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str]) -> Options:
-    """Means of what is left over against a variable: a thin line a recording, the mean of all thick in twice its error."""
+    """Means of the residual against a variable: a thin line for each recording, a thick line with twice its error for all."""
     shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
     mine = np.isin(points["run"], runs)
     height = 88 / len(axes) - 5
@@ -169,7 +169,7 @@ def curves(
     p: Palette, found: dict[str, Curve], axes: Sequence[str], what: str, expected: str, x_name: str,
     lines: Sequence[dict[str, Any]] = (),
 ) -> Options:  # fmt: skip
-    """Spectrum or Allan deviation of what is left over, and what noise alone would give; ``lines``: findings to mark."""
+    """Spectrum or Allan deviation of the residual, with the curve of noise alone. ``lines`` are findings to mark."""
     series, names = [], []
     for axis in axes:
         if axis not in found:

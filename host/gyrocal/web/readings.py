@@ -1,4 +1,4 @@
-"""What the device reads, live: the latest values, and the last ten seconds of all axes as a strip chart."""
+"""The live readings of the device: the latest values, and the last ten seconds of all axes as a strip chart."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 FRAME_S = 0.033
 READ_S = 0.15
-"""Figures that change faster than this cannot be read."""
+"""Time between two updates of the numbers, so that they can be read."""
 MOST_IN_FLIGHT = 3
 READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
 STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
@@ -24,7 +24,7 @@ STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
 
 
 class Readings:
-    """Two sections of a page, of one sensor of the board."""
+    """The two sections of a page that show one sensor of the board."""
 
     def __init__(self, live: Live, palette: charts.Palette) -> None:
         self._live, self._palette, self._imu = live, palette, 0
@@ -39,7 +39,7 @@ class Readings:
         ui.timer(FRAME_S, self._frame)
 
     def show(self, imu: int) -> None:
-        """Another sensor of the board."""
+        """Show another sensor of the board."""
         self._imu, self._sent = imu, (0, 0.0)
 
     def _value(self, name: str, unit: str) -> ui.html:
@@ -67,7 +67,7 @@ class Readings:
         )
 
     def _frame(self) -> None:
-        """Send what is new to the chart; a browser that is slower than that is given time."""
+        """Send new samples to the chart, unless the browser has not yet drawn the previous ones."""
         samples = self._live.sensors.get(self._imu)
         if samples is None or self._live.newest == self._sent or self._in_flight >= MOST_IN_FLIGHT:
             return

@@ -19,7 +19,7 @@ def page(
     name: str, found: Comparison, remark: str, bars: Sequence[Bar], floor_mdps: float,
     diagnosis: DiagnosisView | None, calibration: CalibrationView | None,
 ) -> str:  # fmt: skip
-    """The text of the HTML file."""
+    """The report as HTML text."""
     import jinja2
 
     drawn = [

@@ -14,7 +14,7 @@ KEPT = 1 << 15
 
 
 class Samples:
-    """The last samples of one sensor: a ring of rows [t_s, gx, gy, gz, ax, ay, az, temp]."""
+    """The last samples of one sensor, in a ring buffer of rows [t_s, gx, gy, gz, ax, ay, az, temp]."""
 
     def __init__(self) -> None:
         self._rows = np.full((KEPT, 8), np.nan)
@@ -22,7 +22,7 @@ class Samples:
         self._lock = threading.Lock()
 
     def extend(self, samples: list[list[float | None]]) -> None:
-        """Rows as above; None is a value that the device has not."""
+        """Append rows as above. None is a value that the device does not have."""
         rows = np.array(samples, dtype=float)
         with self._lock:
             if self._count and rows[0, 0] < self._rows[(self._count - 1) % KEPT, 0]:
@@ -31,14 +31,14 @@ class Samples:
             self._count += len(rows)
 
     def latest(self, seconds: float) -> Array:
-        """Rows of the last ``seconds``, oldest first."""
+        """The rows of the last ``seconds``, oldest first."""
         with self._lock:
             n = min(self._count, KEPT)
             rows = self._rows[(self._count - n + np.arange(n)) % KEPT]
         return rows[np.searchsorted(rows[:, 0], rows[-1, 0] - seconds) :] if n else rows
 
     def frame(self) -> tuple[float, list[list[list[float | None]]]]:
-        """(newest time in s, seven curves of [t_s, value]): two values a stretch, its least and its largest."""
+        """The newest time in s and seven curves of [t_s, value]: the minimum and the maximum of each interval."""
         rows = self.latest(SHOWN_S)
         if not len(rows):
             return 0.0, [[] for _ in range(7)]

@@ -48,9 +48,9 @@ Send = Callable[[Any], Awaitable[None]]
 
 
 class Guard:
-    """In front of everything: no foreign page may talk to this one, and beyond this machine a token is asked for.
+    """Checks every request: pages of other sites are refused, and requests from other machines need a token.
 
-    On this machine the Host header must name it, else a foreign page could reach it by a name of its own making.
+    On this machine the Host header must name it. Otherwise a foreign page could reach it by a name of its own (DNS rebinding).
     """
 
     def __init__(self, app: Any, token: str | None) -> None:
@@ -109,9 +109,9 @@ async def _answer(send: Send, status: int, text: str, headers: list[tuple[bytes,
 
 
 def listening(host: str, wanted: int | None) -> socket.socket:
-    """A socket at the wanted port, or at the first free one from the usual on; InputError where it cannot be had.
+    """A listening socket at the wanted port, or at the first free one from the default on. Raises InputError if it fails.
 
-    It listens at once, so that a browser that is quicker than the server waits.
+    It listens at once, so that a browser that is faster than the server waits.
     """
     problem = ""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -29,20 +29,20 @@ START = "default"
 
 @dataclass(frozen=True)
 class Step:
-    """One model of the chain: the first, or what an effect added or removed made of the one before."""
+    """One model of the sequence: the first one, or the result of adding or removing an effect."""
 
     source: str
-    """What the engine takes: a built-in's name, or TOML."""
+    """The model for the engine: the name of a built-in model, or TOML text."""
     view: ModelView
     effect: str = ""
     title: str = "model at first"
     removed: bool = False
     formula: str = ""
-    """Of an effect that is no one's of the library."""
+    """The formula of an effect that is not in the library."""
 
 
 class Workbench:
-    """The shared state. ``changed(topic)`` is called in the event loop; ``message`` is the latest word for the person."""
+    """The shared state. ``changed(topic)`` is called in the event loop; ``message`` is the latest message to the user."""
 
     def __init__(self, roots: Iterable[Path], changed: Callable[[Topic], None]) -> None:
         self.places = Places(roots)
@@ -57,15 +57,15 @@ class Workbench:
         self.steps: list[Step] = []
         self.undone: list[Step] = []
         self.diagnosed: DiagnosisView | None = None
-        """The last diagnosis made, for the report; :attr:`diagnosis` is that of the model as it is."""
+        """The last diagnosis, for the report. :attr:`diagnosis` is that of the current model."""
         self._diagnoses: dict[str, DiagnosisView] = {}
         self._calibrations: dict[tuple[str, str], CalibrationView] = {}
         self.training: Training | None = None
-        """The training that goes on, beside whatever else is done."""
+        """The training in progress, which runs beside all other jobs."""
         self._networks: dict[tuple[str, str], TrainedView] = {}
         self.exported: ExportView | None = None
         self.before: dict[str, Any] | None = None
-        """`before` of `gyrocal add --json` for the latest step."""
+        """The value of `before` in `gyrocal add --json` for the latest step."""
 
     def close(self) -> None:
         if self.training is not None:
@@ -91,11 +91,11 @@ class Workbench:
 
     @property
     def searching(self) -> bool:
-        """Whether the model is being diagnosed or changed: what is asked for now would be about the model as it was."""
+        """True while the model is diagnosed or changed. A request made now would concern the previous model."""
         return self.jobs.current is not None and self.jobs.current.method in ("diagnose", "add", "keep", "without")
 
     def network(self, axis: str) -> TrainedView | None:
-        """The network that was trained for the model as it is."""
+        """The network that was trained for the current model."""
         return self._networks.get((self.steps[-1].view.toml, axis)) if self.steps else None
 
     @property
@@ -105,7 +105,7 @@ class Workbench:
     # What a person can ask for. Each ends with a word to the person where it fails; none raises.
 
     async def open(self, folder: str | Path) -> None:
-        """Read a session and hold the first model against it."""
+        """Read a session and compare the first model with it."""
         with self._telling():
             path = self.places.session(folder)
             self.jobs.cancel()
@@ -123,7 +123,7 @@ class Workbench:
             await self._compare()
 
     async def simulate(self, effects: list[str], scenarios: int = 6, seconds: float = 40.0) -> None:
-        """A session with a hidden effect, to try things on."""
+        """Simulate a session with a hidden effect, for trying out the workbench."""
         with self._telling():
             seed = random.randrange(1, 10_000)
             out = self.places.free("simulated")
@@ -139,7 +139,7 @@ class Workbench:
                 self.changed("diagnosis")
 
     async def add(self, effect: str, title: str, formula: str = "") -> None:
-        """Add an effect (its id, or a formula) to the model; undo takes it back."""
+        """Add an effect (its id, or a formula) to the model. Undo removes it again."""
         with self._telling():
             if self.session is None or self.step is None:
                 return
@@ -156,7 +156,7 @@ class Workbench:
             await self._take(Step(view.toml, view, name, name, formula=formula))
 
     async def remove(self, effect: str, title: str) -> None:
-        """Take an effect out of the model: one that was tried before, or one to be fitted."""
+        """Remove an effect from the model. The result may be an earlier model, or one that must be fitted."""
         with self._telling():
             if self.session is None or self.step is None:
                 return
@@ -171,7 +171,7 @@ class Workbench:
             await self._take(Step(source, view, effect, title, removed=True))
 
     async def train(self, name: str, axis: str, epochs: int) -> None:
-        """A network that knows the model as it is, in a new folder; fits may go on meanwhile."""
+        """Train a network for the current model in a new folder. Fits may run at the same time."""
         with self._telling():
             if self.step is None or self.training is not None:
                 return
@@ -192,7 +192,7 @@ class Workbench:
             self.say(f"The network is trained and in {self.places.name(folder)}.")
 
     async def export(self, name: str, axis: str) -> None:
-        """The firmware as a project with this model's header, and the C network checked against onnxruntime."""
+        """Write a firmware project with this model's header, and verify the C network against onnxruntime."""
         with self._telling():
             if self.session is not None and self.step is not None:
                 folder, toml, trained = self.places.new(name), self.step.view.toml, self.network(axis)
@@ -201,7 +201,7 @@ class Workbench:
                 self.changed("export")
 
     async def report(self) -> str | None:
-        """Everything on the screen as one HTML file; None where it failed."""
+        """Write everything on the screen as one HTML file and return its path; None if it failed."""
         with self._telling():
             if self.session is not None and self.step is not None:
                 text: str = await self.jobs.run(
@@ -226,7 +226,7 @@ class Workbench:
     # What is shown of it.
 
     def waterfall(self) -> list[Bar]:
-        """Excess error step by step, over the floor of the richest model, as `gyrocal add` takes it."""
+        """The excess error step by step, over the floor of the richest model, as in `gyrocal add`."""
         if not self.steps or self.steps[0].view.compared["rms_dps"] is None:
             return []
         richest = max(self.steps, key=lambda s: len(s.view.compared["parameters"]))
@@ -252,7 +252,7 @@ class Workbench:
 
     async def _compare(self) -> None:
         assert self.session is not None
-        view = await self.jobs.run("Holding the model against the recordings", "compare", self.session.path, START)
+        view = await self.jobs.run("Comparing the model with the recordings", "compare", self.session.path, START)
         await self._take(Step(START, view))
 
     async def _take(self, step: Step) -> None:
@@ -261,7 +261,7 @@ class Workbench:
         await self._show_model()
 
     async def _show_model(self) -> None:
-        """The last step is the model now; its calibration follows when the worker gets to it."""
+        """Show the last step as the current model. Its calibration follows when the worker has computed it."""
         assert self.session is not None
         assert self.traces is not None
         step = self.steps[-1]

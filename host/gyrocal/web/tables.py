@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 
 def plain(columns: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequence[bool] = ()) -> str:
-    """A table as HTML; columns whose names end in a colon are text. ``marked`` rows show their last cell as a worry."""
+    """A table as HTML. Columns whose names end in a colon are text. The last cell of ``marked`` rows is highlighted."""
     kinds = [' class="text"' if name.endswith(":") else "" for name in columns]
     head = "".join(f"<th{kind}>{html.escape(name.rstrip(':'))}</th>" for name, kind in zip(columns, kinds, strict=True))
     body = []
@@ -19,5 +19,5 @@ def plain(columns: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequenc
 
 
 def number(value: object, form: str, factor: float = 1.0) -> str:
-    """A number in a format, or a dash."""
+    """A formatted number, or a dash for None."""
     return format(factor * value, form) if isinstance(value, int | float) else "–"

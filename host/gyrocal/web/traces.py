@@ -1,4 +1,4 @@
-"""What the worker wrote of a session and of a model, mapped from its files."""
+"""Access to the traces that the worker has written, by memory-mapped files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gyrocal.web.views import ModelView, SessionView
 
 
 class Traces:
-    """The session's samples, and the latest model's, mapped from the worker's files."""
+    """The samples of the session and of the latest model, mapped from the worker's files."""
 
     def __init__(self, session: SessionView) -> None:
         self.session = session

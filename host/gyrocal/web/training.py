@@ -21,14 +21,14 @@ LOOK_S = 0.5
 
 
 def missing() -> list[str]:
-    """What training needs and is not installed."""
+    """The packages that the training needs and that are not installed."""
     return [name for name in NEEDED if find_spec(name) is None]
 
 
 class Training:
     """Network `gyrocal`, trained on scenarios drawn from a fitted model, and exported into its run folder.
 
-    ``changed`` is called in the event loop with every epoch; ``done`` of ``epochs`` are over, ``loss`` is the last one's.
+    ``changed`` is called in the event loop after every epoch. ``done`` of ``epochs`` are complete; ``loss`` is the last one's.
     """
 
     def __init__(self, model: Path, axis: str, epochs: int, folder: Path, changed: Callable[[], None]) -> None:
@@ -37,24 +37,24 @@ class Training:
         self.loss: float | None = None
         self._changed = changed
         self._ends: list[float] = []
-        """When each epoch ended, as far as it was seen; this machine's clock, s."""
+        """The times in s, by this machine's clock, at which epochs ended."""
         self._process: asyncio.subprocess.Process | None = None
         self._cancelled = False
 
     @property
     def left_s(self) -> float | None:
-        """Seconds that the epochs to come will take at the pace of those that were seen; None before there are two."""
+        """The estimated seconds until the last epoch ends; None before two epochs have ended."""
         if len(self._ends) < 2:
             return None
         pace_s = (self._ends[-1] - self._ends[0]) / (len(self._ends) - 1)
         return max(0.0, self._ends[-1] + pace_s * (self.epochs - self.done) - time.monotonic())
 
     async def run(self) -> list[dict[str, Any]]:
-        """Train and export; mean absolute errors on drawn scenarios, `errors` of `gyrocal train --json`.
+        """Train and export. Returns the mean absolute errors on drawn scenarios: `errors` of `gyrocal train --json`.
 
         Raises:
-            Cancelled: :meth:`cancel` was called; nothing is left of it.
-            GyrocalError: what the command said.
+            Cancelled: :meth:`cancel` was called. The run folder is removed.
+            GyrocalError: the command failed, with its message.
         """
         options = ["--net", "gyrocal", "--model", str(self.model), "--axis", self.axis, "--epochs", str(self.epochs)]
         try:
@@ -73,12 +73,12 @@ class Training:
             self._process.kill()
 
     def close(self) -> None:
-        """Cancel, where nobody will hear of it any more."""
+        """Cancel the training at the end of the program, without a message."""
         self.cancel()
         shutil.rmtree(self.folder, ignore_errors=True)
 
     async def _gyrocal(self, *arguments: str) -> Any:
-        """What a verb prints with --json."""
+        """Run a verb and return what it prints with --json."""
         if self._cancelled:
             raise Cancelled("Training: stopped")
         command = [sys.executable, "-m", "gyrocal", *arguments, "--json"]
@@ -100,7 +100,7 @@ class Training:
         return json.loads(out)
 
     def _look(self) -> None:
-        """How far it is: the run folder's history has a line an epoch."""
+        """Read the progress from the run folder's history, which has one line for each epoch."""
         try:
             rows = (self.folder / "history.csv").read_text().splitlines()[1:]
         except OSError:

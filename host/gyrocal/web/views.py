@@ -42,7 +42,7 @@ class SessionView:
 
 @dataclass(frozen=True)
 class Curve:
-    """A measured curve, and what it is held against: the level between lines, or the noise model's own curve."""
+    """A measured curve and its reference: the level between lines, or the curve of the noise model."""
 
     x: list[float]
     y: list[float]
@@ -51,11 +51,11 @@ class Curve:
 
 @dataclass(frozen=True)
 class ModelView:
-    """A model held against the session. ``traces`` holds the pyramids ``modelled``, ``residual`` and ``points.npz``."""
+    """A model compared with the session. ``traces`` holds the pyramids ``modelled``, ``residual`` and ``points.npz``."""
 
     toml: str
     compared: dict[str, Any]
-    """`gyrocal compare --json`, to the letter."""
+    """The exact output of `gyrocal compare --json`."""
     headline: str
     rows: list[list[str]]
     """Axis, rms, floor, excess in mdps, as the command line prints them; the last row is all axes."""
@@ -70,7 +70,7 @@ class ModelView:
 
 @dataclass(frozen=True)
 class Signature:
-    """A small picture: what was left over (dots) and what the effect says of it (line)."""
+    """A small plot: the residual without the effect (dots) and the fitted effect (line)."""
 
     title: str
     x_label: str
@@ -87,7 +87,7 @@ class Card:
     cause: str
     equation: str
     looks_like: list[str]
-    """Titles of the effects that it cannot be told from."""
+    """Titles of the effects that this session cannot tell from it."""
     size: str
     signature: Signature | None = None
 
@@ -102,7 +102,7 @@ class DiagnosisView:
 
 @dataclass(frozen=True)
 class CalibrationView:
-    """Estimates of the latest model, and how far the first seconds are from the whole recording, by method and seconds."""
+    """Estimates of the latest model, and differences of the first seconds from the whole recording by method and seconds."""
 
     estimates: list[dict[str, Any]]
     errors: dict[str, dict[float, tuple[float, float]]]
@@ -112,7 +112,7 @@ class CalibrationView:
 
 @dataclass(frozen=True)
 class Bar:
-    """One step of the waterfall, mdps of excess over the floor of the richest model so far."""
+    """One step of the waterfall: the excess in mdps over the floor of the richest model so far."""
 
     label: str
     before: float
@@ -121,17 +121,17 @@ class Bar:
 
 @dataclass(frozen=True)
 class TrainedView:
-    """A network trained for a model, in its run folder. ``parity``: C against onnxruntime, `gyrocal verify --json`."""
+    """A network trained for a model, in its run folder. ``parity`` is the output of `gyrocal verify --json`."""
 
     folder: Path
     errors: list[dict[str, Any]]
-    """`errors` of `gyrocal train --json`: mean absolute errors on scenarios drawn from the model, by method and seconds."""
+    """Mean absolute errors on scenarios drawn from the model, by method and seconds: `errors` of `gyrocal train --json`."""
     parity: dict[str, Any]
 
 
 @dataclass(frozen=True)
 class ExportView:
-    """What was written for the device. ``parity``: C against onnxruntime, as `gyrocal verify --json` says it."""
+    """The project written for the device. ``parity`` is the output of `gyrocal verify --json`."""
 
     folder: Path
     effects: list[str]

@@ -1,4 +1,4 @@
-"""Warnings on the page: plainly, on top of the panel that they concern."""
+"""Warnings at the top of the panel that they concern."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gyrocal.warning import Warning, by_weight, line
 
 
 def show(warnings: Sequence[dict[str, Any]]) -> None:
-    """The ``warnings`` of a comparison's JSON, the blocking ones first and marked; nothing where there are none."""
+    """Show the ``warnings`` of a comparison's JSON, the blocking ones first and marked. Show nothing if there are none."""
     if not warnings:
         return
     with ui.element("section").classes("face").props('aria-label="warnings"').style("flex: none"):

@@ -1,4 +1,4 @@
-"""Words for what the engine found."""
+"""Texts about the evidence of a diagnosis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gyrocal.web.views import Card
 
 
 def evidence(card: Card) -> list[tuple[str, str]]:
-    """What speaks for an effect, in words: (what, how much)."""
+    """The evidence for an effect as rows of text: a name and a value."""
     judged: dict[str, Any] = card.judged
     rows = [("size", card.size)]
     if judged["explained"] is not None:

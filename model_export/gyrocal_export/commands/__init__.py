@@ -1,1 +1,1 @@
-"""One file a command: ``gyrocal VERB`` is ``run`` in ``commands/VERB.py`` (``import`` is ``import_.py``)."""
+"""One file for each command: ``gyrocal VERB`` is ``run`` in ``commands/VERB.py`` (``import`` is ``import_.py``)."""

@@ -1,11 +1,11 @@
-"""Network `gyrocal`: the readings of one face about their mean -> how far that mean is off, and how sure that is.
+"""Network `gyrocal`: from the readings of one face about their mean to a correction of that mean and its precision.
 
-A face at true rate w says something of one number alone, u = w·scale + bias. Its mean over 2, 4 or 6 s is a first answer, off
-by what ripple and transient leave in it. The network is Fig. 2's head, the same for both faces: it sees the readings less their
-mean and answers with a correction and a precision. So a constant added to the readings is added to the answer, and nothing of
-how scale and bias are spread is in the weights: both faces' answers and the priors meet in closed form afterwards.
+A face at true rate w determines only one number, u = w·scale + bias. Its mean over 2, 4 or 6 s is a first estimate, with an
+error that ripple and transient leave in it. The network is the head of Fig. 2, the same for both faces. Its input is the
+readings less their mean, its output a correction and a precision. Therefore a constant added to the readings is added to the
+answer, and the weights contain nothing about the spreads of scale and bias. The answers of both faces and the priors are
+combined in closed form.
 """
-
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool1d, leaky_relu
 
 STAGES = 3
-"""Answers after 2, 4 and 6 s."""
+"""Number of stages: answers after 2, 4 and 6 s."""
 LARGEST_LOG_PRECISION = 9.0
-"""Of u in units: a hundredth of a unit, better than any 6 s."""
+"""The largest log precision of u in units: a standard deviation of a hundredth of a unit, which no 6 s reach."""
 
 
 @dataclass(frozen=True)
 class GyrocalShape:
-    """What Fig. 2 leaves open; chosen by measurement (docs/network.md).
+    """The sizes that Fig. 2 leaves open, chosen by measurement (docs/network.md).
 
     The first convolution's taps are ``pool`` samples apart, so that with its average pool it is a convolution over means of
     ``pool`` samples, the columns. A stage has ``stage_columns`` of them.
@@ -37,16 +37,16 @@ class GyrocalShape:
     second_kernel: int = 3
     second_pool: int = 2
     hidden: int = 32
-    """Neurons in each of the two layers behind the convolutions."""
+    """Number of neurons in each of the two layers after the convolutions."""
     leak: float = 0.1
 
     @property
     def samples(self) -> int:
-        """Of the longest stage."""
+        """Number of samples of the longest stage."""
         return self.pool * self.stage_columns * STAGES
 
     def features(self, stage: int) -> int:
-        """Times of the second layer's output that a stage has."""
+        """Number of times in the second layer's output at a stage."""
         convolved = self.stage_columns * (stage + 1) - self.first_kernel - self.second_kernel + 2
         return convolved // self.second_pool
 
@@ -72,11 +72,11 @@ class GyrocalNet(nn.Module):
         self.second = nn.Conv1d(shape.first_channels, shape.second_channels, shape.second_kernel)
         self.third = nn.Linear(shape.second_channels * shape.features(STAGES - 1), shape.hidden, bias=False)
         self.start = nn.Parameter(0.1 * torch.randn(STAGES, shape.hidden))
-        """The third layer's biases, one set a stage."""
+        """The third layer's biases, one set for each stage."""
         self.fourth = nn.Linear(shape.hidden, shape.hidden)
         self.last = nn.Linear(shape.hidden, 2)
         self.straight = nn.Parameter(torch.zeros(STAGES, STAGES * shape.stage_columns))
-        """The linear part of the correction, past the layers: the least squares that the layers correct."""
+        """The linear part of the correction, which bypasses the layers: the least-squares answer that they refine."""
 
     def of_columns(self, x: Tensor, stage: int) -> tuple[Tensor, Tensor]:
         """Correction and log precision of u, in units [N], from a stage's columns in units [N, stage_columns (stage + 1)]."""
@@ -100,5 +100,5 @@ class GyrocalNet(nn.Module):
 
 
 def negative_log_likelihood(correction: Tensor, log_precision: Tensor, truth: Tensor) -> Tensor:
-    """Of the true correction under the answer: it pays to be right, and to know how right."""
+    """The negative log-likelihood of the true correction under the answer, which rewards accuracy and a correct precision."""
     return 0.5 * (torch.exp(log_precision) * (correction - truth) ** 2 - log_precision).mean()

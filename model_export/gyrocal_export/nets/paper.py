@@ -10,12 +10,12 @@ from torch import Tensor, nn
 
 EPS = 1e-5
 INPUT_EPS = 0.01
-"""dps^2, about a reading's noise: the true rate, which never changes, is not to be blown up by 1/sqrt(EPS)."""
+"""The eps of the normalisation in dps^2, about a reading's noise. It keeps the constant true rate from being amplified."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What Fig. 2 leaves open; chosen by measurement (docs/network.md).
+    """The sizes that Fig. 2 leaves open, chosen by measurement (docs/network.md).
 
     ``head_*`` is the convolution of each run, ``combined_*`` the one over both; kernels and pools are in samples of
     their input. Times of both outputs are multiples of four, as the C kernel computes four columns at once.
@@ -54,7 +54,7 @@ class Block(nn.Sequential):
 
 
 class Labels(nn.Module):
-    """From standard deviations of the training labels to labels: scale, bias_dps."""
+    """Convert outputs in standard deviations of the training labels to scale and bias in dps."""
 
     mean: Tensor
     sd: Tensor
@@ -103,7 +103,7 @@ class PaperNet(nn.Module):
         return self.labels(self.fc2(hidden))
 
     def folded(self) -> PaperNet:
-        """The same network at rest, with ``labels`` in the last layer's weights."""
+        """The same network in evaluation mode, with ``labels`` folded into the last layer's weights."""
         net = copy.deepcopy(self).eval()
         if isinstance(net.labels, Labels):
             with torch.no_grad():

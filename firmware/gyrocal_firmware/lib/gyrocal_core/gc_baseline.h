@@ -12,7 +12,7 @@ extern "C" {
 #define GC_CHECKPOINT_US(k) ((uint64_t)2000000u * ((k) + 1u))
 #define GC_BLOCK_US 250000u
 
-/* What a method says; NaN where it has nothing to say. */
+/* The answer of a method; NaN for a value that the method does not give. */
 typedef struct {
     double scale;
     double scale_se;
@@ -21,12 +21,12 @@ typedef struct {
     double misfit; /* 1 = adequate */
 } gc_answer_t;
 
-/* Sums over the first seconds of a run, in raw counts. */
+/* Sums over the readings of a run from its first sample on, in raw counts. */
 typedef struct {
     uint32_t n;
     int64_t sum;
-    int64_t sum_sq_diff; /* of successive differences */
-    /* Over the full blocks, counted from the run's first sample so that squares stay small. */
+    int64_t sum_sq_diff; /* of differences between successive readings */
+    /* Sums over the full blocks, less the run's first reading so that squares stay small. */
     int16_t origin;
     uint32_t blocks;
     int64_t block_samples;
@@ -48,19 +48,20 @@ typedef struct {
 } gc_baseline_t;
 
 void gc_baseline_begin(gc_baseline_t *run, double rate_hz);
-/* Completes the checkpoints that a sample at t_us lies beyond; to be called before its gc_baseline_add. */
+/* Completes the checkpoints before t_us. Call it before gc_baseline_add for the sample of that time. */
 void gc_baseline_advance(gc_baseline_t *run, uint64_t t_us);
 void gc_baseline_add(gc_baseline_t *run, uint64_t t_us, int16_t count);
-/* The run has ended: a checkpoint is complete that the last sample plus 1.5 nominal periods reaches. */
+/* Ends the run. Completes the checkpoints that the last sample plus 1.5 nominal periods reaches. */
 void gc_baseline_end(gc_baseline_t *run);
 
-/* White variance of one sample in counts^2, from successive differences; NaN for less than two samples. */
+/* Returns the white variance of one sample in counts^2, from successive differences; NaN for fewer than two samples. */
 double gc_baseline_white_variance(const gc_baseline_sums_t *sums);
 
-/* a, b: runs at true rates w_a, w_b about the sensed axis. GC_E_TOO_SHORT, or GC_E_UNIDENTIFIED if the rates are equal. */
+/* Solves for scale and bias from runs a and b at true rates w_a and w_b (dps) about the sensed axis; one count is lsb_dps. Returns
+   GC_OK, GC_E_TOO_SHORT, or GC_E_UNIDENTIFIED if the rates are equal. */
 int gc_baseline_solve(const gc_baseline_sums_t *a, const gc_baseline_sums_t *b, double w_a_dps, double w_b_dps,
                       double lsb_dps, gc_answer_t *answer);
-/* A run at rest: its mean is the bias, scale stays NaN. */
+/* Takes the mean of a run at rest as the bias; the scale stays NaN. */
 int gc_baseline_rest(const gc_baseline_sums_t *run, double lsb_dps, gc_answer_t *answer);
 
 #ifdef __cplusplus

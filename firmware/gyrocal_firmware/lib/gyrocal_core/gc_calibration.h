@@ -23,7 +23,7 @@ typedef struct {
 /* One regressor: its value at a sample, in deg/s per unit of its coefficient. arg holds its nonlinear parameters. */
 typedef float (*gc_effect_fn)(const gc_effect_input_t *in, const float arg[GC_EFFECT_ARGS]);
 
-/* Declares the regressor of effects/<id>.c: calibration.h declares those it uses, so no list is kept anywhere. */
+/* Declares the regressor of effects/<id>.c. calibration.h declares those that it uses, so that no list is needed. */
 #define GC_EFFECT(id) float gc_effect_##id(const gc_effect_input_t *in, const float arg[GC_EFFECT_ARGS])
 
 typedef struct {

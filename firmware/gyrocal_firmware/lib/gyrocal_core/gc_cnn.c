@@ -6,7 +6,7 @@
 #include "gc_error.h"
 #include "gc_math.h"
 
-#define RATE_TOLERANCE 0.03f
+#define RATE_TOLERANCE 0.03f /* relative difference from the trained rate that is accepted; chosen by judgement */
 
 static uint32_t bits_of(float x) {
     uint32_t bits;

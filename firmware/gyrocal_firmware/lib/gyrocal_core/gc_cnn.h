@@ -26,7 +26,7 @@ typedef struct gc_cnn_layer {
     const float *bias;
 } gc_cnn_layer_t;
 
-/* A convolution over time, the mean over `pool` neighbours, LeakyReLU. */
+/* A convolution over time, followed by the mean over `pool` neighbours and LeakyReLU. */
 typedef struct gc_cnn_conv {
     uint32_t channels;
     uint32_t kernel;
@@ -62,9 +62,9 @@ typedef struct gc_cnn_net {
 int gc_cnn_run(const gc_cnn_net_t *net, const float *up, const float *down, float w_up_dps, float w_down_dps,
                float *scratch, float *out);
 
-/* Output i of a fully connected layer of n inputs, before its activation. */
+/* Returns output i of a fully connected layer with n inputs, before its activation. */
 float gc_cnn_neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *in, uint32_t n);
-/* Within 3 % of the rate of the training data? */
+/* Returns whether a rate is within 3 % of the rate of the training data. */
 bool gc_cnn_same_rate(float w_dps, float trained_dps);
 
 #ifdef __cplusplus

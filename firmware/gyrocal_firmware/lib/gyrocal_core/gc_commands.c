@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#define WORDS_MAX 4u
+#define WORDS_MAX 4u /* one more than the longest command has */
 
 typedef struct {
     gc_text_t word[WORDS_MAX];

@@ -18,7 +18,7 @@ typedef struct {
 } gc_commands_t;
 
 void gc_commands_init(gc_commands_t *commands);
-/* The next byte; obeys where it ends a line. */
+/* Takes the next byte, and executes the command that it completes. */
 void gc_commands_hear(struct gc_device *device, char byte);
 
 #ifdef __cplusplus

@@ -51,7 +51,7 @@ typedef struct gc_convnet {
     gc_cnn_layer_t last_layer;
 } gc_convnet_t;
 
-/* What a face says of u = w scale + bias. */
+/* The estimate of u = w scale + bias from one face. */
 typedef struct {
     double w_dps;
     double u_dps;
@@ -72,22 +72,22 @@ typedef struct {
     float out[2]; /* the correction, in units, and the logarithm of its precision */
 } gc_convnet_work_t;
 
-/* Samples of each run that stage 0, 1 or 2 takes: those of the first 2, 4 or 6 s. */
+/* Returns how many samples of each run stage 0, 1 or 2 takes: those of the first 2, 4 or 6 s. */
 uint32_t gc_convnet_samples(const gc_convnet_t *net, unsigned stage);
 
-/* A face in parts, none of which takes long. counts: consecutive samples from the run's first one on, at least
- * gc_convnet_samples; they are not needed after the beginning. w_dps: the true rate about the sensed axis, +table_dps or
- * -table_dps within 3 %.
+/* Begins a face, which is then computed in short parts. counts: consecutive samples from the run's first one on, at least
+ * gc_convnet_samples; they are not needed afterwards. w_dps: the true rate about the sensed axis, +table_dps or -table_dps
+ * within 3 %.
  * Returns 0, GC_E_NET_RATE, GC_E_NET_RANGE (a reading is not like any of the training data) or GC_E_NET_MEMORY (a table larger
  * than the arrays here). */
 int gc_convnet_begin(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,
                      gc_convnet_work_t *work);
-/* The next part; true where the face is done. */
+/* Computes the next part. Returns true when the face is done. */
 bool gc_convnet_go_on(const gc_convnet_t *net, gc_convnet_work_t *work, gc_convnet_face_t *face);
-/* All parts at once. */
+/* Computes all parts of a face at once. */
 int gc_convnet_face(const gc_convnet_t *net, const int16_t *counts, unsigned stage, double lsb_dps, double w_dps,
                     gc_convnet_work_t *work, gc_convnet_face_t *face);
-/* Scale and bias from both faces and the priors of the calibration (NULL: flat); misfit is left as it is. */
+/* Computes scale and bias from both faces and the priors of the calibration (NULL: flat priors). Leaves the misfit as it is. */
 void gc_convnet_merge(const gc_calibration_t *calibration, const gc_convnet_face_t *up, const gc_convnet_face_t *down,
                       gc_answer_t *answer);
 

@@ -75,16 +75,16 @@ void gc_device_init(gc_device_t *device, const gc_device_config_t *config);
 void gc_device_receive(gc_device_t *device, const char *data, size_t n);
 void gc_device_step(gc_device_t *device);
 
-/* For the commands. */
+/* The functions from here on serve gc_commands.c. */
 void gc_device_hello(gc_device_t *device);
 void gc_device_status(gc_device_t *device);
-/* What the FIFO holds was before what comes now. */
+/* Takes the samples that the FIFO still holds, so that they come before a change. */
 void gc_device_empty_fifo(gc_device_t *device);
-/* In a state that allows it. */
+/* Starts or stops a run, or forgets runs and results. The caller has checked that the state allows it. */
 void gc_device_start(gc_device_t *device, int face, bool automatic);
 void gc_device_stop(gc_device_t *device);
 void gc_device_forget(gc_device_t *device);
-/* Flash is written between runs only: what changes in a run is kept after it. */
+/* Saves to flash, at once or after the run that goes on: flash is written between runs only. */
 void gc_device_save_settings(gc_device_t *device);
 void gc_device_save_results(gc_device_t *device);
 void gc_device_show(gc_device_t *device);

@@ -24,8 +24,8 @@ extern "C" {
 /* K alternatives' triangles of [8 - K shared columns, bias, scale, right-hand side]: K = 4 takes most. */
 #define GC_MOST_CHOSEN (4u * GC_TRIANGLE(7u))
 
-/* What a run says about [alternatives, shared columns, bias, scale]: upper triangle by rows, its last column the right-hand
-   side, its last element the sum of squared residuals. */
+/* The information of a run about [alternatives, shared columns, bias, scale]: an upper triangle by rows. Its last column is the
+   right-hand side, its last element the sum of squared residuals. */
 typedef struct {
     int error; /* GC_OK, or why there is nothing */
     unsigned n;
@@ -49,23 +49,23 @@ typedef struct {
     double block_x[GC_MAX_EFFECT_COLUMNS];
 } gc_estimator_t;
 
-/* GC_OK or what is wrong with the calibration. */
+/* Returns GC_OK, or an error that says what is wrong with the calibration. */
 int gc_estimator_check(const gc_calibration_t *calibration);
-/* Whether it says anything that the baseline does not: effects, priors or drift. */
+/* Returns whether the calibration has anything that the baseline lacks: effects, priors or drift. */
 bool gc_estimator_has_model(const gc_calibration_t *calibration);
-/* Whether it says anything of scale or bias before a measurement. */
+/* Returns whether the calibration has a prior of scale or bias. */
 bool gc_estimator_knows_sensor(const gc_calibration_t *calibration);
 
-/* The calibration must have passed the check. */
+/* Begins a run. The calibration must have passed gc_estimator_check. */
 void gc_estimator_begin_run(gc_estimator_t *e, const gc_calibration_t *calibration, double rate_hz);
-/* A sample of block floor((t - t_first) / 0.25 s); in->rate_dps is rounded, w_dps is not. */
+/* Adds a sample to block floor((t - t_first) / 0.25 s). w_dps is the true rate in double; in->rate_dps is the same in float. */
 void gc_estimator_add_sample(gc_estimator_t *e, uint64_t block, double measured_dps, double w_dps, const gc_effect_input_t *in);
-/* A block's means over n samples: y = measured - w, x the effect columns. Blocks come in order. */
+/* Adds the means of a block over n samples: y = measured - w (dps) and x, the effect columns. Blocks come in order. */
 void gc_estimator_add_block(gc_estimator_t *e, uint64_t block, uint32_t n, double y_dps, double w_dps, const double *x);
-/* Ends the block in progress; what the run says so far. It can go on afterwards. */
+/* Ends the block in progress and gives the run's information so far. More samples may be added afterwards. */
 void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal);
 
-/* An answer in parts, none of which takes long: where a run has K alternatives, one for each of them. */
+/* An answer is computed in short parts: if a run has K alternatives, there are K parts. */
 typedef struct {
     double least; /* chi-square: weights are relative to exp(-least / 2) */
     double weight;
@@ -86,12 +86,14 @@ typedef struct {
     gc_average_t all;
 } gc_solution_t;
 
-/* Two runs together. The first must stay as it is until the answer is there. GC_OK or what is wrong with a run. */
+/* Begins the answer from two runs. The first must stay unchanged until the answer is complete. Returns GC_OK, or the error of a
+   run. */
 int gc_estimator_begin_solve(gc_solution_t *solution, const gc_calibration_t *calibration, const gc_marginal_t *first,
                              const gc_marginal_t *second);
-/* The next part. GC_OK: *done tells whether the answer is there. GC_E_UNIDENTIFIED: the runs do not fix scale and bias. */
+/* Computes the next part. Returns GC_OK and sets *done when the answer is complete, or returns GC_E_UNIDENTIFIED if the runs do
+   not determine scale and bias. */
 int gc_estimator_go_on(gc_solution_t *solution, bool *done, gc_answer_t *answer);
-/* All parts at once. */
+/* Computes all parts at once. */
 int gc_estimator_solve(const gc_calibration_t *calibration, const gc_marginal_t *a, const gc_marginal_t *b, gc_answer_t *answer);
 
 #ifdef __cplusplus

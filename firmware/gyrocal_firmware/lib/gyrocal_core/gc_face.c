@@ -3,13 +3,13 @@
 #include <math.h>
 #include <string.h>
 
-#define SHORT_HZ 16.0
+#define SHORT_HZ 16.0 /* means over 1/16 s show noise at long times: longer than a low-pass's correlation, shorter than an effect */
 #define CORRELATED 2.5         /* standard errors above which noise counts as correlated */
 #define FIRST_DOF (2.0 / 3.0)  /* degrees of freedom of a squared difference of white noise */
-#define SECOND_DOF 0.52
-#define SECOND_SPREAD 1.35
-#define LOWPASS (5.0 / 9.0)    /* what a mean of L samples takes from second differences, times n / (L - 1/L) */
-#define MOST_LACKING 0.4
+#define SECOND_DOF 0.52        /* the same of a squared second difference */
+#define SECOND_SPREAD 1.35     /* standard deviation of their level, times the square root of the number of blocks */
+#define LOWPASS (5.0 / 9.0)    /* the part that a mean of L samples takes from second differences, times n / (L - 1/L) */
+#define MOST_LACKING 0.4       /* the largest part that is given back */
 #define MOST_VALUES (2u * GC_CHECKPOINTS * 2000000u / GC_BLOCK_US)
 
 void gc_face_begin(gc_face_t *face, double rate_hz) {
@@ -74,7 +74,7 @@ static double median(const double *values, unsigned n) {
     return n % 2u == 1u ? values[n / 2u] : 0.5 * (values[n / 2u - 1u] + values[n / 2u]);
 }
 
-/* Median of a chi-square over its mean (Wilson and Hilferty, 1931). */
+/* The median of a chi-square variable divided by its mean (Wilson and Hilferty, 1931). */
 static double median_of_mean(double dof) {
     const double root = 1.0 - 2.0 / (9.0 * dof);
     return root * root * root;

@@ -39,13 +39,13 @@ typedef struct {
 } gc_face_t;
 
 void gc_face_begin(gc_face_t *face, double rate_hz);
-/* A sample; what comes after 6 s is left out. */
+/* Adds a sample. Samples after 6 s are ignored. */
 void gc_face_add(gc_face_t *face, uint64_t t_us, int16_t count);
 
-/* Of the first `blocks` blocks: does it hold at least half the samples that it should? */
+/* Returns whether a block holds at least half of its nominal number of samples. */
 bool gc_face_has(const gc_face_t *face, unsigned block);
-/* Variance in counts^2 that one sample's noise has at long times, of the first `blocks` blocks of two faces of one rate: a mean of
-   n samples has the n-th part. NaN where there is no block. */
+/* Returns the variance in counts^2 of one sample's noise at long times, from the first `blocks` blocks of two faces of one sample
+   rate; the mean of n samples has a variance n times smaller. NaN if there is no block. */
 double gc_face_white_variance(const gc_face_t *a, const gc_face_t *b, unsigned blocks);
 
 #ifdef __cplusplus

@@ -2,17 +2,25 @@
 
 #include <math.h>
 
+/* A larger scale or bias than this means a wrong rate, face or unit, not a working sensor. Chosen by judgement: 15 times the
+   datasheet's 1 % of scale tolerance, and 50 times its 1 dps of zero-rate level. */
 #define LARGEST_SCALE 0.15
 #define LARGEST_BIAS_DPS 50.0
 /* A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The response
    of an axis across the table's is within this, of either sign: misalignment. */
 #define OPPOSITE 0.1
 #define OPPOSITE_ERRORS 5.0
+/* A reading stands still if it does not change for this long and over this many samples, although its noise exceeds half a
+   count. Chosen by judgement: with noise of half a count, a rate in the middle of a count gives that count with a probability of
+   0.68, and 40 times in a row with 2e-7. */
 #define STILL_US 500000u
 #define STILL_SAMPLES 40u
-/* Successive differences of white noise have a kurtosis of 3, to 0.4 at 2 s; one reading of 249 dps in 870 of noise has 430. */
+/* Successive differences of white noise have a kurtosis of 3, with a standard deviation of 0.4 at 2 s; one reading of 249 dps
+   in 870 of noise has 430. The limit lies 12 standard deviations above noise. */
 #define KURTOSIS_LIMIT 8.0
-#define KURTOSIS_COUNTS 8 /* noise below a count has sparse differences: they are judged where one is at least so large */
+/* Noise below one count has sparse differences, whose kurtosis is large by itself. Therefore the kurtosis counts only where one
+   difference has at least this many counts. Chosen by judgement. */
+#define KURTOSIS_COUNTS 8
 
 static bool stands_still(const gc_run_t *run) {
     const double white_sd_dps = run->lsb_dps * sqrt(gc_baseline_white_variance(&run->baseline.total));

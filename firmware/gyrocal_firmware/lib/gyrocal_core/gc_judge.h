@@ -1,4 +1,4 @@
-/* What speaks against an answer, as flags of gc_flags.h: by what its runs' readings show, and by the answer itself. */
+/* Raises the flags of gc_flags.h, which speak against an answer, from the readings of its runs and from the answer itself. */
 #ifndef GC_JUDGE_H
 #define GC_JUDGE_H
 
@@ -12,18 +12,21 @@
 extern "C" {
 #endif
 
-/* A misfit above this says that the readings do not fit: 2.5 standard deviations of what `blocks` of noise alone show. */
+/* The largest misfit of readings that fit. It lies 2.5 standard deviations above the misfit of `blocks` blocks of noise alone, so
+   that about 6 in 1000 sound answers exceed it. */
 #define GC_MISFIT_LIMIT(blocks) (1.0 + 2.5 / sqrt(2.0 * (blocks)))
 
-/* The verdict on the last answer. */
+/* The verdict on the last answer of a pair or of a run at rest. */
 typedef struct {
     double misfit; /* NaN: not judged yet */
     bool trusted;  /* the answer that corrects has no flag */
 } gc_verdict_t;
 
-/* clipped, direction, constant_reading, missed, and misfit for readings that no noise explains: a spike, a stuck bit. */
+/* Judges the readings of a run so far. Raises clipped, direction, constant_reading and missed, and misfit for a spike or a stuck
+   bit, which noise does not explain. Returns a mask of gc_flag. */
 uint32_t gc_judge_run(const gc_run_t *run);
-/* implausible, direction, misfit; a misfit that is no number counts too. */
+/* Judges an answer from `blocks` block means of both runs together. Raises implausible, direction and misfit; a misfit of NaN
+   raises it too. Returns a mask of gc_flag. */
 uint32_t gc_judge_answer(const gc_answer_t *answer, double blocks);
 
 #ifdef __cplusplus

@@ -18,7 +18,7 @@ extern "C" {
 
 typedef enum { GC_METHOD_BASELINE, GC_METHOD_CNN, GC_METHOD_MODEL, GC_METHOD_REST, GC_METHOD_TURN } gc_method_t;
 
-/* One $CAL. */
+/* An answer, as a $CAL tells it. */
 typedef struct {
     uint64_t t_us;
     uint64_t first, last; /* sample numbers since boot */
@@ -74,12 +74,13 @@ typedef struct {
     uint32_t dump_line, dump_lines;        /* the next one to tell, and all */
 } gc_kept_t;
 
-/* Only what is whole and within its ranges. Answers of a network whose identity is not `net` are dropped, and corrections by
-   that network too. */
+/* Loads records that are whole and within their ranges. Answers and corrections of a network whose identity is not `net` are
+   dropped. */
 void gc_kept_load(gc_kept_t *kept, const gc_port_t *port, uint32_t net);
-/* What changed. Between runs only: a write to flash takes longer than a sample may wait. GC_E_STORE where it failed. */
+/* Saves the records that changed. Call it between runs only, because a write to flash takes longer than a sample can wait. Returns
+   GC_OK, or GC_E_STORE if it failed. */
 int gc_kept_save(gc_kept_t *kept, const gc_port_t *port);
-/* To be saved. */
+/* Forgets everything that is kept. The next gc_kept_save makes it permanent. */
 void gc_kept_forget(gc_kept_t *kept);
 
 /* Tells an answer as $CAL and keeps it. */
@@ -93,11 +94,11 @@ int gc_kept_undo(gc_kept_t *kept);
 gc_window_t *gc_kept_begin_window(gc_kept_t *kept, unsigned sense);
 
 bool gc_kept_has_correction(const gc_kept_t *kept);
-/* NaN for an axis without a correction. */
+/* Returns the corrected rate in dps; NaN for an axis without a correction. */
 double gc_kept_corrected(const gc_kept_t *kept, unsigned axis, double measured_dps);
 
-/* Everything kept as sentences, $OLD and $WIN: begin, then go on until all are told, a few at a time, each when there is
-   room for it. */
+/* Sends everything that is kept as $OLD and $WIN sentences. After the beginning, each call of gc_kept_go_on_with_dump sends a few,
+   as far as there is room for them. */
 void gc_kept_begin_dump(gc_kept_t *kept);
 void gc_kept_end_dump(gc_kept_t *kept);
 void gc_kept_go_on_with_dump(gc_kept_t *kept, gc_teller_t *teller);

@@ -32,7 +32,7 @@ extern "C" {
 
 enum { GC_SENSE_POSITIVE, GC_SENSE_NEGATIVE, GC_SENSES }; /* of the true rate about the sensed axis */
 
-/* A run's first samples, none of them missing. */
+/* The first samples of a run, without gaps. */
 typedef struct {
     const int16_t *counts;
     double lsb_dps;
@@ -44,7 +44,7 @@ typedef struct {
     double bias_dps, bias_se_dps;
 } gc_net_answer_t;
 
-/* An answer in progress. Zeros begin a pair of runs. */
+/* An answer in progress. Set it to zeros at the start of a pair of runs. */
 typedef struct {
     bool half;  /* the run of positive sense is done: */
     gc_convnet_face_t first;
@@ -63,18 +63,18 @@ struct gc_net {
     uint32_t identity; /* of its weights: answers of another network are not its own */
     bool corrects;     /* its answers may correct readings */
     const gc_cnn_net_t *table;
-    /* GC_OK, or why it cannot answer on this firmware. */
+    /* Returns GC_OK, or an error that says why the network cannot answer on this firmware. */
     int (*check)(const gc_net_t *net);
-    /* Samples of each run that stage 0, 1 or 2 (2, 4 or 6 s) takes; 0: no answer at that stage. */
+    /* Returns how many samples of each run stage 0, 1 or 2 (2, 4 or 6 s) takes; 0 if there is no answer at that stage. */
     uint32_t (*samples)(const gc_net_t *net, unsigned stage);
-    /* The next part of the answer to a stage; stages come in order. runs: by sense, with samples(net, stage) counts. prior: what is
-       known of scale and bias, or NULL. *done tells whether the answer is there. GC_E_NET_RANGE: there is none to this stage, a
-       reading is not like any of the training data. */
+    /* Computes the next part of a stage's answer; stages come in order. runs: by sense, with samples(net, stage) counts each.
+       prior: priors of scale and bias, or NULL. Sets *done when the answer is complete. Returns GC_E_NET_RANGE if the stage has no
+       answer because a reading is unlike the training data. */
     int (*go_on)(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES], const gc_calibration_t *prior,
                  unsigned stage, bool *done, gc_net_answer_t *answer);
 };
 
-/* table may be NULL. */
+/* Opens the network of a table of weights; NULL gives one without a name, which never answers. */
 void gc_net_open(gc_net_t *net, const gc_cnn_net_t *table);
 
 #ifdef __cplusplus

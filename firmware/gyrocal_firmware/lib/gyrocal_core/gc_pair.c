@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#define SAME_RATE 0.005 /* of a pair's true rates: both are known, they need not be equal */
-#define FACE_S 0.25     /* into a run, when gravity is compared with its face */
+#define SAME_RATE 0.005 /* relative difference of the true rates of a pair; both are known, so they need not be equal */
+#define FACE_S 0.25     /* time into a run after which gravity is compared with its face */
 
 void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict,
                   const gc_calibration_t *calibration, const gc_cnn_net_t *net) {

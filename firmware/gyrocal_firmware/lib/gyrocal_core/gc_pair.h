@@ -19,7 +19,7 @@
 extern "C" {
 #endif
 
-/* Answers of a run that goes on; cleared where it begins. */
+/* The answers that are due in the run that goes on. One memset clears them when it begins. */
 typedef struct {
     bool paired;    /* the run has a partner */
     bool answered;  /* the pair has an answer that may correct: */
@@ -54,17 +54,17 @@ typedef struct {
     gc_due_t due;
 } gc_pair_t;
 
-/* calibration: NULL or one that passed gc_estimator_check. net may be NULL. What is pointed to must outlive the pair. */
+/* calibration: NULL, or one that passed gc_estimator_check. net may be NULL. All arguments must outlive the pair. */
 void gc_pair_init(gc_pair_t *pair, gc_teller_t *teller, gc_kept_t *kept, gc_verdict_t *verdict,
                   const gc_calibration_t *calibration, const gc_cnn_net_t *net);
-/* The run of a true rate that is neither 0 nor unknown; the one before it becomes its partner where both fit together;
-   that it does not is told. */
+/* Begins a run of a true rate that is neither 0 nor unknown. The run before it becomes its partner if both fit together; otherwise
+   a sentence says why it does not. */
 gc_run_t *gc_pair_begin(gc_pair_t *pair, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
                         uint64_t first);
-/* True at the run's first sample at full scale. */
+/* Adds a sample. Returns true at the run's first sample at full scale. */
 bool gc_pair_add(gc_pair_t *pair, const gc_taken_t *sample);
 void gc_pair_end(gc_pair_t *pair);
-/* How many of its two runs are complete. */
+/* Returns how many of the two runs are complete. */
 unsigned gc_pair_halves(const gc_pair_t *pair);
 void gc_pair_forget(gc_pair_t *pair);
 

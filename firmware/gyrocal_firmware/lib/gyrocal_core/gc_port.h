@@ -14,11 +14,11 @@ typedef enum { GC_LED_IDLE, GC_LED_RECORDING, GC_LED_FLIP, GC_LED_DONE, GC_LED_M
 typedef struct {
     void *context; /* handed to every callback */
 
-    /* Registers of the part at a 7-bit address. 0 or negative; bytes read or negative. */
+    /* Write and read registers of the part at a 7-bit address. Return 0, or the number of bytes read; negative on error. */
     int (*bus_write)(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
     int (*bus_read)(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n);
 
-    /* Microseconds since power-on; never goes back. */
+    /* Returns the microseconds since power-on; it never decreases. */
     uint64_t (*now_us)(void *context);
     void (*wait_until_us)(void *context, uint64_t t_us);
     /* Optional: returns when the next sample should be read, at due_us unless the port knows better. NULL: wait_until_us. */
@@ -29,11 +29,11 @@ typedef struct {
     /* Takes all n bytes and returns n, or takes none and returns anything else: it must not block sampling. */
     int (*send)(void *context, const char *data, size_t n);
 
-    /* Optional: settings that survive power-off. 0 or negative; bytes loaded or negative. */
+    /* Optional: keep data over power-off. Return 0, or the number of bytes loaded; negative on error. */
     int (*store)(void *context, const char *key, const void *data, size_t n);
     int (*load)(void *context, const char *key, void *data, size_t n);
 
-    /* Optional. */
+    /* Optional: shows the state of the device. */
     void (*led)(void *context, gc_led_t state);
 } gc_port_t;
 

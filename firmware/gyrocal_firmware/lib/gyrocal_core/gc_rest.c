@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#define ONE_G_TOLERANCE 0.2
+#define ONE_G_TOLERANCE 0.2 /* of 1 g, that the acceleration of a sensor at rest may be off; chosen by judgement */
 
 static void give(gc_teller_t *teller, gc_kept_t *kept, const gc_run_t *run, gc_method_t method, uint32_t flags,
                  const gc_answer_t *answer) {

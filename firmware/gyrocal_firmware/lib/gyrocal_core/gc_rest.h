@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-/* What the last run at rest tells of each axis. */
+/* The bias of each axis by the last run at rest. */
 typedef struct {
     struct {
         bool known;

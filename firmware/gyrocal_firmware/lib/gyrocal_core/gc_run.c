@@ -3,9 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#define STUCK_BITS 4u
-#define STUCK_CHANGES 64u
-#define GRAVITY_MIN_G 0.5 /* along the axis: a face is up */
+#define STUCK_BITS 4u     /* the lowest bits are watched; a reading must span four steps of a bit before it is judged */
+#define STUCK_CHANGES 64u /* the reading must have changed this often before a bit is judged; chosen by judgement */
+#define GRAVITY_MIN_G 0.5 /* least component along the axis that shows a face: within 60 degrees of it */
 
 double gc_run_true_rate_dps(const gc_settings_t *settings, int face) {
     return settings->turn_deg != 0.0 ? NAN : settings->table_dps * face;

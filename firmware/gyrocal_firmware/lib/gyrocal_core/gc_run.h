@@ -55,28 +55,28 @@ typedef struct {
     int64_t temp_at[GC_CHECKPOINTS];
 } gc_run_t;
 
-/* The true rate of a run with these settings; NaN where only its angle is known, or nothing. */
+/* Returns the true rate in dps of a run with these settings; NaN if only its angle is known, or nothing. */
 double gc_run_true_rate_dps(const gc_settings_t *settings, int face);
-/* `first`: number of the next sample. */
+/* Begins a run. `first` is the number of the next sample. */
 void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
                   uint64_t first);
-/* Completes the checkpoints that lie before a sample at t_us; to be called before its gc_run_add. */
+/* Completes the checkpoints before t_us. Call it before gc_run_add for the sample of that time. */
 void gc_run_advance(gc_run_t *run, uint64_t t_us);
-/* True at the run's first sample at full scale. */
+/* Adds a sample. Returns true at the run's first sample at full scale. */
 bool gc_run_add(gc_run_t *run, const gc_taken_t *sample);
-/* The run has ended: checkpoints that its last sample reaches are complete. */
+/* Ends the run and completes the checkpoints that its last sample reaches. */
 void gc_run_end(gc_run_t *run);
 
 double gc_run_seconds(const gc_run_t *run);
 double gc_run_temp_c(const gc_run_t *run);
-/* A low bit never changed although the reading moved over several of its steps. */
+/* Returns whether a low bit never changed although the reading moved over several of its steps. */
 bool gc_run_has_stuck_bit(const gc_run_t *run);
-/* Gravity along the axis says another face than the run's; false where it is not along the axis. */
+/* Returns whether gravity along the axis contradicts the run's face; false if gravity is not along the axis. */
 bool gc_run_face_is_wrong(const gc_run_t *run);
-/* The mean reading is of the other sign than the true rate. */
+/* Returns whether the mean reading and the true rate have opposite signs. */
 bool gc_run_is_opposed(const gc_run_t *run);
 
-/* A $RUN, of its start or its end; `next`: number of the next sample. */
+/* Sends a $RUN for the start or the end of a run. `next` is the number of the next sample. */
 void gc_run_tell(const gc_run_t *run, gc_teller_t *teller, bool ended, uint64_t next);
 
 #ifdef __cplusplus

@@ -5,12 +5,12 @@
 #include <math.h>
 #include <string.h>
 
-#define RETRY_US 1000000u    /* between attempts to set the sensor up */
-#define GIVE_UP_US 500000u   /* without a good sample: set it up again */
-#define IDLE_SLICE_US 20000u /* commands are looked for so often while there is no sensor */
-#define READY_POLL_US 100u
-#define MOST_MISSED 4294967295.0
-#define READS_A_STEP 8u /* of the FIFO: what comes faster than it is read waits for the next step */
+#define RETRY_US 1000000u    /* time between attempts to set the sensor up */
+#define GIVE_UP_US 500000u   /* after this time without a good sample the sensor is set up again */
+#define IDLE_SLICE_US 20000u /* while there is no sensor, commands are read this often */
+#define READY_POLL_US 100u   /* time between two looks at the data-ready flag: one transfer on a bus of 400 kHz */
+#define MOST_MISSED 4294967295.0 /* the largest uint32_t */
+#define READS_A_STEP 8u /* readings of the FIFO in one step; samples that come faster wait for the next step */
 
 static uint64_t now_us(const gc_sampler_t *sampler) {
     return sampler->port->now_us(sampler->port->context);
@@ -59,7 +59,7 @@ static void wait_sample(const gc_sampler_t *sampler, uint64_t due_us) {
     (port->wait_sample_us != NULL ? port->wait_sample_us : port->wait_until_us)(port->context, due_us);
 }
 
-/* A tick that is over is made up for at once, of several the last. */
+/* Takes a sample at once if its tick is over; of several such ticks, only the last counts. */
 static void wait_for_tick(gc_sampler_t *sampler) {
     const double period_us = 1e6 / sampler->settings->rate_hz;
     const uint64_t now = now_us(sampler);

@@ -52,23 +52,23 @@ typedef struct {
     uint32_t overruns; /* times that the FIFO was full */
 } gc_sampler_t;
 
-/* settings must outlive the sampler. The sensor is not set up yet. */
+/* Initialises the sampler without setting up the sensor. The settings must outlive it. */
 void gc_sampler_init(gc_sampler_t *sampler, gc_teller_t *teller, const gc_settings_t *settings, const gc_part_t *part,
                      uint8_t address);
-/* Sets the sensor up as the settings say; a failure is told and tried again in a second. */
+/* Sets the sensor up as the settings say. A failure is reported, and the set-up is tried again after a second. */
 void gc_sampler_set_up(gc_sampler_t *sampler);
-/* The settings changed: the time since the last sample says nothing. */
+/* Starts timing anew after a change of settings: the time since the last sample no longer counts. */
 void gc_sampler_begin_anew(gc_sampler_t *sampler);
 
-/* Readings that follow are a row of their own: for gc_sampler_judge, which bounds it. */
+/* Begins a row of readings, whose number gc_sampler_judge limits. */
 void gc_sampler_begin_reading(gc_sampler_t *sampler);
-/* Until a sample or batch should be read; false where there is no sensor to be read. */
+/* Waits until a sample or a batch should be read. Returns false if there is no sensor to read. */
 bool gc_sampler_wait(gc_sampler_t *sampler);
-/* How many samples came. */
+/* Reads the sensor and returns the number of samples. */
 unsigned gc_sampler_read(gc_sampler_t *sampler);
-/* Sample i, in order, each once. */
+/* Gives sample i. Take the samples in order, each once. */
 void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken);
-/* Tells what went wrong. True: the FIFO holds more, read again. */
+/* Reports what went wrong. Returns true if the FIFO holds more and should be read again. */
 bool gc_sampler_judge(gc_sampler_t *sampler);
 
 #ifdef __cplusplus

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#define STALE_PERIODS 3.0
-#define POLL_MARGIN 1.2 /* polled at nearly its own rate, a part often has nothing new */
+#define STALE_PERIODS 3.0 /* output periods without new data after which the part is at fault; chosen by judgement */
+#define POLL_MARGIN 1.2 /* output rate over polling rate: a part that is polled at nearly its own rate often has nothing new */
 
 static const gc_odr_t *odr_of(const gc_part_t *part, double hz) {
     for (size_t i = 0; i < part->odrs; i++) {
@@ -90,7 +90,7 @@ int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *
     return error;
 }
 
-/* No data until now: too long, and why? */
+/* Judges whether data stay away for too long, and finds the reason. */
 static int judge_silence(gc_sensor_t *sensor, uint64_t now_us) {
     const double silent_us = now_us > sensor->fresh_us ? (double)(now_us - sensor->fresh_us) : 0.0;
     if (silent_us <= STALE_PERIODS * sensor->period_us) {

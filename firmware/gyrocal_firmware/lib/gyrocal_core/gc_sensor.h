@@ -1,4 +1,4 @@
-/* What the core asks of a sensor: a driver fills one gc_part_t, and nothing else in the core names the part. */
+/* The interface to a sensor. A driver fills one gc_part_t; nothing else in the core names the part. */
 #ifndef GC_SENSOR_H
 #define GC_SENSOR_H
 
@@ -62,14 +62,14 @@ typedef struct {
     uint8_t watched;     /* how many there are */
     unsigned batch_max;  /* samples that the FIFO is asked for; 0 = it has none */
 
-    /* Resets and configures the part and waits until its readings can be used; sets period_us and written. */
+    /* Resets and configures the part, and waits until its readings can be used. Sets period_us and written. */
     int (*set_up)(gc_sensor_t *sensor);
-    /* 1: new gyroscope data wait; 0: none; negative: an error. */
+    /* Returns 1 if new gyroscope data wait, 0 if none do, negative on error. */
     int (*ready)(gc_sensor_t *sensor);
     int (*read)(gc_sensor_t *sensor, gc_sample_t *sample);
-    /* Lets the FIFO collect, and the interrupt line tell when there are sensor->batch samples; set_up ends it. */
+    /* Starts the FIFO, and the interrupt line for every sensor->batch samples. set_up stops both. */
     int (*fifo_begin)(gc_sensor_t *sensor);
-    /* What the FIFO holds: t_us, until_us, samples as far as they came, left, overrun, gap. */
+    /* Reads the FIFO into a batch and sets all of its fields. */
     int (*fifo_read)(gc_sensor_t *sensor, gc_batch_t *batch);
 } gc_part_t;
 
@@ -92,12 +92,13 @@ struct gc_sensor {
     uint8_t partial_slot, partial_has; /* number of the slot, what of it is there */
 };
 
-/* The output data rate that serves `rate_hz`: the rate itself if it is one, else the first from polled_from_hz on that is a
-   fifth above it; 0 = none. */
+/* Returns the output data rate in Hz that serves `rate_hz`: the rate itself if it is one of the part's, else the first one from
+   polled_from_hz on that is a fifth above it, or 0 if there is none. */
 double gc_part_odr_for(const gc_part_t *part, double rate_hz);
 bool gc_part_full_scale_ok(const gc_part_t *part, double full_scale_dps);
 
-/* About 0.1 s. odr_hz and full_scale_dps as the two functions above allow, else GC_E_ARGUMENT. */
+/* Sets the part up, which takes about 0.1 s. Returns GC_E_ARGUMENT for an odr_hz or a full_scale_dps that the two functions above
+   do not allow. */
 int gc_sensor_init(gc_sensor_t *sensor, const gc_part_t *part, const gc_port_t *port, uint8_t address, double odr_hz,
                    double full_scale_dps);
 int gc_sensor_ready(gc_sensor_t *sensor);
@@ -110,13 +111,13 @@ int gc_sensor_fifo_begin(gc_sensor_t *sensor, unsigned batch);
    GC_E_FIFO_TAG (words came damaged). After one, what the FIFO still held is lost. */
 int gc_sensor_fifo_read(gc_sensor_t *sensor, gc_batch_t *batch);
 
-/* Mean temperature from the sum of n readings; NaN for none. */
+/* Returns the mean temperature in degC from the sum of n readings in counts; NaN for n = 0. */
 double gc_sensor_temp_c(const gc_part_t *part, int64_t sum, uint32_t n);
 
-/* For drivers. */
+/* The functions from here on serve drivers. */
 int gc_sensor_write_reg(gc_sensor_t *sensor, uint8_t reg, uint8_t value);
 int gc_sensor_read_regs(gc_sensor_t *sensor, uint8_t reg, uint8_t *data, size_t n);
-/* error_if_other where a watched register does not hold what was written to it. */
+/* Returns error_if_other if a watched register does not hold what was written to it. */
 int gc_sensor_check_config(gc_sensor_t *sensor, int error_if_other);
 
 #ifdef __cplusplus

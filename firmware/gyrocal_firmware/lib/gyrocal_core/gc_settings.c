@@ -6,9 +6,11 @@
 #include <math.h>
 
 #define KEY "settings"
-#define VERSION 3u
-#define SINGLE_BELOW_HZ 1666.0 /* a sample's bytes take 0.4 ms on a bus of 400 kHz, asking for it 0.1 ms: a tenth was lost */
-#define FIFO_LONGEST_S 0.25 /* of a batch: commands are heard between two */
+#define VERSION 3u /* of the layout of gc_settings_t */
+/* Single samples are read below this rate only: on a bus of 400 kHz a sample takes 0.4 ms and the look at the flag 0.1 ms, and a
+   tenth of the samples at 1666 Hz was lost. */
+#define SINGLE_BELOW_HZ 1666.0
+#define FIFO_LONGEST_S 0.25 /* the longest batch: commands are read between two batches */
 
 static const char *const axes[] = {"x", "y", "z", NULL};
 static const char *const switches[] = {"off", "on", NULL};

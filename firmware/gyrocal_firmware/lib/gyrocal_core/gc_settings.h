@@ -1,5 +1,5 @@
-/* What a user sets. One table (gc_settings.c) holds each setting's name, field and range, and drives set, get, $HEL, checking
- * and keeping. */
+/* The settings of a device. One table (gc_settings.c) holds each setting's name, field and range; set, get, $HEL, the checks and
+ * the store use it. */
 #ifndef GC_SETTINGS_H
 #define GC_SETTINGS_H
 
@@ -22,7 +22,7 @@ typedef struct {
     int32_t automatic;
 } gc_settings_t;
 
-/* As it is kept over power-off. */
+/* The settings as they are kept over power-off. */
 typedef struct {
     gc_record_t record;
     gc_settings_t now;
@@ -40,20 +40,20 @@ typedef enum {
     GC_SETTINGS
 } gc_setting_t;
 
-/* The firmware's own, or those of a calibration where it has some. calibration may be NULL. */
+/* Sets the firmware's defaults, or those of the calibration if it has some. calibration may be NULL. */
 void gc_settings_default(gc_settings_t *settings, const gc_calibration_t *calibration);
-/* GC_SETTINGS for a name that there is not. */
+/* Returns the row of a name, or GC_SETTINGS for an unknown one. */
 gc_setting_t gc_settings_find(gc_text_t name);
-/* GC_E_NUMBER or GC_E_ARGUMENT where the word is no such value; its range is not checked. */
+/* Sets a value from a word without checking its range. Returns GC_E_NUMBER or GC_E_ARGUMENT if the word is no such value. */
 int gc_settings_parse(gc_settings_t *settings, gc_setting_t row, gc_text_t word);
 /* Adds name=value. */
 void gc_settings_field(gc_sentence_t *s, const gc_settings_t *settings, gc_setting_t row);
-/* GC_OK, GC_E_ARGUMENT, GC_E_FIFO_RATE or GC_E_FIFO_NEEDED: by the table's ranges and by what the part can do. */
+/* Checks the table's ranges and the abilities of the part. Returns GC_OK, GC_E_ARGUMENT, GC_E_FIFO_RATE or GC_E_FIFO_NEEDED. */
 int gc_settings_check(const gc_settings_t *settings, const gc_part_t *part);
 
-/* Those that were kept, if they pass the check; else they stay as they are. */
+/* Loads the settings that were kept if they pass the check; otherwise leaves them as they are. */
 void gc_settings_load(gc_kept_settings_t *settings, const gc_port_t *port, const gc_part_t *part);
-/* GC_E_STORE where the board has a store and it failed. */
+/* Returns GC_E_STORE if the board has a store and it failed. */
 int gc_settings_save(gc_kept_settings_t *settings, const gc_port_t *port);
 
 #ifdef __cplusplus

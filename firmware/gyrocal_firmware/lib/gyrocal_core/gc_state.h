@@ -1,4 +1,4 @@
-/* The states of a device, and the one table of what leads from each to which. */
+/* The states of a device, and the table of transitions between them. */
 #ifndef GC_STATE_H
 #define GC_STATE_H
 
@@ -23,7 +23,7 @@ typedef enum {
     GC_TRIGGERS
 } gc_trigger_t;
 
-/* The state that follows, or the error (negative) with which the trigger is refused. */
+/* Returns the next state, or the negative error with which the trigger is refused. */
 int gc_state_next(gc_state_t state, gc_trigger_t trigger);
 const char *gc_state_name(gc_state_t state);
 

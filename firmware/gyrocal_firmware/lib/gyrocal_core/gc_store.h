@@ -26,14 +26,14 @@ typedef struct {
     uint32_t n;        /* bytes, this record included */
 } gc_record_t;
 
-/* CRC-32 (IEEE 802.3) of `before`, 0 at first, and n bytes more. */
+/* Continues the CRC-32 (IEEE 802.3) `before`, which is 0 at first, by n bytes. */
 uint32_t gc_crc32(uint32_t before, const void *data, size_t n);
 
-/* n bytes from record on, in the byte order of this CPU. GC_E_STORE where the board cannot keep them, or keeps nothing;
-   what was kept before is then still there. */
+/* Saves n bytes from record on, in the byte order of this CPU. Returns GC_E_STORE if the board failed or has no store; the record
+   that was kept before is then still there. */
 int gc_store_save(const gc_port_t *port, const char *key, uint32_t version, gc_record_t *record, size_t n);
 
-/* GC_OK; GC_E_STORE where nothing whole of this version and size is kept: then all n bytes are 0. */
+/* Loads n bytes. Returns GC_E_STORE and sets them all to 0 if no whole record of this version and size is kept. */
 int gc_store_load(const gc_port_t *port, const char *key, uint32_t version, gc_record_t *record, size_t n);
 
 #ifdef __cplusplus

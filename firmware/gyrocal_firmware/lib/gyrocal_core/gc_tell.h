@@ -1,4 +1,4 @@
-/* The sentences that a device tells: numbered, at a time, for its sensor; those that the port does not take are counted. */
+/* Sends the sentences of a device, each with a number, a time and its sensor. Those that the port does not take are counted. */
 #ifndef GC_TELL_H
 #define GC_TELL_H
 
@@ -19,15 +19,15 @@ typedef struct {
 
 void gc_teller_init(gc_teller_t *teller, const gc_port_t *port, unsigned imu);
 
-/* Fields are added to what is returned, until gc_tell_end sends it. */
+/* Begin a sentence. Add fields to it, then send it with gc_tell_end. */
 gc_sentence_t *gc_tell_begin_at(gc_teller_t *teller, const char tag[3], uint64_t t_us);
 gc_sentence_t *gc_tell_begin(gc_teller_t *teller, const char tag[3]);
 void gc_tell_end(gc_teller_t *teller);
-/* As gc_tell_end, but a sentence that finds no room was never begun: false, and it can be told again. */
+/* As gc_tell_end, but returns false if there is no room. The sentence then takes no number and can be sent again. */
 bool gc_tell_end_or_wait(gc_teller_t *teller);
 
 void gc_tell_error(gc_teller_t *teller, int code);
-/* The command was taken, with this value of this name; name NULL: without. */
+/* Acknowledges a command, with a name and its value unless name is NULL. */
 void gc_tell_ack(gc_teller_t *teller, const char *command, const char *name, const char *value);
 
 const char *gc_axis_name(int axis);

@@ -9,29 +9,42 @@
 
 #define BLOCK_S (1e-6 * GC_BLOCK_US)
 #define RADIANS_A_DEGREE 0.017453292519943295
+/* Standard deviation (dps) and time constant (s) of the drift. Consumer MEMS gyroscopes typically have 1.5 to 3 mdps and 20 to
+   40 s; these are the middles. `gyrocal benchmark population` measures what follows from the sizes here. */
 #define DRIFT_SD_DPS 0.0023
 #define DRIFT_TAU_S 30.0
+/* Amplitude of the table's ripple, once or twice a turn, as a fraction of its rate. Typical are 0.0005 to 0.005; this is near
+   their geometric mean. */
 #define RIPPLE 0.0018
+/* Size (dps) of the sensor's own transient after power-on: within the typical 5 to 50 mdps. */
 #define WARMUP_DPS 0.02
+/* The prior probability that an effect acts. Nothing is known of the table, so that each is as likely as not. */
 #define PRESENT 0.5
+/* The least noise (dps) that is assumed of a reading. It only keeps divisions finite. */
 #define SMALLEST_SD_DPS 1e-6
-#define DISAGREES 4.5 /* expected error over the one that an answer claims */
-#define WHITENED 8u    /* blocks in a part */
-#define FACE_PARTS (GC_FACE_BLOCKS / WHITENED + 2u) /* whiten, and weigh twice */
+/* A network's answer disagrees where its expected error, by the fit of the effects, exceeds the standard error that it claims by
+   this factor. None of 2000 sound sensors lies above it (`gyrocal benchmark population`). */
+#define DISAGREES 4.5
+/* Blocks that one part of the work whitens. Small enough for the time between two samples (docs/cpus.md). */
+#define WHITENED 8u
+/* Parts of the work for one face: its blocks are whitened, then two halves of the hypotheses are weighed. */
+#define FACE_PARTS (GC_FACE_BLOCKS / WHITENED + 2u)
 
+/* Sizes of the table's spin-up, as fractions of its rate. Typical are 0.0005 to 0.01; two sizes cover that range. */
 static const double spin_up[] = {0.0009, 0.0065};
+/* Time constants (s) of a transient, in steps of a factor 1.9: from a few blocks to longer than the 6 s of a run. */
 static const double transient_tau_s[GC_TRANSIENT_TAUS] = {0.6, 1.15, 2.2, 4.2, 8.0};
 
 #define SIZES (sizeof spin_up / sizeof spin_up[0])
 #define TAUS GC_TRANSIENT_TAUS
 
-/* Columns of a block: four waves, a decay for each time constant, 1, the reading. */
+/* The columns of a block are four waves, a decay for each time constant, the constant 1, and the reading. */
 #define WAVES 4u
 #define ONE (WAVES + TAUS)
 #define Y (ONE + 1u)
 #define COLUMNS GC_EVIDENCE_COLUMNS
 
-typedef double gram_t[COLUMNS][COLUMNS]; /* its lower triangle */
+typedef double gram_t[COLUMNS][COLUMNS]; /* only the lower triangle is used */
 
 typedef char gc_columns_fit[Y + 1u == COLUMNS ? 1 : -1];
 
@@ -68,7 +81,8 @@ static void columns_of(const gc_shapes_t *s, double y_dps, double *x) {
     x[Y] = y_dps;
 }
 
-/* C V^-1 C' of the columns, V the covariance of noise and drift, by a Kalman filter of the drift: over blocks from `begin` on. */
+/* Adds blocks from `begin` on to C V^-1 C', where C holds the columns and V is the covariance of noise and drift. A Kalman filter
+   of the drift whitens them. */
 static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned begin) {
     const gc_face_t *face = e->face;
     const double lsb_dps = evidence->lsb_dps;
@@ -116,7 +130,7 @@ static void whiten(gc_evidence_t *evidence, gc_face_evidence_t *e, unsigned begi
     e->origin_dps = w->origin_dps + lsb_dps * face->origin - e->w_dps;
 }
 
-/* Integrates out wave j, whose prior is standard normal; returns the determinant's factor. */
+/* Integrates out wave j, whose prior is standard normal. Returns its factor of the determinant. */
 static double eliminate(gram_t g, size_t j) {
     const double pivot = 1.0 + g[j][j];
     for (size_t i = j + 1u; i < COLUMNS; i++) {
@@ -128,7 +142,7 @@ static double eliminate(gram_t g, size_t j) {
     return pivot;
 }
 
-/* One hypothesis from what is left after the waves: a transient of `size` dps, 0 = none. */
+/* Weighs one hypothesis, given the columns without the waves: a transient of `size` dps, or none for 0. */
 static void weigh(gram_t g, double det, size_t decay, double size, double origin_dps, double standing, gc_hypothesis_t *h) {
     const size_t e = WAVES + decay;
     const double square = size * size;
@@ -146,7 +160,7 @@ static void weigh(gram_t g, double det, size_t decay, double size, double origin
     h->log_evidence = -0.5 * (h->chi2 + gc_log(det * pivot * one));
 }
 
-/* The hypotheses without or with ripple twice a turn. */
+/* Weighs the half of the hypotheses that is without or with ripple twice a turn. */
 static void weigh_all(const gc_evidence_t *evidence, gc_face_evidence_t *e, bool twice) {
     const double step = evidence->lsb_dps * evidence->lsb_dps;
     const double standing = 4.0 * evidence->white_dps2 < step ? step / 12.0 : 0.0;
@@ -199,7 +213,7 @@ typedef struct {
     double variance;
 } under_t;
 
-/* What a face says if some effects act: hypotheses first to first + n - 1. */
+/* The estimate of a face if some effects act: the average over n hypotheses. */
 static under_t under(const gc_hypothesis_t *h, unsigned n) {
     double top = -DBL_MAX, total = 0.0, mean = 0.0, variance = 0.0;
     for (unsigned i = 0; i < n; i++) {
@@ -222,7 +236,7 @@ static under_t under(const gc_hypothesis_t *h, unsigned n) {
     return (under_t){top + gc_log(total / (double)n), mean, variance / total};
 }
 
-/* Chi-square per degree of freedom that the likeliest hypothesis leaves, at least 1: Birge's ratio. */
+/* Birge's ratio: the chi-square per degree of freedom of the likeliest hypothesis, or 1 if that is less. */
 static double excess(const gc_face_evidence_t *e) {
     unsigned best = 0;
     for (unsigned i = 1; i < GC_HYPOTHESES; i++) {
@@ -231,7 +245,7 @@ static double excess(const gc_face_evidence_t *e) {
     return fmax(1.0, e->hypothesis[best].chi2 / (e->blocks > 1u ? (double)(e->blocks - 1u) : 1.0));
 }
 
-/* Scale and bias if some effects act: two of them at a time. */
+/* Computes scale and bias for two of the eight combinations of effects. */
 static void combine(gc_evidence_t *evidence, unsigned effects) {
     const gc_face_evidence_t *a = &evidence->of[0];
     const gc_face_evidence_t *b = &evidence->of[1];
@@ -296,7 +310,7 @@ bool gc_evidence_go_on(gc_evidence_t *evidence) {
     return true;
 }
 
-/* The roots of an answer's expected squared errors. */
+/* Computes the square roots of an answer's expected squared errors. */
 static void errors_of(const gc_evidence_t *evidence, const gc_answer_t *answer, double *scale_se, double *bias_se_dps) {
     const gc_combined_t *all = &evidence->all;
     const double scale_off = answer->scale - all->mean[0];
@@ -312,7 +326,7 @@ void gc_evidence_errors(const gc_evidence_t *evidence, gc_answer_t *answer) {
     answer->misfit = dof > 0.0 ? sqrt(chi2 / dof) : NAN;
 }
 
-/* Chi-square of what an answer leaves, under the hypothesis that is then the likeliest. */
+/* The chi-square of a face's blocks about u_dps, under the hypothesis that is the likeliest for this u. */
 static double chi2_at(const gc_face_evidence_t *e, double u_dps) {
     double best = -DBL_MAX, chi2 = 0.0;
     for (unsigned i = 0; i < GC_FIRST_ORDER; i++) {
@@ -328,7 +342,7 @@ static double chi2_at(const gc_face_evidence_t *e, double u_dps) {
     return chi2;
 }
 
-/* The largest of a standard error that is claimed, a fit's, and the distance between the answers; NaN stays NaN. */
+/* The largest of three: the claimed standard error, the fit's, and the distance between the two answers. NaN stays NaN. */
 static double widened(double se, double variance, double distance) {
     const double least = fmax(sqrt(variance), fabs(distance));
     return least > se ? least : se;
@@ -343,7 +357,7 @@ uint32_t gc_evidence_judge(const gc_evidence_t *evidence, bool known_table, gc_a
     answer->misfit = sqrt(chi2 / (double)(of[0].blocks + of[1].blocks));
     double scale_se, bias_se_dps;
     errors_of(evidence, answer, &scale_se, &bias_se_dps);
-    /* paper's standard errors are NaN, and stay so: it is not judged */
+    /* network paper has standard errors of NaN, for which this is false */
     const bool disagrees = scale_se > DISAGREES * answer->scale_se || bias_se_dps > DISAGREES * answer->bias_se_dps;
     if (!known_table) {
         const gc_combined_t *fit = &evidence->all;

@@ -3,15 +3,16 @@
 #include <math.h>
 #include <string.h>
 
-#define WINDOW_US 100000u
-#define WINDOW_SAMPLES 4u   /* at least */
-#define STEADY_WINDOWS 4u   /* that agree: a run begins */
-#define UNSTEADY_WINDOWS 2u /* in a row that differ: it ends */
-#define BEGIN_FRACTION 0.01 /* of the rate: windows agree before a run, and */
-#define STAY_FRACTION 0.03  /* within one */
-#define NOISE_SIGMAS 5.0
-#define TURNING_FRACTION 0.5 /* of the stated rate: slower is not turning */
-#define GRAVITY_MIN_G 0.5
+/* All of these were chosen by judgement. */
+#define WINDOW_US 100000u    /* readings are averaged over windows of this length, */
+#define WINDOW_SAMPLES 4u    /* which hold at least this many */
+#define STEADY_WINDOWS 4u    /* a run begins after so many windows that agree, */
+#define UNSTEADY_WINDOWS 2u  /* and ends after so many in a row that differ */
+#define BEGIN_FRACTION 0.01  /* windows agree within this fraction of the rate before a run, */
+#define STAY_FRACTION 0.03   /* and within this one during a run, so that ripple and spin-up do not end it */
+#define NOISE_SIGMAS 5.0     /* and within so many standard deviations of their noise, whichever is larger */
+#define TURNING_FRACTION 0.5 /* a table slower than this fraction of the stated rate does not turn */
+#define GRAVITY_MIN_G 0.5    /* least component along the axis that shows a face: within 60 degrees of it */
 
 void gc_watch_init(gc_watch_t *watch) {
     memset(watch, 0, sizeof *watch);
@@ -31,7 +32,7 @@ bool gc_watch_is_steady(const gc_watch_t *watch) {
     return watch->agree >= STEADY_WINDOWS;
 }
 
-/* By how much the means of two windows differ that show one rate. */
+/* The largest difference between the means of two windows of one rate, in dps. */
 static double tolerance_dps(const gc_watch_t *watch, const gc_sensor_t *sensor) {
     const double white_variance = (double)watch->sum_sq_diff / (2.0 * (double)(watch->n - 1u));
     const double noise_dps = sensor->lsb_dps * sqrt(2.0 * white_variance / (double)watch->n);
@@ -39,7 +40,7 @@ static double tolerance_dps(const gc_watch_t *watch, const gc_sensor_t *sensor) 
     return fraction * fabs(watch->stretch_dps) + NOISE_SIGMAS * noise_dps;
 }
 
-/* Takes a whole window to the stretch, or lets one begin. */
+/* Adds a whole window to the stretch, or begins a new one with it. */
 static void end_window(gc_watch_t *watch, const gc_settings_t *settings, const gc_sensor_t *sensor) {
     const double acc_g = sensor->part->lsb_g * (double)watch->acc_sum / (double)watch->n;
     watch->rate_dps = sensor->lsb_dps * (double)watch->sum / (double)watch->n;

@@ -1,4 +1,4 @@
-/* The automatic watcher: looks for a table that turns steadily in one of its faces, and says when a run should begin and end.
+/* The automatic watcher decides when a run should begin and end, from a table that turns steadily in one of its faces.
  *
  * It asks for a rate that stays, not for the stated one: scale and bias are what is to be found.
  */
@@ -39,7 +39,7 @@ typedef struct {
 
 void gc_watch_init(gc_watch_t *watch);
 void gc_watch_arm(gc_watch_t *watch);
-/* No run begins before the table was unsteady. */
+/* Prevents a run until the table was unsteady. */
 void gc_watch_disarm(gc_watch_t *watch);
 bool gc_watch_is_steady(const gc_watch_t *watch);
 gc_watch_action_t gc_watch_look(gc_watch_t *watch, const gc_settings_t *settings, const gc_sensor_t *sensor, uint64_t t_us,

@@ -53,9 +53,9 @@ typedef struct {
     gc_field_t field[GC_WIRE_MAX_FIELDS];
 } gc_message_t;
 
-/* Reads one line, with or without its line end; the message points into it. */
+/* Reads one line, with or without its line end. The message points into the line. Returns GC_OK or an error of the wire. */
 int gc_wire_parse(const char *line, size_t n, gc_message_t *message);
-/* The named field's value, or NULL. */
+/* Returns the value of the named field, or NULL. */
 const gc_text_t *gc_message_field(const gc_message_t *message, const char *name);
 bool gc_text_equals(gc_text_t text, const char *other);
 

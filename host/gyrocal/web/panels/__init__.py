@@ -1,1 +1,4 @@
-"""A page's panels, a file each: ``show(tab)`` builds one and returns what to call when shared state changes."""
+"""The panels of the page, one file for each.
+
+``show(tab)`` builds a panel and returns the function to call when the shared state changes.
+"""

@@ -26,7 +26,7 @@ class CalibratePanel:
         self.tab, self.bench = tab, tab.bench
         self.axis = "" if self.bench.session is None else self.bench.session.axis
         self.training: Training | None = None
-        """The one whose progress is shown."""
+        """The training whose progress is shown."""
         with ui.element("div").classes("two fill"):
             self.answers = ui.element("section").classes("face column tight").props('aria-label="scale and bias"')
             with ui.element("div").classes("scroll"):
@@ -61,7 +61,7 @@ class CalibratePanel:
                 ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return
             if found is None:
-                ui.label("Calibrating…" if self.bench.jobs.current else "No answer from this session.").classes("dim")
+                ui.label("Calibrating…" if self.bench.jobs.current else "This session gives no answer.").classes("dim")
                 return
             ui.label(found.note or "The model's answers are those of the model as it is now.").classes("dim small")
             if len(found.estimates) > MOST_ROWS:
@@ -72,7 +72,7 @@ class CalibratePanel:
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
 
     def _network(self) -> None:
-        """A network for the model: how to get one, how far it is, what it is worth."""
+        """The section about a network for the model: its training, its progress and its errors."""
         self.network.clear()
         self.network.set_visibility(self.bench.step is not None)
         if self.bench.step is None:
@@ -91,15 +91,15 @@ class CalibratePanel:
             elif trained is not None:
                 _parity(trained.parity)
                 where = f"Trained for axis {self.axis}, in {self.bench.places.name(trained.folder)}."
-                ui.label(f"{where} Mean error on unseen runs drawn from the model, beside the model's own:").classes("small")
+                ui.label(f"{where} Mean error on new runs drawn from the model, and the model's own:").classes("small")
                 ui.html(_errors(trained.errors), sanitize=False)
             elif lacking := missing():
                 ui.label(f"Training needs {' and '.join(lacking)}. Install, and start the workbench again:").classes("small")
                 _command(f"{shlex.quote(sys.executable)} -m pip install 'gyrocal[train]'")
             else:
                 ui.label(
-                    "The network that ships knows the paper's campaign. One trained on runs drawn from this model takes its "
-                    "place on the device; that takes minutes."
+                    "The shipped network is trained for the paper's campaign. A network trained on runs drawn from this model "
+                    "can replace it on the device. The training takes minutes."
                 ).classes("small")
                 with ui.row().classes("tight"):
                     name = ui.input("folder", value=self.bench.places.free("network").name).props("outlined dense")
@@ -111,7 +111,7 @@ class CalibratePanel:
                     ).props("outline no-caps")  # fmt: skip
 
     def _told(self) -> None:
-        """How far the training is."""
+        """The progress of the training as text."""
         training = self.training
         if training is None:
             return
@@ -131,7 +131,7 @@ class CalibratePanel:
         return select.props("outlined dense").style("width: 80px")
 
     def _turn(self, axis: str) -> None:
-        """Another axis of the sensor is meant."""
+        """Choose another axis of the sensor."""
         if axis != self.axis:
             self.axis = axis
             self._network()
@@ -148,7 +148,7 @@ class CalibratePanel:
             knows = ", ".join(effects).lower() if effects else "nothing beyond scale, bias and noise"
             network = "that ships" if self.bench.network(self.axis) is None else "trained for it"
             ui.label(
-                f"The firmware as a project to flash, calibrating by this model: {knows}; with the network {network}."
+                f"A firmware project to flash. It calibrates by this model ({knows}) and by the network {network}."
             ).classes("small")
             exported = self.bench.exported
             if exported is None:
@@ -198,7 +198,7 @@ def _parity(parity: dict[str, Any]) -> None:
 
 
 def _command(command: str) -> None:
-    """What is to be typed, with a button that copies it."""
+    """A command to type, with a button that copies it."""
     with ui.row().classes("tight").style("flex-wrap: nowrap; width: 100%"):
         ui.html(f'<pre class="command">{html.escape(command)}</pre>', sanitize=False).classes("grow")
         ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command), color=None).props(
@@ -222,7 +222,7 @@ def _table(estimates: list[dict[str, Any]]) -> str:
 
 
 def _errors(errors: list[dict[str, Any]]) -> str:
-    """What the trained network is worth, on scenarios that were drawn from the model and not trained on."""
+    """The errors of the trained network on scenarios drawn from the model that were not used in training."""
     by = {(e["method"], e["seconds"]): e for e in errors}
     rows = []
     for seconds in sorted({e["seconds"] for e in errors}):

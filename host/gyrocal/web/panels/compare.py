@@ -26,13 +26,13 @@ VIEWS = {
     Frequency.name: (Frequency.title, Frequency.label()),
     "averaging": ("Allan", "averaging time, s"),
 }
-"""Every picture: its button's text, and what its horizontal axis shows."""
+"""The text of the button of every plot, and the label of its horizontal axis."""
 ALL = (0.0, 100.0)
 MOVES = (
     ("zoom_in", "zoom in", 0.25, -0.25), ("zoom_out", "zoom out", -0.5, 0.5),
     ("chevron_left", "earlier", -0.5, -0.5), ("chevron_right", "later", 0.5, 0.5),
 )  # fmt: skip
-"""Icon, word, by what parts of the window's width its ends move."""
+"""Icon and word of each zoom button, and how far both ends of the window move, as parts of its width."""
 ZOOM = """() => {
     const chart = getElement(%d).chart, seen = chart.getOption().dataZoom[0], low = %g, high = %g;
     const width = seen.end - seen.start;
@@ -47,10 +47,10 @@ class ComparePanel:
         self.tab, self.bench = tab, tab.bench
         self.axes: list[str] = []
         self.chose_axes = False
-        """Whether a person did; else it is the one on which the model fails most."""
+        """True if the user chose the axis; otherwise it is the one on which the model fails most."""
         self.against = "timeline"
         self.chosen: list[int] = []
-        """Runs shown; none = all."""
+        """The runs that are shown; all if empty."""
         self.window = ALL
         self.chart: Any = None
         self.root = ui.element("div").classes("column fill")
@@ -78,7 +78,7 @@ class ComparePanel:
             self._place(self.bench.traces)
 
     def _where(self) -> list[dict[str, Any]]:
-        """Where the model fails; nowhere as long as there is none."""
+        """The findings of the model; empty as long as there is no model."""
         return [] if self.bench.step is None else list(self.bench.step.view.compared["where"])
 
     def _nothing(self) -> None:
@@ -93,7 +93,7 @@ class ComparePanel:
         if step is None:
             with ui.element("section").classes("face verdict"):
                 told = f"{len(session.runs)} recordings, {session.rows:,} samples."
-                ui.label(f"{told} Holding the model against them…").classes("big")
+                ui.label(f"{told} Comparing the model with them…").classes("big")
             return
         view = step.view
         warned.show(view.compared["warnings"])
@@ -103,7 +103,7 @@ class ComparePanel:
             with ui.element("div"):
                 verdict = "The model fits." if fits else "The model does not fit."
                 ui.label(verdict if judged else "The session's axis is not judged.").classes("big")
-                why = "What is left over is noise." if fits else "The readings hold something that it does not know:"
+                why = "What is left over is noise." if fits else "The readings contain an effect that it lacks:"
                 why = why if judged else "A warning stands against it: mend the session, or accept the warning."
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
@@ -158,7 +158,7 @@ class ComparePanel:
             select.props("outlined dense options-dense clearable").style("width: 140px")
 
     def _press(self) -> None:
-        """Show which chips are pressed, and which views the model fails in."""
+        """Show which chips are pressed, and in which views the model fails."""
         self.frame.props(f'aria-label="{VIEWS[self.against][0]}"')
         self.zoom.set_visibility(self.against == "timeline")
         for axis, button in self.axis_chips.items():
@@ -170,7 +170,7 @@ class ComparePanel:
             button.props(f'aria-description="{"the model fails here" if name in failing else ""}"')
 
     def _zoom_buttons(self) -> None:
-        """Done in the browser, so that quick clicks add up; ECharts tells :meth:`_zoomed` what came of them."""
+        """Zoom in the browser, so that quick clicks add up. ECharts reports the resulting window to :meth:`_zoomed`."""
         self.zoom = ui.element("div").classes("zoom")
         with self.zoom:
             for icon, word, low, high in MOVES:
@@ -205,7 +205,7 @@ class ComparePanel:
         self._press()
 
     def _draw(self) -> None:
-        """Draw anew in the chart that is there."""
+        """Draw again in the existing chart."""
         traces = self.bench.traces
         if traces is not None:
             self._press()

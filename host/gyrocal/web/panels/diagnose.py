@@ -23,7 +23,7 @@ class DiagnosePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench = tab, tab.bench
         self.acts: list[ui.button] = []
-        """Those that start a search; off while there is one."""
+        """The buttons that start a search; they are disabled during one."""
         with ui.element("div").classes("two fill"):
             self.cards = ui.element("section").classes("scroll").props('aria-label="what is missing"')
             with ui.element("section").classes("column"):
@@ -105,7 +105,7 @@ class DiagnosePanel:
             ui.label(found.sentence).classes("big").style("font-size: 16px")
 
     def _added(self) -> None:
-        """What was added last, as it was found."""
+        """The candidate that was added last, as the diagnosis found it."""
         step, found = self.bench.step, self.bench.diagnosed
         if step is not None and step.formula and not step.removed:
             self._formula(step.title, step.formula)
@@ -165,7 +165,7 @@ class DiagnosePanel:
         assert u is not None
         with ui.element("article").classes("card add"):
             with ui.element("div").classes("head"):
-                ui.html("<h2>Something no effect of the library explains</h2>", sanitize=False)
+                ui.html("<h2>A misfit that no effect of the library explains</h2>", sanitize=False)
                 ui.label(f"on {u['axis']}").classes(f"axis-{u['axis']}")
             with ui.element("dl").classes("evidence").style("margin: 0"):
                 for name, text in (
@@ -221,7 +221,7 @@ class DiagnosePanel:
         if step is None:
             return
         with self.model, ui.row().classes("tight"):
-            ui.label("The model knows").classes("dim")
+            ui.label("The model contains").classes("dim")
             for effect, title, removable in step.view.effects:
                 if removable:
                     with ui.element("span").classes("badge add"):
@@ -244,7 +244,7 @@ class DiagnosePanel:
         self.fall.set_visibility(self.bench.step is not None)
         with self.fall:
             if self.bench.step is not None and not bars:
-                ui.label("This recording is too small to hold any of it out, so no excess error can be told.").classes("dim")
+                ui.label("This recording is too short to hold out a part, so the excess error is unknown.").classes("dim")
             if not bars:
                 return
             with ui.row():
@@ -269,7 +269,7 @@ class DiagnosePanel:
         with self.calibration:
             with ui.row():
                 ui.html("<h2>Calibration error</h2>", sanitize=False)
-                ui.label("what the first 2, 4 and 6 s say, against the whole recording").classes("dim small")
+                ui.label("difference between the first 2, 4 and 6 s and the whole recording").classes("dim small")
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
             elif not found.errors:

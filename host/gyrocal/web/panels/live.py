@@ -27,10 +27,10 @@ class LivePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench, self.live = tab, tab.bench, tab.bench.live
         self.imu = 0
-        """The sensor that is shown: the chosen one, else the board's first, whichever spoke first."""
+        """The sensor that is shown: the chosen one, otherwise the first one of the board."""
         self._chosen: int | None = None
         self.shown: dict[Callable[[], None], Any] = {}
-        """What each part was drawn from."""
+        """The values that each part was drawn from."""
         self.chips: dict[int, ui.button] = {}
         with ui.element("div").classes("live fill"):
             with ui.element("div").classes("scroll"):
@@ -45,7 +45,7 @@ class LivePanel:
         ui.timer(0.5, lambda: self.hear("device"))
 
     def hear(self, topic: Topic) -> None:
-        """Draw anew what has changed, and no more: a button must not vanish under the finger."""
+        """Redraw only what has changed, so that no button disappears while it is pressed."""
         if topic != "device":
             return
         live, status = self.live, self.live.status
@@ -95,16 +95,16 @@ class LivePanel:
                         ui.label(part).classes("dim small")
             self.counts = ui.label().classes("dim small")
             if complaint := self._complaint():
-                ui.label(f"It says: {complaint}").classes("worry small")
+                ui.label(f"The device reports: {complaint}").classes("worry small")
 
     def _part_words(self) -> str:
-        """The part and how it is set; empty where it has not yet told."""
+        """The name and the settings of the part; empty before its hello came."""
         hello = self.live.sensor(self.imu).get("hello") or {}
         sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
         return f"{sensor}, {rate} Hz, ±{scale} deg/s" if hello else ""
 
     def _complaint(self) -> str:
-        """The device's latest error; a misfit stands with the results."""
+        """The device's latest error. A misfit is not one; it is shown with the results."""
         errors: list[str] = self.live.status.get("errors", [])
         return next((error for error in reversed(errors) if "misfit (" not in error), "")
 
@@ -128,7 +128,7 @@ class LivePanel:
         connect = ui.button("Connect", icon="link", on_click=lambda: self._connect(port.value), color=None)
         connect.props("unelevated no-caps").classes("primary" if ports else "")
         ui.separator()
-        ui.label("No board at hand? The firmware's own code, run on this machine:").classes("dim small")
+        ui.label("Without a board, run the firmware's own code on this machine:").classes("dim small")
         chosen = hidden.menu()
         speed = ui.select(SPEEDS, value="1", label="speed").props("outlined dense")
         start = ui.button(
@@ -170,7 +170,7 @@ class LivePanel:
     # Which of its sensors.
 
     def _sensors(self) -> None:
-        """Those of a board with several, each with its state; one is chosen for all that is shown."""
+        """The sensors of a board with several, each with its state. The user chooses the one that is shown."""
         there = sorted(self.live.status.get("sensors", {}))
         self.sensors.set_visibility(len(there) > 1)
         if there != list(self.chips):
@@ -211,7 +211,7 @@ class LivePanel:
         second = answered or state in ("flip", "done") or bool(status.get("results"))
         steps = [
             ("One face up: let the table turn for 6 s or more", "done" if second else "now"),
-            ("Flip the sensor over, same table rate, once more", "done" if answered else "now" if second else ""),
+            ("Turn the sensor over and repeat at the same table rate", "done" if answered else "now" if second else ""),
             ("Read scale and bias below", "now" if answered else ""),
         ]
         with self.guide:
@@ -322,9 +322,9 @@ class LivePanel:
 
 
 def _judged(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results that tell whether the readings fit: the model's, else the baseline's, else those of the latest method.
+    """The results that show whether the readings fit: the model's, otherwise the baseline's, otherwise the latest method's.
 
-    They have a misfit, or the device has judged them. The network's misfit allows for a ripple and cannot tell.
+    These have a misfit, or the device has judged them. The network's misfit allows for a ripple and does not show it.
     """
     judged = [r for r in found if isinstance(r.get("misfit"), int | float) or "trusted" in r]
     methods = {r["method"] for r in judged}
@@ -333,12 +333,12 @@ def _judged(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _verdict(judged: list[dict[str, Any]]) -> str:
-    """What the judged results say, in words."""
+    """The judged results in a sentence."""
     against = {flag for r in judged if doubtful(r) for flag in (str(r.get("flags") or "misfit")).split("+")}
     if not against:
-        return "The readings look like what the device is calibrated for."
+        return "The readings agree with the calibration of the device."
     if "misfit" in against:
-        return "The readings hold something that the calibration does not know: record a session and diagnose it."
+        return "The readings contain an effect that the calibration lacks: record a session and diagnose it."
     return f"The device does not trust its answer: {', '.join(sorted(against)).replace('_', ' ')}."
 
 
@@ -367,7 +367,7 @@ def _number(text: Any, otherwise: float) -> float:
 
 
 def _scenario(folder: Any, run: Wanted | None) -> str:
-    """The power cycle that a new run belongs to: the last one, or a new one where that has such a run already."""
+    """The power cycle of a new run: the last one, or a new one if the last one already has such a run."""
     from gyrocal.recording.header import read_header
 
     if not (folder / "session.toml").is_file():

@@ -60,7 +60,7 @@ def _open(tab: Tab) -> None:
                 )
             if not found:
                 ui.label(
-                    f"None in {bench.places.home} yet. A session is a folder with session.toml and a table a run."
+                    f"None in {bench.places.home} yet. A session is a folder with session.toml and one table for each run."
                 ).classes("dim small")
         ui.upload(label="or drop a zipped session here", auto_upload=True, max_files=1, on_upload=uploaded).props(
             'flat bordered accept=".zip"'
@@ -75,7 +75,7 @@ def _try(tab: Tab) -> None:
     with ui.element("section").classes("face"):
         ui.html("<h2>Try it</h2>", sanitize=False)
         ui.label(
-            "A simulated sensor on a turntable, with something hidden in it that its model does not know:"
+            "A simulated sensor on a turntable, with a hidden effect that its model lacks:"
         ).classes("dim small")
         chosen = hidden.menu()
         ui.button("Simulate and look", icon="science", on_click=simulated, color=None).props(
@@ -86,7 +86,7 @@ def _try(tab: Tab) -> None:
 def _plug_in(tab: Tab) -> None:
     with ui.element("section").classes("face"):
         ui.html("<h2>Plug in a device</h2>", sanitize=False)
-        ui.label("Watch it live, calibrate it face up and face down, record it. A simulated one is at hand.").classes(
+        ui.label("Watch it live, calibrate it face up and face down, and record it. There is also a simulated device.").classes(
             "dim small"
         )
         ui.button("Go live", icon="sensors", on_click=lambda: tab.go("live"), color=None).props(

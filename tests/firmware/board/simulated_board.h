@@ -1,0 +1,44 @@
+/* What the parts of the board share: virtual time, what the script makes fail, and what the script sets. */
+#ifndef SIMULATED_BOARD_H
+#define SIMULATED_BOARD_H
+
+#include "Arduino.h"
+
+#include <cstdint>
+#include <functional>
+#include <iosfwd>
+#include <set>
+#include <string>
+
+#define NEVER UINT64_MAX
+#define CHIPS 4
+
+extern uint64_t now_us, end_us;
+extern std::set<std::string> fails;
+
+struct semaphore {
+    bool taken = false;
+};
+
+/* tasks.cpp: the running task waits until `ready` or the deadline, or lets `us` microseconds pass; others run. */
+void wait(std::function<bool()> ready, uint64_t deadline_us);
+void pass(double us);
+uint64_t after(TickType_t ms);
+void begin_first_task();
+
+/* buses.cpp: the time of the next edge on the interrupt pin, and what the script does to sensor i. */
+uint64_t next_edge_us();
+void look_at_pins();
+void power_on(unsigned i);
+void hold_bus(unsigned i);
+void set_world(unsigned i, std::istream &counts);
+
+/* flash.cpp, serial.cpp: the file that keeps the flash; text typed by the person at the port. */
+void read_flash(const char *path);
+void type(const std::string &text);
+
+/* script.cpp */
+uint64_t next_line_us();
+void obey_script();
+
+#endif
