@@ -24,6 +24,7 @@
 #include <unistd.h>
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
+#define FLASH_US 5000u /* that a write takes */
 #define FASTEST_SINGLE_HZ 833.0f
 
 typedef struct {
@@ -281,6 +282,7 @@ static int send(void *context, const char *data, size_t n) {
 static int store(void *context, const char *key, const void *data, size_t n) {
     sim_t *sim = context;
     double length_s;
+    sim->now_us += FLASH_US;
     const bool lost = begins(sim, FAULT_POWER_LOSS, &length_s);
     const int error = flash_write(&sim->flash, key, data, lost ? n / 2u : n);
     if (lost) {

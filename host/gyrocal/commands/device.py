@@ -20,7 +20,15 @@ def run(
     ] = 1,
     speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
     stream: Annotated[str, typer.Option(help="raw or off: what it sends until told otherwise.")] = "raw",
-    fault: Annotated[str | None, typer.Option(help="Make the sensor misbehave; `list` names the faults.")] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[@T][:LENGTH][*TIMES]", help="Make it misbehave, T s into the first run; `list` names the faults."
+        ),
+    ] = None,
+    faults: Annotated[
+        str | None, typer.Option(metavar="random:SEED", help="Some faults at random times, the same ones for a seed.")
+    ] = None,
     fifo: Annotated[
         int, typer.Option(min=0, max=128, help="Samples taken at once out of the sensor's FIFO; 0: each as it comes.")
     ] = 0,
@@ -35,15 +43,22 @@ def run(
     """
     import contextlib
     import signal
+    import sys
 
     from gyrocal.device import simulated as device
-    from gyrocal.device.simulator import faults
+    from gyrocal.device.faults import faults as listed
+    from gyrocal.device.faults import random_faults
     from gyrocal.errors import InputError
     from gyrocal.recording.session import Session
 
-    if fault == "list":
-        print(faults(), end="")
+    wanted = fault or []
+    if "list" in wanted:
+        print(listed(), end="")
         return
+    if faults is not None:
+        drawn = random_faults(faults, fifo)
+        print("faults: " + " ".join(drawn), file=sys.stderr)
+        wanted = [*wanted, *drawn]
     if session is not None and effects:
         raise InputError("--effect is for a simulated scenario; it does not go with --session")
     if stream not in ("raw", "off"):
@@ -55,7 +70,7 @@ def run(
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
-    simulated = device.SimulatedDevice(source, speed, stream=stream, fault=fault, fifo=fifo, tcp=tcp, symlink=link, hold=hold)
+    simulated = device.SimulatedDevice(source, speed, stream=stream, faults=wanted, fifo=fifo, tcp=tcp, symlink=link, hold=hold)
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(simulated.port, flush=True)
         simulated.wait()
