@@ -166,7 +166,7 @@ def test_a_full_output_loses_whole_sentences_and_their_numbers_tell_how_many(sim
 
 
 def test_the_power_goes_while_the_flash_is_written(sim: Sim, planted: dict[bool, Planted]) -> None:
-    """A write takes 5 ms. Around the ends of two runs each one is hit; the device starts anew with settings that it may have."""
+    """A write takes 5 ms. Around the ends of two runs each one is hit; the device starts anew with valid settings."""
     for at_s in [*np.arange(6.45, 6.56, 0.004), *np.arange(12.94, 13.05, 0.004)]:
         said = play(sim, planted, f"power_loss@{at_s:.3f}")
         starts = [s for s in said if s.tag == "HEL" and s.seq == 0]
