@@ -28,7 +28,7 @@ static const struct {
     [FAULT_RESET_TIMEOUT] = {"reset_timeout", "the part does not come out of reset", INFINITY},
     [FAULT_BAD_TAGS] = {"bad_tags", "the FIFO's words come damaged for 0.3 s; needs --fifo", 0.3},
     [FAULT_BUSY] = {"busy", "the board does something else for 3 s", 3.0},
-    [FAULT_STUCK_BUS] = {"stuck_bus", "the data line is held low for 0.3 s: every byte reads 0, and writes have no effect", 0.3},
+    [FAULT_STUCK_BUS] = {"stuck_bus", "the data line is held low for 0.3 s: bytes read 0, writes do nothing", 0.3},
     [FAULT_SHORT_READ] = {"short_read", "each transfer gives one byte too few for 0.2 s", 0.2},
     [FAULT_FROZEN] = {"frozen", "the reading does not change for 1 s, with data-ready", 1.0},
     [FAULT_REPEATED] = {"repeated", "every second sample is the one before it, for 2 s", 2.0},

@@ -46,7 +46,7 @@ typedef struct {
     flash_t flash;
     jmp_buf power_lost;
     uint32_t run;          /* the one that is replayed */
-    bool replaying;
+    bool replaying, is_off;
 
     uint64_t paced_us; /* virtual time and */
     double wall_s;     /* real time that belong together */
@@ -352,7 +352,8 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
-    const bool fast = sim->options.fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ; /* refused before the FIFO is in use */
+    /* Refused before the FIFO is in use. */
+    const bool fast = sim->options.fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ;
     command_set(sim, "rate_hz", fast ? FASTEST_SINGLE_HZ : sim->rows.sample_rate_hz, "");
     command_set(sim, "fifo", (float)sim->options.fifo, "");
     if (fast) {
@@ -371,7 +372,8 @@ static void replay(sim_t *sim, const rows_run_t *run) {
         start_us = (uint64_t)llrint((double)run->power_on_s * 1e6);
     }
     stand_still(sim, run);
-    if (sim->options.speed > 0.0 || sim->options.fifo > 0u) { /* someone may be watching, the FIFO fills: the device goes on, idle */
+    /* Someone may be watching, the FIFO fills: the device goes on, idle. */
+    if (sim->options.speed > 0.0 || sim->options.fifo > 0u) {
         while (sim->now_us + (uint64_t)((2.0 + sim->options.fifo) * 1e6 / (double)sim->rows.sample_rate_hz) < start_us) {
             hear(sim);
             gc_device_step(&sim->device);
@@ -406,10 +408,12 @@ static void replay(sim_t *sim, const rows_run_t *run) {
 
 /* After a loss of power the board starts anew, and the run that went on is over. */
 static void replay_all(sim_t *sim, const gc_device_config_t *config) {
-    const bool power_was_lost = setjmp(sim->power_lost) != 0;
-    bool is_off = sim->run == 0u || power_was_lost;
-    sim->run += sim->replaying ? 1u : 0u;
-    sim->replaying = false;
+    sim->is_off = true;
+    if (setjmp(sim->power_lost) != 0) {
+        sim->is_off = true;
+        sim->run += sim->replaying ? 1u : 0u;
+        sim->replaying = false;
+    }
     if (sim->run == sim->rows.n_runs) {
         sim->run--;
         power_on(sim, config, &sim->rows.runs[sim->run]);
@@ -417,10 +421,10 @@ static void replay_all(sim_t *sim, const gc_device_config_t *config) {
     }
     for (; sim->run < sim->rows.n_runs; sim->run++) {
         const rows_run_t *run = &sim->rows.runs[sim->run];
-        if (is_off || run->power_cycle != run[-1].power_cycle) {
+        if (sim->is_off || run->power_cycle != run[-1].power_cycle) {
             power_on(sim, config, run);
         }
-        is_off = false;
+        sim->is_off = false;
         sim->replaying = true;
         replay(sim, run);
         sim->replaying = false;
@@ -460,7 +464,8 @@ int main(int argc, char **argv) {
         return 2;
     }
     stdout_flags = fcntl(STDOUT_FILENO, F_GETFL);
-    if (sim.options.speed > 0.0 && sim.options.speed <= 1.0 && stdout_flags >= 0) { /* faster than real time waits for its reader */
+    /* Faster than real time waits for its reader. */
+    if (options->speed > 0.0 && options->speed <= 1.0 && stdout_flags >= 0) {
         fcntl(STDOUT_FILENO, F_SETFL, stdout_flags | O_NONBLOCK);
         atexit(restore_stdout);
     }

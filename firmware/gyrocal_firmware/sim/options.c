@@ -10,7 +10,8 @@ static const char *parse_option(options_t *options, const char *name, const char
     uint64_t number;
     if (strcmp(name, "--speed") == 0) {
         options->speed = 0.0;
-        if (strcmp(value, "max") != 0 && (gc_parse_real(value, strlen(value), &options->speed) != GC_OK || !(options->speed > 0.0))) {
+        if (strcmp(value, "max") != 0 &&
+            (gc_parse_real(value, strlen(value), &options->speed) != GC_OK || !(options->speed > 0.0))) {
             return "--speed takes a positive number or max";
         }
     } else if (strcmp(name, "--imu") == 0) {
