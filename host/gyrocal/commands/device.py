@@ -42,23 +42,15 @@ def run(
     read. It starts and stops its runs by itself: `gyrocal record` takes them as they come.
     """
     import contextlib
-    import signal
-    import sys
 
     from gyrocal.device import simulated as device
     from gyrocal.device.faults import faults as listed
-    from gyrocal.device.faults import random_faults
     from gyrocal.errors import InputError
     from gyrocal.recording.session import Session
 
-    wanted = fault or []
-    if "list" in wanted:
+    if "list" in (fault or []):
         print(listed(), end="")
         return
-    if faults is not None:
-        drawn = random_faults(faults, fifo)
-        print("faults: " + " ".join(drawn), file=sys.stderr)
-        wanted = [*wanted, *drawn]
     if session is not None and effects:
         raise InputError("--effect is for a simulated scenario; it does not go with --session")
     if stream not in ("raw", "off"):
@@ -67,10 +59,30 @@ def run(
         source = [Session.open(session)] * sensors
     else:
         source = [device.simulated_scenario(effects or (), seed + k) for k in range(sensors)]
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.default_int_handler)
+    _end_by_signals()
+    wanted = _wanted(fault, faults, fifo)
     simulated = device.SimulatedDevice(source, speed, stream=stream, faults=wanted, fifo=fifo, tcp=tcp, symlink=link, hold=hold)
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(simulated.port, flush=True)
         simulated.wait()
+
+
+def _wanted(fault: list[str] | None, faults: str | None, fifo: int) -> list[str]:
+    """The faults that were asked for, with those drawn by ``--faults``, which are printed."""
+    import sys
+
+    from gyrocal.device.faults import random_faults
+
+    drawn = [] if faults is None else random_faults(faults, fifo)
+    if drawn:
+        print("faults: " + " ".join(drawn), file=sys.stderr)
+    return [*(fault or []), *drawn]
+
+
+def _end_by_signals() -> None:
+    """Let SIGTERM and SIGHUP end the device as Ctrl-C does."""
+    import signal
+
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)
