@@ -109,5 +109,5 @@ def test_real_recordings_that_are_absent_are_named(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_benchmark_that_there_is_not() -> None:
-    with pytest.raises(InputError, match="there are paper, robustness, inference, population, real, blind"):
+    with pytest.raises(InputError, match="there are paper, robustness, inference, population, coverage, real, blind"):
         benchmark.benchmark("nothing")

@@ -78,7 +78,7 @@ def test_the_words_give_each_figure_once_and_say_how_it_is_counted(told_twice: t
     levels, before_after = {r[1].strip(): r for r in compared[:2]}, {r[1].strip(): r for r in compared[2:]}
     for axis in ("z", "all"):
         assert levels[axis][4].strip() == before_after[axis][3].strip()
-    explained = re.search(r"([\d.]+)% of the squared excess of all axes explained, 1 - \(([\d.]+) / ([\d.]+)\)²", words)
+    explained = re.search(r"([\d.]+)% of the squared excess of all axes explained: 1 - \(([\d.]+) / ([\d.]+)\)²", words)
     assert explained is not None
     part, after, before = map(float, explained.groups())
     assert before == pytest.approx(1e3 * story["before"]["compare"]["excess_dps"], abs=0.01)

@@ -15,7 +15,8 @@ Tables are polars frames (``session.runs[0].table``, ``residual_table``), pictur
 from gyrocal.calibration.calibrate import Estimate, calibrate
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import Comparison, compare
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.residuals import residual_table
 from gyrocal.error_model.formula import FormulaEffect

@@ -12,7 +12,8 @@ from gyrocal.errors import GyrocalError, InputError
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-BENCHMARKS = dict.fromkeys(("paper", "robustness", "inference", "population", "real"), ROOT / "benchmarks") | {
+FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real")
+BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
 

@@ -22,7 +22,7 @@ from gyrocal.device.port import Link
 from gyrocal.device.record import Recorder
 from gyrocal.device.simulated import SimulatedDevice, replay
 from gyrocal.device.wire import Sentence
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import explain
 from gyrocal.error_model.model import Model

@@ -36,6 +36,20 @@ class Policy:
         larger="if the readings have two modes, one of them is removed",
         smaller="the errors of a bus that often loses bits remain in the fit",
     )  # fmt: skip
+    large_spreads: float = threshold(
+        4.0, "standard deviations from which on deviations show the tail of the noise, for what is to be expected beyond",
+        larger="few readings tell the tail", smaller="the body of the noise decides on its tail",
+    )  # fmt: skip
+    tail_loss: float = threshold(
+        2.0, "log-likelihood by which a heavier tail may be worse than the best and still be that of the noise",
+        larger="few outliers are called a fault", smaller="heavy-tailed noise is called a fault",
+        chosen_by="a 95 % interval of one parameter; pytest tests/diagnosis/test_null_noise.py",
+    )  # fmt: skip
+    disturbed_spreads: float = threshold(
+        3.0, "standard deviations from which on a neighbour of an outlier is disturbed too, as in a burst of interference",
+        larger="bursts are called faults of single readings", smaller="ordinary noise beside a fault hides it",
+        chosen_by="tail of the normal distribution (one of six neighbours exceeds 3 in 1.6 % of cases); chosen by judgement",
+    )  # fmt: skip
     outlier_power: float = threshold(
         0.01, "power of a session's outliers, as a fraction of the white noise's power, from which on they are a finding",
         larger="outliers that raise the error are not reported",
@@ -43,6 +57,11 @@ class Policy:
     )  # fmt: skip
 
     # Held-out data
+    least_left: float = threshold(
+        1e-6, "fraction of the information on any combination of parameters that must remain when a unit is left out",
+        larger="sessions in which one unit shows most of an effect are judged by blocks of time",
+        smaller="a parameter is determined by rounding errors of its columns, and the left-out unit is predicted by chance",
+    )  # fmt: skip
     time_blocks: int = threshold(
         5, "parts of each run that are left out in turn if no whole run can be left out",
         larger="less is left out at a time, and the remaining data show slow effects of the left-out part",
@@ -78,6 +97,17 @@ class Policy:
     least_scatter: int = threshold(
         10, "degrees of freedom of the scatter within blocks below which the floor uses the white noise of the fit",
         larger="more slow recordings use the fitted level", smaller="the floor is estimated from a few readings",
+    )  # fmt: skip
+    few_cycles: int = threshold(
+        8, "number of power cycles below which the explained part is computed within power cycles",
+        larger="effects that differ only between power cycles have no explained part",
+        smaller="offset and scale of a few power cycles decide the explained part",
+        chosen_by="docs/method.md, rms, floor and excess",
+    )  # fmt: skip
+    excess_errors: float = threshold(
+        2.0, "standard errors below which an excess has no explained part",
+        larger="fewer candidates have an explained part", smaller="the explained part is a ratio of two noises",
+        chosen_by="docs/method.md, rms, floor and excess",
     )  # fmt: skip
     bump: float = threshold(
         0.15, "relative excess of a band's power over that of its neighbours from which on it is a bump",
@@ -175,6 +205,13 @@ class Policy:
         larger="noise makes a steady tone look uneven; with noise alone the ratio is 0.83",
         smaller="a tone in half of the runs is named",
         chosen_by="square root of ln 2 for noise alone (Rayleigh); chosen between this and 0",
+    )  # fmt: skip
+    one_size: float = threshold(
+        0.25, "ratio of the sums of squares of a wave's sizes about one size and about a size in proportion to the rate, "
+        "below which (or above the inverse of which) the other kind of wave is not named",
+        larger="a wave in few runs is named neither a tone of its order nor a ripple",
+        smaller="a tone of one size is named a ripple of the speed, or the reverse",
+        chosen_by="pytest tests/diagnosis/test_orders.py (at +-30, +-78 and +-150 dps the ratio is below 0.05 or above 20)",
     )  # fmt: skip
 
     # Diagnosis: rivals

@@ -11,7 +11,7 @@ from gyrocal.simulation.simulate import simulate
 
 from .conftest import Array, MakeRun
 
-CAMPAIGN_SIZES = {"paper": (9, 30.0), "full": (3, 15.0)}
+CAMPAIGN_SIZES = {"paper": (9, 30.0), "full": (3, 15.0), "swing": (2, 30.0), "shaker": (3, 15.0), "chamber": (2, 700.0)}
 """Scenarios and seconds a run."""
 
 

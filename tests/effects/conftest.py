@@ -26,7 +26,7 @@ def _make_run() -> MakeRun:
 def rich_run() -> Run:
     """A run that has every optional column, all of them moving."""
     rng = np.random.default_rng(5)
-    t_s = np.arange(2000) / 100.0
+    t_s = np.arange(8000) / 100.0
     return make(
         t_s,
         power_on_s=4.0,

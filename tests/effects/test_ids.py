@@ -19,6 +19,13 @@ ALLOWED = {
     ("host/gyrocal/noise/drift.py", "drift"): "the name of the model's field; the effect of this id is another thing",
     ("host/gyrocal/calibration/header.py", "scale"): "a comment's name of the last parameter",
     ("host/gyrocal/demo.py", "scale"): "a field of the sentence $CAL",
+    **{
+        (f"host/gyrocal/calibration/targets/{target}.py", name): "what another program's file holds"
+        for target, names in {
+            "base": ("bias", "bias_temperature"), "kalibr": ("colored_noise",), "px4": ("bias", "bias_temperature"),
+            "ardupilot": ("bias", "bias_temperature"), "ros2": ("scale", "bias", "misalignment", "colored_noise"),
+        }.items() for name in names
+    },
     ("host/gyrocal/device/monitor.py", "scale"): "a field of the sentence $CAL",
     ("host/gyrocal/web/panels/live.py", "scale"): "a field of the sentence $CAL",
 }

@@ -32,6 +32,11 @@ TABLE = {
     "clock_error": ["e"],
     "earth_rate": [],
     "bias_jumps": ["n", "size_dps"],
+    "thermal_hysteresis": ["amplitude_dps", "width_c"],
+    "dead_band": ["width_dps"],
+    "order_tone": ["order", "A_dps", "phase_deg"],
+    "g2_sensitivity": ["k_dps_per_g2"],
+    "byte_fault": ["bit", "step_dps", "fraction"],
 }
 EVERY = sorted(effects())
 
@@ -134,10 +139,13 @@ def test_what_is_needed_is_enough(rich_run: Run) -> None:
             assert all(kind.missing([rich_run], axis) is None for axis in kind.axes(rich_run)), kind.id
 
 
-def test_one_run_without_the_column_is_missed(rich_run: Run, make_run: MakeRun) -> None:
+def test_one_run_without_the_column_is_not_missed_but_all_are(rich_run: Run, make_run: MakeRun) -> None:
     bare = make_run(np.arange(300) / 10)
     for effect_id in ("bias_temperature", "scale_temperature", "thermal_lag", "warmup", "g_sensitivity"):
-        assert effect(effect_id).missing([rich_run, bare], 2) is not None
+        kind = effect(effect_id)
+        assert kind.missing([rich_run, bare], 2) == kind.missing([rich_run], 2)
+        assert kind.missing([bare, bare], 2) is not None
+        assert (kind.lacks(rich_run), kind.lacks(bare)) == (False, True)
 
 
 def test_thresholds_of_a_moving_column(make_run: MakeRun) -> None:

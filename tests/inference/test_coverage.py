@@ -1,32 +1,82 @@
-"""Standard errors are honest: 68 % intervals cover what was planted in about 68 % of campaigns (`benchmarks/coverage.py`)."""
+"""Standard errors are honest: intervals cover the truth as often as they say (`gyrocal benchmark coverage`, in small)."""
 
-import importlib.util
+from __future__ import annotations
+
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-SESSIONS = 24
-COVERAGE = Path(__file__).parents[2] / "benchmarks" / "coverage.py"
+from gyrocal import benchmark
+
+FITS = 20
 
 
 @pytest.fixture(scope="module")
-def pulls() -> dict[tuple[str, str], np.ndarray]:
-    """(value - truth) / standard error of each parameter, in each campaign."""
-    spec = importlib.util.spec_from_file_location("coverage_benchmark", COVERAGE)
-    assert spec is not None
-    assert spec.loader is not None
-    benchmark = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(benchmark)
-    each = [benchmark.pulls(seed) for seed in range(1000, 1000 + SESSIONS)]  # other campaigns than the benchmark's
-    return {key: np.array([p[key] for p in each]) for key in each[0]}
+def coverage() -> Any:
+    return benchmark._module("coverage")
 
 
-@pytest.mark.parametrize("name", ["scale", "bias_dps", "k1_dps_per_c", "amplitude_1"])
-def test_intervals_cover_the_truth_as_often_as_they_say(pulls: dict[tuple[str, str], np.ndarray], name: str) -> None:
-    (z,) = [v for (_, parameter), v in pulls.items() if parameter == name]
-    inside = int(np.sum(np.abs(z) < 1.0))
-    low, high = binom.interval(0.999, SESSIONS, 0.6827)
-    assert low <= inside <= high
-    assert np.abs(z).max() < 6.0
+@pytest.mark.parametrize(
+    ("effect_id", "size", "names"),
+    [
+        ("warmup", "triple", ["A_dps", "tau_s"]),
+        ("table_ripple", "triple", ["amplitude_1"]),
+        ("vibration_tone", "typical", ["A_dps", "f_hz"]),
+        ("spin_up", "typical", ["A", "tau_s"]),
+        ("bias_temperature", "typical", ["k1_dps_per_c"]),
+    ],
+)
+def test_intervals_cover_the_truth_as_often_as_they_say(coverage: Any, effect_id: str, size: str, names: list[str]) -> None:
+    found = [coverage.one_fit(effect_id, size, seed) for seed in range(1000, 1000 + FITS)]  # not the benchmark's sessions
+    low, high = binom.interval(0.9999, FITS, 0.6827)
+    for name in [*names, "scale.scale"]:
+        z = np.array([coverage._z(*one[name]) for one in found])
+        assert low <= np.count_nonzero(np.abs(z) < 1.0) <= high, name
+        assert np.abs(z).max() < 6.0, name
+        assert 0.5 < np.sqrt(np.mean(z**2)) < 1.7, name
+
+
+def test_fits_are_not_repeated_and_those_of_other_sources_are(coverage: Any, tmp_path: Path) -> None:
+    out = tmp_path / "coverage.jsonl"
+    done: list[int] = []
+    first = coverage.measured(1, ["misalignment"], lambda n, _: done.append(n), out)
+    assert done == [1, 2, 3]
+    assert coverage.measured(1, ["misalignment"], lambda n, _: done.append(n), out) == first
+    assert done == [1, 2, 3]
+    rows = [json.loads(line) for line in out.read_text().splitlines()]
+    out.write_text("".join(json.dumps({**row, "sources": "others"}) + "\n" for row in rows))
+    again = coverage.measured(1, ["misalignment"], lambda n, _: done.append(n), out)
+    assert done == [1, 2, 3, 1, 2, 3]
+    assert [row["found"] for row in again] == [row["found"] for row in first]
+
+
+def test_the_band_holds_for_all_cells_together(coverage: Any) -> None:
+    """Right intervals of 60 cells are all inside; too narrow ones, missing values and missing errors are outside."""
+    rng = np.random.default_rng(4)
+
+    def rows(scale: float, kept: float) -> list[dict[str, Any]]:
+        cells = [(f"effect{i}", size) for i in range(20) for size in coverage.SIZES]
+        return [
+            {"effect": e, "size": size, "seed": seed, "found": {"k": [z, 1.0 if rng.random() < kept else None, 0.0]}}
+            for e, size in cells for seed, z in enumerate(scale * rng.normal(size=300))
+        ]  # fmt: skip
+
+    assert not any(line["outside"] for line in coverage.summary(rows(1.0, 1.0))["rows"])
+    for wrong in (rows(2.0, 1.0), rows(1.0, 0.6)):
+        assert all(line["outside"] for line in coverage.summary(wrong)["rows"])
+
+
+def test_every_effect_has_cells_or_a_reason(coverage: Any) -> None:
+    from gyrocal.effects.base import effects
+
+    left = {i for i, kind in effects().items() if kind.role is None} - set(coverage.covered_effects())
+    assert left == set(coverage.LEFT_OUT)
+    for effect_id in coverage.covered_effects():
+        kind = effects()[effect_id]
+        sizes = [coverage.values_of(kind, size)[coverage.sized(kind)] for size in coverage.SIZES]
+        assert sizes[1] == pytest.approx(3 * sizes[0])
+        assert sizes[2] == pytest.approx(3 * sizes[1])

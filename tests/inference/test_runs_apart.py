@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.compare import Comparison, compare
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session

@@ -35,6 +35,22 @@ def test_normal_equations_are_those_of_the_dense_covariance(noise: Noise, gap: b
     assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
 
 
+@pytest.mark.parametrize("gap", [False, True])
+def test_color_is_the_covariance_of_an_autoregression(gap: bool) -> None:
+    """Its level is the density at low frequencies: the variance is ``level (1 - c) / (1 + c)``, the correlation c per block."""
+    rng = np.random.default_rng(6)
+    t_s, n, color, noise = np.arange(80) * 0.1, np.full(80, 10.0), 0.3, Noise(0.04)
+    lag = np.abs(np.arange(80)[:, None] - np.arange(80))
+    v = noise.white_sd_dps**2 / 10 * (1 - color) / (1 + color) * color**lag
+    if gap:
+        t_s[30:] += 2.0
+        v[:30, 30:] = v[30:, :30] = 0.0
+    columns = rng.normal(size=(1, 3, 80))
+    gram, logdet = Summed.of(columns, t_s, n, color=color).normal_equations(noise)
+    np.testing.assert_allclose(gram[0], columns[0] @ np.linalg.solve(v, columns[0].T), rtol=1e-9)
+    assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
+
+
 def test_a_run_of_one_block_is_one_equation() -> None:
     columns, noise = np.array([[[2.0], [1.0]]]), Noise(0.04, 0.003, 20.0)
     gram, logdet = normal_equations(columns, np.zeros(1), np.full(1, 2000.0), noise)

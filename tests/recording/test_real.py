@@ -10,17 +10,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
+from scipy.io import loadmat
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
 from gyrocal.device import simulated
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.error_model.model import Model
+from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
 from gyrocal.plausibility import check
 from gyrocal.recording.session import AXES, Session
+from gyrocal.recording.stamps import regression
+from gyrocal.recording.timing import smoothing_spline
+from make_runs import make_run, make_session
 
 REALDATA = Path(os.environ.get("GYROCAL_REALDATA") or Path(__file__).parents[3] / "shared" / "realdata")
 
@@ -173,3 +178,25 @@ def test_mpu6050_at_rest_on_the_host(tmp_path: Path) -> None:
     model = fit(session, Model.builtin("paper")).model
     bias_dps = [model.value("bias", a, "bias_dps") for a in AXES]
     assert bias_dps == pytest.approx([-3.345, 1.089, -0.498], abs=0.001)
+
+
+@pytest.mark.parametrize("file", ["raw_pitch_slow.mat", "raw_pitch_medium.mat"])
+def test_stepper_reads_12_ms_behind_its_encoder(file: str) -> None:
+    """Its times repeat now and then; the encoder's angle is differentiated as a smoothing spline."""
+    loaded = loadmat(recording("mpu6050_encoder_stepper", file))
+    stamps = regression(loaded["all_time"].ravel())
+    assert 1 / stamps.period_s == pytest.approx(99.89, abs=0.01)
+    rows = slice(3000, 33000)  # 300 s from second 30 on
+    t_s = stamps.t_s[rows]
+    angle_deg = smoothing_spline(t_s, loaded["all_encoder"].ravel()[rows], 16 * stamps.period_s**3)
+    rate_dps = CubicSpline(t_s, angle_deg)(t_s, 1)
+    gyro = np.column_stack([loaded[f"all_gyro_2_{a}"].ravel()[rows] for a in AXES])
+    parts = [slice(k, k + 7500) for k in range(0, 30000, 7500)]
+    runs = [make_run(t_s[p], gyro[p], axis="y", rate_ref_dps=rate_dps[p], rate_hz=100.0) for p in parts]
+    model = fit(make_session(*runs, axis="y"), Model.builtin("default").with_term(Term("lag", "y")), axes="y").model
+    lag, scale = model.term("lag", "y"), model.term("scale", "y")
+    assert lag is not None
+    assert scale is not None
+    assert lag.values["tau_s"] == pytest.approx(0.012, abs=2.5 * lag.se["tau_s"])
+    assert lag.se["tau_s"] < 0.001
+    assert scale.values["scale"] == pytest.approx(-0.0148, abs=2.5 * scale.se["scale"])

@@ -13,6 +13,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.noise.drift import Drift
@@ -114,6 +115,8 @@ def calibration_of(
             if kind.scope == "session" or kind.common_mean
             else np.zeros(kind.spread(term.values).size)
         )
+        if isinstance(kind, TimingEffect):  # its column is a derivative about its value
+            mean = np.zeros(mean.size)
         spread = kind.spread(term.values)
         se = (
             kind.spread({n: term.se.get(n, 0.0) for n in term.values})
@@ -189,15 +192,19 @@ def _prior(model: Model, axis: str, role: Role, spread: float | None, spread_se:
 def run_blocks(run: Run, calibration: Calibration) -> tuple[Array, Array, Array]:
     """Block means of [run, shared, bias, scale, y - w], shape [q, m], the blocks' times (s) and numbers of samples [m]."""
     axis = AXES.index(calibration.axis)
+    for c in calibration.columns:
+        run = run.timed(c.effect.set(run.timing, c.values)) if isinstance(c.effect, TimingEffect) else run
     rate_dps = run.rate_dps if run.axis_index == axis else np.zeros(len(run))
+    as_measured = run.as_measured()
     columns = np.column_stack([
-        *(c.effect.columns(run, axis, c.values)[:, c.index] for c in calibration.columns),
+        *(c.effect.columns(as_measured, axis, c.values)[:, c.index] for c in calibration.columns),
         np.ones(len(run)), rate_dps, run.gyro_dps[:, axis] - rate_dps,
     ])  # fmt: skip
     label = np.zeros(len(run), dtype=np.int64) if run.rate_is_mean else run.t_us // BLOCK_US
     blocks, first, count = np.unique(label, return_index=True, return_counts=True)
     means = np.add.reduceat(columns, first, axis=0) / count[:, None]
     full = np.asarray(run.rate_is_mean | (2e6 * count >= run.sample_rate_hz * BLOCK_US))
+    full = full & np.logical_and.reduceat(run.reached, first)
     for kind, values in calibration.faults:
         usable = kind.usable(run, axis, values)
         full = full if usable is None else full & np.logical_and.reduceat(usable, first)

@@ -5,7 +5,8 @@ from typing import Annotated
 import typer
 
 NAMES = (
-    "blind (naming), paper (tables), robustness, inference (cost), population (errors) or real (recordings by others)."
+    "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors) or "
+    "real (recordings by others)."
 )
 
 

@@ -82,17 +82,19 @@ def run(
         columns=[c.strip() for c in columns.split(",")] if columns else None, skip=skip, form=form, sensor=sensor,
         full_scale_dps=full_scale_dps, append=append, warn=damaged.append,
     )  # fmt: skip
-    _tell(session, out, [*damaged, *check(session)], as_json)
+    evened = {w.file for w in damaged if w.code == "sample_rate"}
+    repaired = {"times": sum(len(r) for r in session.runs if r.file in evened)} if evened else {}
+    _tell(session, out, [*damaged, *check(session)], repaired, as_json)
 
 
-def _tell(session: "Session", out: Path, warnings: "list[Warning]", as_json: bool) -> None:
+def _tell(session: "Session", out: Path, warnings: "list[Warning]", repaired: "dict[str, int]", as_json: bool) -> None:
     from gyrocal.present.output import emit
     from gyrocal.present.report import print_warnings
 
     samples = sum(len(r) for r in session.runs)
     if as_json:
         emit({
-            "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": {},
+            "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": repaired,
             "warnings": [w.to_json() for w in warnings],
         })  # fmt: skip
         return

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import Comparison, compare, with_floor_of
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import proven
 from gyrocal.diagnosis.evidence import judge

@@ -18,8 +18,9 @@ class Candidate:
     """One effect on one axis, with its evidence and the decision.
 
     ``values`` and ``se`` are in the units of the effect's parameters. ``gain`` and ``gain_se`` are the held-out gain in
-    log-likelihood and its standard error; they are None where nothing can be held out. ``chance`` is the probability that
-    noise alone gains as much. ``signal`` [blocks] is the fitted term without the part that the model already explains, and
+    log-likelihood and its standard error; they are None where nothing can be held out. ``excess_drop_dps`` is the excess on
+    this axis without the effect minus that with it, deg/s, with its standard error. ``chance`` is the probability that noise
+    alone gains as much. ``signal`` [blocks] is the fitted term without the part that the model already explains, and
     ``unit_gains`` [units] are the gains of the held-out units.
     """
 
@@ -29,6 +30,8 @@ class Candidate:
     values: Values = field(default_factory=dict)
     se: Values = field(default_factory=dict)
     explained: float | None = None
+    excess_drop_dps: float | None = None
+    excess_drop_se_dps: float | None = None
     gain: float | None = None
     gain_se: float | None = None
     chance: float = 1.0
@@ -38,6 +41,8 @@ class Candidate:
     parameters: int = 0
     signal: Array | None = field(default=None, repr=False)
     unit_gains: Array | None = field(default=None, repr=False)
+    gain_noise: float = 0.0
+    """Standard deviation of the gain over the noise of measured columns, which a computed column of the same shape lacks."""
     enough: bool = False
     """True if the candidate explains at least ``Policy.explained`` of the excess error, as far as this is known."""
 
@@ -55,6 +60,8 @@ class Candidate:
                 for name, value in self.values.items()
             },
             "explained": self.explained,
+            "excess_drop_dps": self.excess_drop_dps,
+            "excess_drop_se_dps": self.excess_drop_se_dps,
             "heldout_gain": self.gain,
             "heldout_gain_se": self.gain_se,
             "q_value": self.q_value,

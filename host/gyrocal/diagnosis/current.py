@@ -6,22 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.levels import Floor, MeanSquares, floor_of
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
+from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import fit_noise
-from gyrocal.recording.session import AXES, Array, Run
-
-
-@dataclass(frozen=True)
-class MeanSquares:
-    """Mean squares of held-out residuals, dps^2: of the residuals themselves, and about the mean of each power cycle."""
-
-    all: float
-    within_cycles: float
+from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.reml import unknown_spreads
+from gyrocal.recording.session import AXES, Run
 
 
 @dataclass(frozen=True)
@@ -54,10 +47,10 @@ class Current:
     def folds(self) -> list[heldout.Fold]:
         return heldout.folds(self.comparison.fit)
 
-    @cached_property
-    def mean_squares(self) -> MeanSquares:
-        """Mean squares of the model's own held-out residuals."""
-        return self.mean_squares_of(self.fit)
+    @property
+    def squares(self) -> MeanSquares:
+        """Mean squares of the model's own held-out residuals, dps^2."""
+        return self.comparison.squares[self.axis]
 
     def of_samples(self) -> Current:
         """The same model fitted to samples instead of block means, for effects that are faster than a block."""
@@ -65,18 +58,31 @@ class Current:
         samples = design.over(by_sample(self.comparison.fit.blocks), cell_s=design.cell_s or BLOCK_S)
         return replace(self, fit=fit_noise(samples, start=self.fit))
 
+    def of_runs(self, kept: Mask) -> Current:
+        """The same model fitted to some of the runs, for an effect whose data the others lack."""
+        whole = self.comparison.fit
+        blocks = [b for b, keep in zip(self.fit.design.blocks, kept, strict=True) if keep]
+        design = self.fit.design.over(blocks)
+        fitted = fit_noise(design, start=with_noise(design, self.fit.noise, unknown_spreads(design)))
+        part = replace(
+            whole, session=whole.session.with_runs(b.run for b in blocks), blocks=blocks, axes={self.axis: fitted}
+        )  # fmt: skip
+        return Current(replace(self.comparison, fit=part), self.axis, fitted)
+
+    @property
+    def units(self) -> list[str]:
+        """The held-out units, in the order of a candidate's gains."""
+        return [name for step in heldout.steps(self.fit, self.folds) for name in step.gain]
+
     def predictions(self, fitted: AxisFit) -> Iterator[heldout.Prediction]:
         """The predictions of another fit on this axis: of held-out samples, or in sample if nothing can be held out."""
         alone = self.comparison.fit.on(self.axis, fitted)
         return heldout.predictions(alone, self.folds) if self.folds else heldout.fitted(alone)
 
-    def mean_squares_of(self, fitted: AxisFit) -> MeanSquares:
-        """Mean squares of another fit's held-out residuals."""
-        sums: dict[str, Array] = {}
-        for p in heldout.predictions(self.comparison.fit.on(self.axis, fitted), self.folds):
-            residual = p.residual_dps
-            of_run = np.array([residual @ residual, residual.sum(), residual.size])
-            sums[p.run.scenario] = sums.get(p.run.scenario, np.zeros(3)) + of_run
-        squares, totals, counts = np.array(list(sums.values())).reshape(-1, 3).T
-        samples = max(float(counts.sum()), 1.0)
-        return MeanSquares(float(squares.sum()) / samples, float((squares - totals**2 / counts).sum()) / samples)
+    def squares_of(self, fitted: AxisFit) -> MeanSquares:
+        """Mean squares of another fit's held-out residuals, dps^2."""
+        return MeanSquares.of(heldout.predictions(self.comparison.fit.on(self.axis, fitted), self.folds))
+
+    def floor_of(self, fitted: AxisFit) -> Floor:
+        """The floor of another fit's held-out residuals."""
+        return floor_of(fitted, self.folds, self.white_power)

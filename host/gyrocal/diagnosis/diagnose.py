@@ -10,29 +10,19 @@ thresholds are in ``gyrocal/policy.py``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from itertools import chain
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from gyrocal.diagnosis import naming
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import Comparison, compare
-from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.decision import decide, with_q_values
-from gyrocal.diagnosis.evidence import judge
-from gyrocal.diagnosis.rivals import with_groups
-from gyrocal.effects import base
-from gyrocal.effects.base import Effect
+from gyrocal.diagnosis.comparison import Comparison, measure
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
-from gyrocal.threads import each, one_thread
+from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
-
-BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
 
 
 @dataclass(frozen=True)
@@ -69,14 +59,10 @@ def diagnose(
     parsed.
     """
     own = [effect_or_formula(text) for text in formulas]
-    comparison = compare(session, model, progress=progress)
-
-    def on(axis: str) -> list[Candidate]:
-        return _candidates(Current.of(comparison, axis), own, progress)
-
-    judged = list(chain.from_iterable(each(on, comparison.judged, session.rows)))
-    judged = with_groups(decide(with_q_values(judged), comparison))
-    judged.sort(key=lambda c: (BEST_FIRST.index(c.decision), -(c.gain if c.gain is not None else -np.inf)))
+    comparison = measure(session, model, progress=progress)
+    judged = naming.candidates(comparison, own, progress=progress)
+    if not comparison.where and not comparison.implausible:
+        comparison = replace(comparison, where=naming.findings(comparison, judged))
     verdict = _verdict(comparison, judged)
     return Diagnosis(verdict, judged, _unknown(comparison) if verdict == "unknown" else None, comparison)
 
@@ -94,20 +80,3 @@ def _unknown(comparison: Comparison) -> dict[str, Any]:
     """The strongest finding as a description of a misfit that no effect explains."""
     first = comparison.where[0]
     return {"axis": first.axis, "against": first.against, "shape": first.note, "amplitude_dps": first.amplitude_dps}
-
-
-def _candidates(current: Current, own: Sequence[Effect], progress: Progress | None) -> list[Candidate]:
-    """Judge every effect that the model does not have on one axis."""
-    present = {t.effect_id for t in current.fit.terms}
-    out = []
-    for effect in [*base.effects().values(), *own]:
-        if effect.id in present or effect.role is not None:
-            continue
-        if progress is not None:
-            progress(f"trying {effect.id} on {current.axis}")
-        lacking = effect.missing(current.comparison.fit.session.runs, current.index)
-        if lacking is not None:
-            out.append(Candidate(effect, current.axis, "not_measurable", next_measurement=f"needs {lacking}"))
-        else:
-            out.append(judge(current, effect))
-    return out

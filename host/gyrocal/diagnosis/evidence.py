@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
@@ -11,8 +13,10 @@ from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
+from gyrocal.inference.design import UNIDENTIFIED, Mask
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.nonlinear import refine
@@ -23,17 +27,45 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 
-def judge(current: Current, effect: Effect) -> Candidate:
-    """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data."""
+def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
+    """Fit one candidate together with the model and the noise, and measure its gain in sample and on held-out data.
+
+    Runs that lack the effect's data are left out of the judgement. Held-out data are not used if noise gains as much in sample
+    with a probability above ``unless``.
+    """
+    lacks = np.array([effect.lacks(run) for run in current.runs])
+    if lacks.any() and not lacks.all():
+        part = current.of_runs(~lacks)
+        return _over_all_runs(_judge(part, effect, unless), current, part, ~lacks)
+    return _judge(current, effect, unless)
+
+
+def _over_all_runs(of_part: Candidate, whole: Current, part: Current, kept: Mask) -> Candidate:
+    """A candidate that was judged on some of the runs, with its signal and gains unknown (NaN) in the others."""
+    signal, gains = of_part.signal, of_part.unit_gains
+    if signal is not None:
+        known = np.repeat(kept, whole.fit.design.n_blocks)
+        signal, of_kept = np.full(known.size, np.nan), signal
+        signal[known] = of_kept
+    if gains is not None:
+        of_unit = dict(zip(part.units, gains, strict=True))
+        gains = np.array([of_unit.get(name, np.nan) for name in whole.units])
+    return replace(of_part, signal=signal, unit_gains=gains)
+
+
+def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     fault = None if effect.fault is None else effect.fault.detect(current.runs, current.index)
     if fault is not None:
         return judge_reading(current, effect, fault)
     if isinstance(effect, ReadingFault):
         return Candidate(effect, current.axis, "reject")
-    if effect.fast:
-        peak = current.comparison.spectra[current.axis].peak()
-        if peak is None or peak.chance > POLICY.false_discovery_rate:
-            return Candidate(effect, current.axis, "reject")
+    peak = current.comparison.spectra[current.axis].peak()
+    line_chance = 1.0 if peak is None else peak.chance
+    if not effect.shows(current.runs, current.index, line_chance):
+        return Candidate(effect, current.axis, "reject")
+    # the noise of samples is coloured, so a line of constant frequency is judged against its neighbours in the spectrum
+    least_chance = line_chance if effect.is_line else 0.0
+    if effect.needs_samples(current.runs, current.index):
         current = current.of_samples()
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
     if not _measurable(tried):
@@ -42,17 +74,20 @@ def judge(current: Current, effect: Effect) -> Candidate:
     term = fitted.terms[-1]
     parameters = _parameters(current.fit, fitted, effect)
     looks = effect.looks(current.runs, current.index)
-    chance = min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1])
+    chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
+    if chance > unless:
+        return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
     signal = _signal(fitted)
-    excess = explained(current, fitted, signal)
-    one_size = isinstance(effect, Wave) and effect.same_size
-    partial = (one_size and _uneven(fitted)) or (effect.common_mean and _without_mean(term))
+    excess = explained(current, fitted, signal, chance)
+    partial = isinstance(effect, Wave) and _contradicted(fitted, effect)
+    partial = partial or (effect.common_mean and _without_mean(term))
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
-        enough=excess.enough and not partial,
+        excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not partial,
+        gain_noise=_gain_noise(fitted),
     )  # fmt: skip
 
 
@@ -63,16 +98,20 @@ def _parameters(current: AxisFit, fitted: AxisFit, effect: Effect) -> int:
     return coefficients + spreads + len(effect.nonlinear)
 
 
-def _uneven(fitted: AxisFit) -> bool:
-    """True if a wave that should have the same size in all runs appears only in some of them."""
+def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
+    """True if the sizes of a wave in the runs contradict what it says about its size."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:
         return False
     free = Spreads(10 * fitted.spreads.run, fitted.spreads.scenario)  # a run's size without shrinkage
-    runs = range(len(fitted.design.blocks))
-    square = [float(np.sum(fitted.run_coefficients(i, fitted.solution.beta, free)[own] ** 2)) for i in runs]
-    return float(np.median(square)) < POLICY.even**2 * float(np.mean(square))
+    first = 1 + len(layout.fixed)
+    parts = [
+        fitted.run_coefficients(i, fitted.solution.beta, free)[own] @ fitted.design.columns(i)[[first + j for j in own]]
+        for i in range(len(fitted.design.blocks))
+    ]
+    sizes_dps = np.array([np.sqrt(np.mean(part**2)) if part.size else 0.0 for part in parts])
+    return not wave.holds([b.run for b in fitted.design.blocks], sizes_dps)
 
 
 def _without_mean(term: Term) -> bool:
@@ -81,18 +120,31 @@ def _without_mean(term: Term) -> bool:
     return all(size < POLICY.mean_errors * se for size, se in mean)
 
 
+def _gain_noise(fitted: AxisFit) -> float:
+    """Standard deviation of the log-likelihood over the noise of the candidate's columns: of that noise times the readings'."""
+    layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
+    own = [j for j, (i, _) in enumerate(layout.fixed) if i == mine]
+    power = fitted.solution.beta[own] ** 2 @ fitted.design.column_noise[:, own, 0].sum(axis=0)
+    return float(np.sqrt(max(power, 0.0)) / fitted.noise.white_sd_dps)
+
+
 def _measurable(tried: AxisFit) -> bool:
     """True if the candidate's columns are not a combination of the model's own columns."""
     layout, mine = tried.design.layout, len(tried.design.terms) - 1
     own = [1 + len(layout.fixed) + j for j, (i, _) in enumerate(layout.run) if i == mine]
     shared = [1 + j for j, (i, _) in enumerate(layout.fixed) if i == mine]
     others = [1 + j for j, (i, _) in enumerate(layout.fixed) if i != mine]
+    stated = [1 + j for j, (i, _) in enumerate(layout.fixed) if tried.design.terms[i].effect.role is not None]
     gram = tried.grams.sum(axis=0)
-    rest = gram[np.ix_(others, others)]
+
+    def beyond(c: int, columns: list[int]) -> float:
+        """The squared norm of a column that is independent of other columns."""
+        rest = gram[np.ix_(columns, columns)]
+        return float(gram[c, c] - gram[c, columns] @ np.linalg.lstsq(rest, gram[columns, c], rcond=None)[0])
+
     for c in own or shared:
-        norm = gram[c, c]
-        inside = gram[c, others] @ np.linalg.lstsq(rest, gram[others, c], rcond=None)[0] if others else 0.0
-        if norm > 0 and norm - inside > POLICY.measurable * norm:
+        norm = beyond(c, stated) if tried.design.terms[mine].effect.origin_free else float(gram[c, c])
+        if norm > UNIDENTIFIED * gram[c, c] and beyond(c, others) > POLICY.measurable * norm:
             return True
     return False
 
@@ -104,7 +156,7 @@ def _signal(fitted: AxisFit) -> Array:
     samples.
     """
     mine = len(fitted.design.terms) - 1
-    layout = fitted.design.layout
+    layout, term = fitted.design.layout, fitted.terms[-1]
     p = len(layout.fixed)
     parts, rests = [], []
     for i, b in enumerate(fitted.design.blocks):
@@ -118,6 +170,8 @@ def _signal(fitted: AxisFit) -> Array:
         part = part + sum(
             (u[j] * matrix[1 + p + j] for j, (t, _) in enumerate(layout.run) if t == mine), np.zeros(n.size)
         )
+        if isinstance(term.effect, TimingEffect):  # its column is only a derivative
+            part = b.mean(term.effect.term(b.run, fitted.design.axis, term.values)[:, None])[:, 0]
         parts.append(part * weight)
         rests.append((matrix[[1 + j for j, (t, _) in enumerate(layout.fixed) if t != mine]] * weight).T)
     part, rest = np.concatenate(parts), np.concatenate(rests)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import Comparison, with_floor_of
+from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.evidence import judge
@@ -221,13 +221,17 @@ def _matters(step: Step, final: Comparison) -> bool:
     """True if, on one of its axes, the step removes a noticeable fraction of the squared excess that would otherwise remain."""
 
     def noticed(axis: str) -> bool:
-        removed, left_dps = _removed_power(step.before, step.after, axis), final.per_axis[axis].excess_dps or 0.0
+        removed, left_dps = _removed_power(step.before, step.after, axis), final.per_axis[axis].excess_within_dps or 0.0
         return removed > POLICY.noticeable * (removed + left_dps**2)
 
     return any(map(noticed, step.axes))
 
 
 def _removed_power(before: Comparison, after: Comparison, axis: str) -> float:
-    """Decrease of an axis's squared held-out excess, dps^2; 0 if nothing can be held out."""
-    old, new = before.per_axis[axis].excess_dps, after.per_axis[axis].excess_dps
-    return 0.0 if old is None or new is None else old**2 - new**2
+    """Decrease of an axis's squared held-out excess, dps^2, over one floor; 0 if nothing can be held out.
+
+    The offset and scale of a few power cycles can hide the decrease. The decrease within power cycles counts if it is larger.
+    """
+    old, new = before.per_axis[axis], after.per_axis[axis]
+    pairs = ((old.rms_dps, new.rms_dps), (old.excess_within_dps, new.excess_within_dps))
+    return max((a**2 - b**2 for a, b in pairs if a is not None and b is not None), default=0.0)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, excess_of
+from gyrocal.diagnosis.levels import explained as part_of
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
@@ -14,40 +16,58 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class Explained:
-    """``part`` is 1 - (excess after / excess before)^2, or None without an excess; ``enough`` is True if it is sufficient."""
+    """What a candidate makes of the excess on its axis.
+
+    ``part`` is 1 - (excess after / excess before)^2, or None without a certain excess; ``enough`` is True if it is sufficient.
+    ``drop_dps`` is excess before minus excess after, with its standard error; both are None if nothing can be held out.
+    """
 
     part: float | None
     enough: bool
+    drop_dps: float | None = None
+    drop_se_dps: float | None = None
 
 
-def explained(current: Current, fitted: AxisFit, signal: Array) -> Explained:
+def explained(current: Current, fitted: AxisFit, signal: Array, chance: float) -> Explained:
     """The part of the excess on this axis that a candidate removes, on held-out data and over the richer model's floor.
 
-    A few power cycles determine the spread of their offsets poorly. The floor therefore has a standard error, and the offset
-    of a held-out power cycle can change the excess by more than a small effect does. ``enough`` allows for both. It is True
-    if the candidate's own power, or the decrease of the excess, is at least ``Policy.explained`` of the excess beyond
-    ``Policy.floor_errors`` standard errors of the floor. It is also True if the candidate's power reaches that part within
-    power cycles, where their offsets are removed from both.
+    A few power cycles determine the spread of their offsets poorly, and the offset of a held-out power cycle can change the
+    excess by more than a small effect does. ``enough`` allows for both. It is True if the candidate's own power, or the
+    decrease of the excess, is at least ``Policy.explained`` of the excess beyond ``Policy.floor_errors`` standard errors of the
+    floor. It is also True if the candidate's power reaches that part within power cycles, where their offset and scale are
+    removed from both. A candidate that noise explains, with a probability ``chance`` above the false-discovery rate, leaves the
+    noise and its floor as they are.
     """
     if not current.folds:
         return Explained(None, False)
-    before, after = current.mean_squares.all, current.mean_squares_of(fitted)
-    white, drift = current.white_power, fitted.noise.ou_sd_dps**2
-    floor = white + fitted.slow_power
+    before, after = current.squares, current.squares_of(fitted)
+    significant = chance < POLICY.false_discovery_rate
+    floor = current.floor_of(fitted) if significant else current.comparison.floors[current.axis]
+    part = part_of(Level.of(before, floor), Level.of(after, floor), current.comparison.cycles)
     samples = sum(len(b.run) for b in fitted.design.blocks)
-    of_cycles, of_drift = _floor_errors(fitted)
-    sure = floor + POLICY.floor_errors * float(np.hypot(of_cycles, of_drift))
-    sure_within = white + drift + POLICY.floor_errors * float(np.hypot(white * np.sqrt(2 / samples), of_drift))
-    enough = before - after.all >= POLICY.explained * max(before - sure, 0.0) and before > after.all
+    of_cycles, of_drift = _floor_errors(fitted, floor)
+    sure = floor.all + POLICY.floor_errors * float(np.hypot(of_cycles, of_drift))
+    white_error = floor.white * np.sqrt(2 / samples)
+    sure_within = floor.within + POLICY.floor_errors * float(np.hypot(white_error, of_drift))
+    enough = before.all - after.all >= POLICY.explained * max(before.all - sure, 0.0) and before.all > after.all
     for power, left in (
         (float(signal @ signal), after.all - sure),
-        (_within_cycles(fitted, signal), after.within_cycles - sure_within),
+        (_within_cycles(fitted, signal), after.within - sure_within),
     ):
         power /= samples
         enough = enough or (power >= POLICY.explained * (power + max(left, 0.0)) and power > 0)
-    if before <= floor:
-        return Explained(None, enough)
-    return Explained(float(1 - max(0.0, after.all - floor) / (before - floor)), enough)
+    return Explained(part, enough, *_drop(before, after, floor))
+
+
+def _drop(before: MeanSquares, after: MeanSquares, floor: Floor) -> tuple[float, float]:
+    """Excess before minus excess after with its standard error, deg/s.
+
+    The noise of both is the same, so only its correlation with the part that is removed remains in the error.
+    """
+    white = floor.white / max(before.samples, 1)
+    old, new = (excess_of(s.all - floor.all, 0.0, 0.0)[0] for s in (before, after))
+    removed = abs(before.all - after.all)
+    return old - new, excess_of(removed, 0.0, white)[1]
 
 
 def _within_cycles(fitted: AxisFit, signal: Array) -> float:
@@ -60,10 +80,10 @@ def _within_cycles(fitted: AxisFit, signal: Array) -> float:
     return float(np.sum((signal - mean[cycle] * weight) ** 2))
 
 
-def _floor_errors(fitted: AxisFit) -> tuple[float, float]:
+def _floor_errors(fitted: AxisFit, floor: Floor) -> tuple[float, float]:
     """Standard error of the squared floor, dps^2, from the number of power cycles and of correlation times of the drift."""
     cycles = len(np.unique(fitted.design.scenarios))
     seconds = sum(b.run.duration_s for b in fitted.design.blocks)
     turns = len(fitted.design.blocks) + seconds / (2 * fitted.noise.ou_tau_s)
-    drift = fitted.noise.ou_sd_dps**2
-    return float((fitted.slow_power - drift) * np.sqrt(2 / cycles)), float(drift * np.sqrt(2 / turns))
+    of_cycles, of_drift = floor.all - floor.within, max(0.0, floor.within - floor.white)
+    return float(of_cycles * np.sqrt(2 / cycles)), float(of_drift * np.sqrt(2 / turns))

@@ -22,3 +22,5 @@ class Finding:
     amplitude_dps: float
     note: str
     shape: Shape | None = field(default=None, repr=False, compare=False)
+    band_hz: tuple[float, float] | None = field(default=None, repr=False, compare=False)
+    """The lowest and the highest frequency of a finding against the frequency, Hz."""

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.gains import held_out_gain, total

@@ -1,65 +1,190 @@
-"""rms, noise floor and excess of held-out residuals."""
+"""rms, noise floor and excess of held-out residuals: the one place where they are computed.
+
+The floor is the rms that noise alone is expected to leave. Its square is a sum: the scatter within blocks of 0.1 s, which needs
+no model of the noise, and the expected square of the block means, which :mod:`gyrocal.inference.expected` computes from the
+fitted noise. The excess is ``sqrt(max(0, rms^2 - floor^2))``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import beside
+from gyrocal.effects.base import Role
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference import heldout
-from gyrocal.inference.fitted import Fit
-from gyrocal.inference.heldout import Prediction
+from gyrocal.inference.blocks import begins_apart
+from gyrocal.inference.excess_error import difference_errors
+from gyrocal.inference.expected import expected, of_cycle, removed
+from gyrocal.inference.fitted import AxisFit, Fit
+from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import outliers
-from gyrocal.recording.session import AXES, Array
+from gyrocal.recording.first_readings import FIRST
+from gyrocal.recording.session import Array
+
+
+@dataclass(frozen=True)
+class MeanSquares:
+    """Mean squares of held-out residuals, dps^2: of all, and with offset and scale of each power cycle removed."""
+
+    all: float
+    within: float
+    samples: int
+
+    @staticmethod
+    def of(held: Iterable[Prediction]) -> MeanSquares:
+        """Of the predictions of one axis. Without any, the mean squares are zero and ``samples`` is 0."""
+        squares, samples = 0.0, 0
+        sums: dict[str, Array] = {}
+        norms: dict[str, Array] = {}
+        for p in held:
+            rate = p.run.rate_dps[p.rows] if p.axis == p.run.axis_index else np.zeros(p.modelled_dps.size)
+            columns, residual, cycle = of_cycle(rate), p.residual_dps, p.run.scenario
+            if p.rows.start == 0:
+                residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
+            squares += float(residual @ residual)
+            samples += residual.size
+            sums[cycle] = sums.get(cycle, 0) + columns.T @ residual
+            norms[cycle] = norms.get(cycle, 0) + columns.T @ columns
+        taken = sum(removed(np.outer(sums[c], sums[c]), norms[c]) for c in sums)
+        count = max(samples, 1)
+        return MeanSquares(squares / count, max(0.0, squares - taken) / count, samples)
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The squared floor, dps^2, of all and within power cycles, and the noise of one sample, ``white``.
+
+    ``error`` and ``error_within`` are the standard errors of a mean square of noise minus its floor.
+    """
+
+    all: float
+    within: float
+    error: float
+    error_within: float
+    white: float
 
 
 @dataclass(frozen=True)
 class Level:
-    """rms of held-out residuals, noise floor and excess, in deg/s; rms and excess are None if nothing can be held out."""
+    """rms of held-out residuals, noise floor and excess, in deg/s; all but the floor are None if nothing can be held out.
+
+    ``excess_within_dps`` is the excess with the offset and scale of each power cycle removed from residuals and floor.
+    """
 
     rms_dps: float | None
     floor_dps: float
-    excess_dps: float | None
+    excess_dps: float | None = None
+    excess_se_dps: float | None = None
+    excess_within_dps: float | None = None
+    excess_within_se_dps: float | None = None
+
+    @staticmethod
+    def of(squares: MeanSquares, floor: Floor) -> Level:
+        """The level computed from mean squares and the squared floor."""
+        if squares.samples == 0:
+            return Level(None, float(np.sqrt(floor.all)))
+        excess, se = excess_of(squares.all - floor.all, floor.error, floor.white / squares.samples)
+        within, within_se = excess_of(squares.within - floor.within, floor.error_within, floor.white / squares.samples)
+        return Level(float(np.sqrt(squares.all)), float(np.sqrt(floor.all)), excess, se, within, within_se)
 
     def to_json(self) -> dict[str, Any]:
-        return {"rms_dps": self.rms_dps, "floor_dps": self.floor_dps, "excess_dps": self.excess_dps}
+        return {
+            "rms_dps": self.rms_dps, "floor_dps": self.floor_dps, "excess_dps": self.excess_dps,
+            "excess_se_dps": self.excess_se_dps, "excess_within_dps": self.excess_within_dps,
+            "excess_within_se_dps": self.excess_within_se_dps,
+        }  # fmt: skip
 
 
-def level_of(squares: Array, floor: float) -> Level:
-    """The level computed from sums of squares and counts [axes, 2] of :func:`squares_of` and a floor in deg/s."""
-    total, samples = squares.sum(axis=0)
-    if samples == 0:
-        return Level(None, floor, None)
-    rms = float(np.sqrt(total / samples))
-    return Level(rms, floor, float(np.sqrt(max(0.0, rms**2 - floor**2))))
+def excess_of(difference: float, error: float, white: float) -> tuple[float, float]:
+    """The excess and its standard error, deg/s, of a mean square over its floor (``difference``, dps^2).
 
-
-def squares_of(held: Iterable[Prediction]) -> Array:
-    """The sum of squared residuals (dps^2) and the number of samples of each axis, shape [3, 2]."""
-    out = np.zeros((len(AXES), 2))
-    for p in held:
-        out[p.axis] += float(np.sum(p.residual_dps**2)), p.modelled_dps.size
-    return out
-
-
-def floor_dps(fitted: Fit, axis: str, where: Sequence[Finding], white_power: float) -> float:
-    """The rms that white noise, quantisation, drift and turn-on bias predict, deg/s.
-
-    Where probes found a misfit, drift and turn-on bias are those of the fit that contains the probes' shapes. Otherwise they
-    would absorb the misfit.
+    ``error`` is the standard error of the difference for noise alone. A systematic residual also correlates with the white
+    noise by chance, which adds ``4·difference·white``; ``white`` is the noise of one sample over the number of samples, dps^2.
+    The error of the excess is half the width of the interval into which one standard error moves it, as the square root has no
+    slope at zero.
     """
-    current = fitted.axes[axis]
+    power = max(0.0, difference)
+    se = float(np.sqrt(error**2 + 4 * power * white))
+    return float(np.sqrt(power)), float(np.sqrt(power + se) - np.sqrt(max(0.0, power - se))) / 2
+
+
+def explained(before: Level, after: Level, cycles: int) -> float | None:
+    """``1 - (excess after / excess before)^2``, over one floor.
+
+    It is None if the excess before is below ``Policy.excess_errors`` standard errors, or if the floor holds the whole rms.
+    With fewer than ``Policy.few_cycles`` power cycles the excess within them is used, because the offset and scale of a few
+    cycles decide the rest.
+    """
+    few = cycles < POLICY.few_cycles
+    old, se = (before.excess_within_dps, before.excess_within_se_dps) if few else (before.excess_dps, before.excess_se_dps)
+    new = after.excess_within_dps if few else after.excess_dps
+    if not before.excess_dps or old is None or se is None or new is None:
+        return None
+    if old < POLICY.excess_errors * se:
+        return None
+    return 1 - (new / old) ** 2
+
+
+def pooled(squares: Iterable[MeanSquares], floors: Iterable[Floor]) -> Level:
+    """The level of several axes together: their mean squares weighted by their numbers of samples."""
+    pairs = list(zip(squares, floors, strict=True))
+    samples = sum(s.samples for s, _ in pairs)
+    weights = [s.samples / samples if samples else 1 / len(pairs) for s, _ in pairs]
+
+    def mean(values: Iterable[float]) -> float:
+        return float(sum(w * v for w, v in zip(weights, values, strict=True)))
+
+    def error(values: Iterable[float]) -> float:
+        return float(np.sqrt(sum((w * v) ** 2 for w, v in zip(weights, values, strict=True))))
+
+    floor = Floor(
+        mean(f.all for _, f in pairs), mean(f.within for _, f in pairs), error(f.error for _, f in pairs),
+        error(f.error_within for _, f in pairs), mean(f.white for _, f in pairs),
+    )  # fmt: skip
+    return Level.of(MeanSquares(mean(s.all for s, _ in pairs), mean(s.within for s, _ in pairs), samples), floor)
+
+
+def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float) -> Floor:
+    """The floor for the prediction of held-out samples by ``axis``, whose noise is ``white_power`` (dps^2) within blocks.
+
+    The floor is the sum of the independent parts of the noise; a part that neither of these two contains is added here.
+    """
+    power = expected(axis, folds)
+    samples = max(power.samples, 1.0)
+    between = 1 - power.blocks / samples  # the fraction of the scatter that is within blocks
+    error, error_within = difference_errors(axis, folds)
+    within = white_power * between + power.within / samples
+    of_cycles = min((power.squares - power.within) / samples, _largest_of_cycles(axis))
+    return Floor(within + of_cycles, within, error / samples, error_within / samples, white_power)
+
+
+def _largest_of_cycles(axis: AxisFit) -> float:
+    """The mean square, dps^2, up to which differences between power cycles count as noise."""
+    square = LARGEST_SPREAD[Role.BIAS] ** 2
+    if len(axis.design.layout.scenario) > 1:
+        rates = [float(np.mean(b.run.rate_dps**2)) for b in axis.design.blocks if b.run.axis_index == axis.design.axis]
+        square += LARGEST_SPREAD[Role.SCALE] ** 2 * float(np.mean(rates))
+    return square
+
+
+def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
+    """The fit with the noise that remains beside the probes' findings, which otherwise counts the misfit as noise."""
     shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
-    if shapes:
-        current = beside(current, axis, shapes)
-    return float(np.sqrt(white_power + current.slow_power))
+    if not shapes:
+        return current
+    clean = beside(current, axis, shapes)
+    same = clean.spreads.scenario.size == current.spreads.scenario.size
+    scenario = clean.spreads.scenario if same else current.spreads.scenario
+    return replace(current, noise=clean.noise, spreads=Spreads(current.spreads.run, scenario))
 
 
 def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
@@ -67,14 +192,18 @@ def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
     out = {}
     for p in heldout.fitted(fitted.on(axis)):
         residual = p.residual_dps
-        rows, apart_dps = outliers(residual, p.run.step_dps[p.axis])
+        residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
+        rows, apart_dps = outliers_of(p.run, p.axis, residual)
         residual[rows] -= apart_dps
         out[p.run.index] = residual
     return out
 
 
 def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:
-    """Mean square of the noise of one sample, dps^2: the scatter of residuals within blocks, without spectral lines."""
+    """Mean square of the noise of one sample, dps^2: scatter within blocks, without spectral lines, and of block means.
+
+    Noise behind a low-pass scatters less within a block than white noise does, and more between the means of blocks.
+    """
     total, count = 0.0, 0
     for b in fitted.blocks:
         if b.run.index not in by_run or b.within_n == 0:
@@ -84,4 +213,9 @@ def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spec
         count += b.within_n
     if count < POLICY.least_scatter:  # each block is one sample: use the white level of the fit
         return fitted.axes[axis].noise.white_sd_dps ** 2
-    return max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
+    within = max(total / count - spectrum.line_power(POLICY.floor_line_chance), LEAST_WHITE_DPS**2)
+    axis_fit = fitted.axes[axis]
+    n = float(np.median(np.concatenate([b.n for b in fitted.blocks if b.within_n])))
+    color = axis_fit.design.color
+    of_means = axis_fit.noise.white_sd_dps**2 / n * (1 - color) / (1 + color)
+    return (n - 1) / n * within + of_means

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.levels import residuals
 from gyrocal.diagnosis.probes import of_session, probe
-from gyrocal.diagnosis.readings import reading_fault, single_readings
+from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.whiteness import too_much_power
+from gyrocal.effects.byte_fault import ByteFault
+from gyrocal.effects.order_tone import turned_turn
+from gyrocal.effects.wave import ONE_RATE
 from gyrocal.inference.fitted import Fit
+from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.noise.orders import order_spectrum
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES
+from gyrocal.recording.session import AXES, Run
 from gyrocal.threads import each
 from gyrocal.variables.frequency import Frequency
+from gyrocal.variables.order import Order
+from gyrocal.variables.shapes import TableWave, Waves
+from gyrocal.variables.table_angle import TableAngle
 
 Progress = Callable[[str], None]
 
@@ -29,7 +39,30 @@ def _line(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
     noise_dps = float(np.sqrt(np.median(spectrum.level) * fitted.session.sample_rate_hz / 2))
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
     note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps at {peak.frequency_hz:.4g} Hz"
-    return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note)
+    line_hz = peak.frequency_hz
+    return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
+
+
+def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+    """Test for a line in the residual's spectrum over the table's angle.
+
+    At one rate, a line that is no whole number per turn is as well a frequency.
+    """
+    turning = [b.run for b in fitted.blocks if not b.run.rate_is_mean and np.any(b.run.rate_dps)]
+    if not turning:
+        return None
+    by_run = residuals(fitted, axis)
+    peaks = order_spectrum([by_run[r.index] for r in turning], [turned_turn(r) for r in turning]).peaks(1)
+    if not peaks or peaks[0].chance >= alarm:
+        return None
+    (peak,) = peaks
+    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
+    if peak.whole is None and np.ptp(rates_dps) < ONE_RATE * max(rates_dps):
+        return None
+    noise_dps = fitted.axes[axis].noise.white_sd_dps
+    strength = peak.amplitude_dps / max(noise_dps, LEAST_WHITE_DPS) * float(np.sqrt(sum(map(len, turning)) / 2))
+    note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps, {peak.words()}"
+    return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 
 def _bump(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
@@ -52,39 +85,84 @@ def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
     return reading_fault(fitted.session, axis, alarm, max(steps_dps, default=0.0))
 
 
-BEYOND_NOISE = (_line, _bump, _not_white, _code)
+def _outliers(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+    """Test for outliers that neither the model nor the noise's own tail explains."""
+    known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
+    return None if known else single_readings(fitted.session, axis, alarm)
+
+
+BEYOND_NOISE = (_line, _order, _bump, _not_white, _code, _outliers)
 """The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
-def _outliers(fitted: Fit, axis: str) -> Finding | None:
-    """Outliers that the model does not explain. Noise does not produce them, so this test has no share of the alarm rate."""
-    known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
-    return None if known else single_readings(fitted.session, axis)
+def _carry(fitted: Fit, axis: str) -> list[Finding]:
+    """A lost carry that the model does not explain. Noise does not produce it, so this test has no share of the alarm rate."""
+    known = any(isinstance(term.effect, ByteFault) for term in fitted.axes[axis].terms)
+    found = None if known else dropped_carry(fitted.session, axis)
+    return [] if found is None else [found]
+
+
+def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]:
+    """The findings of an axis without those that another one tells in better words.
+
+    A wave in the table's angle is a line in the spectrum too, at another frequency for each rate.
+    """
+    angle = {o for f in findings if f.against == TableAngle.name for o in _orders(f)}
+    orders = angle | {o for f in findings if f.against == Order.name for o in _orders(f)}
+
+    def repeated(f: Finding) -> bool:
+        if f.against == Order.name:
+            return angle.issuperset(_orders(f))
+        if f.band_hz is None:
+            return False
+        low, high = f.band_hz
+        waves = ((abs(o * float(np.mean(r.rate_dps)) / 360), 2 / r.duration_s) for r in runs for o in orders)
+        return any(low - width <= hz <= high + width for hz, width in waves if hz > 0)
+
+    return [f for f in findings if not repeated(f)]
+
+
+def _orders(finding: Finding) -> tuple[float, ...]:
+    if isinstance(finding.shape, TableWave):
+        return (finding.shape.order,)
+    return tuple(finding.shape.orders) if isinstance(finding.shape, Waves) else ()
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """The findings, strongest first; the probe that fits best on each axis; each test's share of the alarm rate."""
+
+    found: list[Finding]
+    nearest: dict[str, Finding]
+    share: float
 
 
 def find_misfit(
     fitted: Fit, spectra: dict[str, Spectrum], axes: Sequence[str], progress: Progress | None = None,
-) -> list[Finding]:  # fmt: skip
-    """The findings of every test on each of the ``axes``, strongest first.
+) -> Misfit:  # fmt: skip
+    """The findings of every test on each of the ``axes``.
 
     A test reports a finding if the probability that noise alone produces it is below the test's share of
-    ``Policy.misfit_alarm``.
+    ``Policy.misfit_alarm``. One share of each axis is left for the test of the excess, which needs the floor.
     """
     if sum(b.t_s.size for b in fitted.blocks) < POLICY.least_blocks:
-        return []
+        return Misfit([], {}, 0.0)
     probes = {axis: of_session(fitted.session, AXES.index(axis)) for axis in axes}
     tests = sum(len(shapes) for on_axis in probes.values() for _, shapes in on_axis)
-    share = POLICY.misfit_alarm / max(1, tests + len(BEYOND_NOISE) * len(axes))
+    share = POLICY.misfit_alarm / max(1, tests + (len(BEYOND_NOISE) + 1) * len(axes))
 
-    def on(axis: str) -> list[Finding]:
+    def on(axis: str) -> tuple[list[Finding], Finding | None]:
         probed = []
         for against, shape in ((against, shape) for against, shapes in probes[axis] for shape in shapes):
             if progress is not None:
                 progress(f"looking at {axis} against {against.replace('_', ' ')}")
             finding = probe(fitted.axes[axis], axis, against, shape, share)
-            if finding is not None and finding.chance < share:
+            if finding is not None:
                 probed.append(finding)
         beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
-        return probed + [finding for finding in (*beyond, _outliers(fitted, axis)) if finding is not None]
+        found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
+        return told_once(found, [b.run for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
 
-    return sorted(chain.from_iterable(each(on, axes, fitted.session.rows)), key=lambda f: -f.strength)
+    tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))
+    found = sorted(chain.from_iterable(findings for findings, _ in tested.values()), key=lambda f: -f.strength)
+    return Misfit(found, {axis: best for axis, (_, best) in tested.items() if best is not None}, share)

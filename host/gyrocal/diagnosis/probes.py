@@ -10,17 +10,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gyrocal.diagnosis.drawn import described, described_of_each_run
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.reml import unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array, Session
+from gyrocal.recording.session import Session
 from gyrocal.variables.base import variables
-from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps
+from gyrocal.variables.shapes import Shape, ShapeOfEachRun
 
 
 def beside(current: AxisFit, axis: str, shapes: Sequence[Shape]) -> AxisFit:
@@ -45,6 +47,7 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
     """
     from scipy.stats import chi2
 
+    current = _where_known(current, shape)
     term = Term("probe", axis, dict.fromkeys(shape.linear, 0.0), own=shape)
     design = current.design.changed([*current.design.terms, term])
     mine = len(design.terms) - 1
@@ -60,11 +63,18 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
         # the probe may have reduced the noise estimate, on which Wald's statistic depends; the likelihood ratio does not
         fitted = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
         statistic, chance = likelihood_ratio(current, fitted, len(columns))
-    fit = with_noise(design, current.noise, current.spreads)
-    parts = [_part(fit, i, columns) for i in range(len(design.blocks))]
-    amplitude = float(np.std(np.concatenate(parts)) * np.sqrt(2))
+    amplitude, note = described(current, shape) if chance < alarm else (0.0, "")
     strength = float(np.sqrt(max(0.0, statistic - len(columns))))
-    return Finding(axis, against, strength, chance, amplitude, _where(shape, fit, columns, amplitude), shape)
+    return Finding(axis, against, strength, chance, amplitude, note, shape)
+
+
+def _where_known(current: AxisFit, shape: Shape) -> AxisFit:
+    """The fit to the runs that have the variable of a shape."""
+    blocks = [b for b in current.design.blocks if not shape.lacks(b.run)]
+    if len(blocks) in (0, len(current.design.blocks)):
+        return current
+    design = current.design.over(blocks)
+    return fit_noise(design, start=with_noise(design, current.noise, unknown_spreads(design)))
 
 
 def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, shape: ShapeOfEachRun) -> Finding | None:
@@ -79,24 +89,9 @@ def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, s
     without = with_noise(current.design, fitted.noise, current.spreads).loglik
     gain = max(0.0, fitted.loglik - max(current.loglik, without))
     sd = float(fitted.spreads.run[-1])
-    amplitude = sd * float(np.sqrt(2))
-    note = f"{amplitude * 1e3:.3g} mdps, {shape.words} in each run"
+    amplitude, note = described_of_each_run(fitted, shape)
     chance = float(0.5 * chi2.sf(2 * gain, 1)) if sd > 0 else 1.0
     return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, shape)
-
-
-def _where(shape: Shape, fit: AxisFit, columns: Sequence[int], amplitude_dps: float) -> str:
-    size = f"{amplitude_dps * 1e3:.3g} mdps"
-    if not isinstance(shape, Steps):
-        return f"{size} in all"
-    unit, scaled = ("1e-6 of the rate", 1e6) if shape.times_rate else ("mdps", 1e3)
-    names = [fit.design.layout.fixed[c][1] for c in columns]
-    values = dict(zip(names, fit.solution.beta[list(columns)], strict=True))
-    centred = {k: v - float(np.mean(list(values.values()) or [0.0])) for k, v in values.items()}
-    k = max(centred, key=lambda j: abs(centred[j]))
-    low = f"{shape.edges[k]:.4g}"
-    high = f" to {shape.edges[k + 1]:.4g}" if k + 1 < shape.edges.size else " and more"
-    return f"{size} in all; most, {centred[k] * scaled:+.3g} {unit}, from {low}{high}"
 
 
 def _wald(fit: AxisFit, columns: Sequence[int]) -> float:
@@ -104,6 +99,3 @@ def _wald(fit: AxisFit, columns: Sequence[int]) -> float:
     cov = fit.solution.cov[np.ix_(columns, columns)]
     return float(beta @ np.linalg.solve(cov, beta))
 
-
-def _part(fit: AxisFit, i: int, columns: Sequence[int]) -> Array:
-    return fit.solution.beta[list(columns)] @ fit.design.columns(i)[[1 + c for c in columns]]

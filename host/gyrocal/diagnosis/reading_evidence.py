@@ -33,14 +33,21 @@ def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidat
     design = old.over(current.comparison.fit.blocks, [*old.terms, term])
     fitted = fit_noise(design, start=with_noise(design, current.fit.noise, carry_spreads(current.fit, design)))
     before, after = (_run_powers(current, fit) for fit in (current.fit, fitted))
-    noise = max(current.white_power, _rounding_power(current))
+    noise = max(_mean_power(after), _rounding_power(current))
     gains = np.array([_power_gain(before[file], after[file], noise) for file in before])
     gain, gain_se = total(gains)
+    excess = explained(current, fitted, np.zeros(0), fault.chance)
     return Candidate(
         effect, current.axis, "reject", fault.values, fault.se, gain=gain, gain_se=gain_se, chance=fault.chance, parameters=1,
-        next_measurement=effect.measure_next, unit_gains=gains, explained=explained(current, fitted, np.zeros(0)).part,
+        next_measurement=effect.measure_next, unit_gains=gains, explained=excess.part,
+        excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps,
         enough=True,  # the codes show it, so it need not raise the error above the floor
     )  # fmt: skip
+
+
+def _mean_power(powers: dict[str, RunPower]) -> float:
+    """Mean square of what the fault leaves over, dps^2: all of it counts as noise, whatever part of it is white."""
+    return sum(p.squares for p in powers.values()) / max(1, sum(p.samples for p in powers.values()))
 
 
 def _rounding_power(current: Current) -> float:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.byte_fault import count_dps_of, lost_carry, single_power
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import AXES, Array, Session
+from gyrocal.recording.tail import ROBUST, chance_of
 from gyrocal.variables.reading import Reading
 
 BITS = 16
@@ -30,7 +32,9 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
         return None
     readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
     codes = np.concatenate([np.rint(g / session.lsb_dps).astype(np.int64) for g in readings])
-    noise = float(np.sqrt(np.mean(np.concatenate([np.diff(g) for g in readings]) ** 2) / 2)) / session.lsb_dps
+    steps = np.abs(np.concatenate([np.diff(g) for g in readings]))
+    # the noise that toggles a bit at all times, not that of a burst
+    noise = min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(steps))) / np.sqrt(2) / session.lsb_dps
     mean_codes = np.array([int(np.rint(np.mean(g) / session.lsb_dps)) for g in readings])
     worst: Finding | None = None
     for bit in range(BITS):
@@ -71,21 +75,38 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
     return float(np.exp(max(log_chance, -700.0)))
 
 
-def single_readings(session: Session, axis: str) -> Finding | None:
-    """Outliers, if they add at least ``Policy.outlier_power`` to the power of the noise. None otherwise."""
+def dropped_carry(session: Session, axis: str) -> Finding | None:
+    """A carry between two parts of the code that readings lack; None if the readings show none."""
+    i = AXES.index(axis)
+    carry = lost_carry(session.runs, i)
+    if carry is None:
+        return None
+    step_dps = -(2.0**carry.bit) * count_dps_of(session.runs, i)
+    return Finding(axis, Reading.name, carry.t, 0.0, abs(step_dps), carry.words(step_dps))
+
+
+def single_readings(session: Session, axis: str, alarm: float) -> Finding | None:
+    """Outliers that the noise's own tail does not explain and that add at least ``Policy.outlier_power`` to its power.
+
+    ``alarm`` is the allowed probability of a false alarm. Returns None without a finding.
+    """
     i = AXES.index(axis)
     steady = [r for r in session.runs if not r.rate_is_mean]
     if not steady:
         return None
     readings = [residual_dps(r)[:, i] for r in steady]
-    apart = np.concatenate([outliers(y, r.step_dps[i])[1] for y, r in zip(readings, steady, strict=True)])
+    apart = np.concatenate([outliers_of(r, i, y)[1] for y, r in zip(readings, steady, strict=True)])
     white = np.median(np.concatenate([np.abs(np.diff(y)) for y in readings])) / (0.6745 * np.sqrt(2))
     samples = sum(y.size for y in readings)
     if apart.size < 2 or float(apart @ apart) < POLICY.outlier_power * white**2 * samples:
         return None
+    chance = chance_of(readings, max(float(r.step_dps[i]) for r in steady))
+    if chance >= alarm:
+        return None
     size_dps = float(np.sqrt(np.mean(apart**2)))
     note = f"{apart.size} single readings stand out by {size_dps:.3g} dps"
-    if session.lsb_dps is not None and np.mean(np.abs(np.abs(apart) - 256 * session.lsb_dps) < 6 * white) > 0.9:
-        note += ", 256 counts: the two bytes of a reading are not of one sample"
+    power = single_power(session.runs, i)
+    if power is not None:
+        note += f", each by {2 ** power[0]} counts: bit {power[0]} lacks a carry or is of another sample"
     strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
-    return Finding(axis, Reading.name, strength, 0.0, size_dps, note)
+    return Finding(axis, Reading.name, strength, chance, size_dps, note)

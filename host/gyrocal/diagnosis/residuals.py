@@ -6,7 +6,7 @@ from pathlib import Path
 
 import polars as pl
 
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.errors import InputError
 from gyrocal.files import replacing
 from gyrocal.inference import heldout

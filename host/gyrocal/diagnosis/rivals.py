@@ -55,6 +55,8 @@ def cosine(a: Array | None, b: Array | None) -> float:
     """Absolute cosine similarity of two signals [blocks]; 0 if they are not comparable."""
     if a is None or b is None or a.shape != b.shape:
         return 0.0
+    both = np.isfinite(a) & np.isfinite(b)  # runs that lack the data of one of the two say nothing
+    a, b = a[both], b[both]
     norm = float(np.linalg.norm(a) * np.linalg.norm(b))
     return abs(float(a @ b)) / norm if norm > 0 else 0.0
 
@@ -64,4 +66,6 @@ def _as_good(c: Candidate, other: Candidate, price: float) -> bool:
     if c.unit_gains is None or other.unit_gains is None or c.unit_gains.shape != other.unit_gains.shape:
         return False
     difference = c.unit_gains - other.unit_gains
-    return float(difference.sum()) < max(POLICY.rival_errors * (total(difference)[1] or 0.0), price)
+    difference = difference[np.isfinite(difference)]
+    error = float(np.hypot(total(difference)[1] or 0.0, np.hypot(c.gain_noise, other.gain_noise)))
+    return float(difference.sum()) < max(POLICY.rival_errors * error, price)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,6 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.inference.design import SLOW_S
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 from gyrocal.variables.frequency import Frequency
@@ -28,51 +28,98 @@ LEAST_PERIODS = 2.5
 class Periodogram:
     """Sums over runs with the same sampling, at each frequency [f].
 
-    ``ratio`` sums power divided by the expected noise, ``beyond`` sums power minus the expected noise (dps^2).
+    ``ratio`` sums power divided by the expected noise, ``power`` sums power (dps^2).
     """
 
     frequency_hz: Array
     ratio: Array
-    beyond: Array
+    power: Array
     runs: int
 
 
+@dataclass(frozen=True)
+class _Band:
+    """A band of frequencies: the sum of ``ratio``, the power in one run (dps^2), and the number of values."""
+
+    low_hz: float
+    high_hz: float
+    ratio: float
+    power: float
+    values: float
+
+    @property
+    def looks(self) -> float:
+        """Number of independent values."""
+        return self.values / HANN_NEIGHBOURS
+
+    @property
+    def mean(self) -> float:
+        return self.ratio / self.values
+
+    def with_next(self, other: _Band) -> _Band:
+        return _Band(
+            self.low_hz, other.high_hz, self.ratio + other.ratio, self.power + other.power, self.values + other.values
+        )
+
+
 def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
-    """Find a band of frequencies in which the residuals have more power than white noise and drift.
+    """Find a band of frequencies in which the residuals have more power than in the bands beside it.
 
-    The periodograms (Hann window) of the residual block means are compared with their expectation under the fitted noise.
-    Variations slower than ``SLOW_S`` are drift and are not tested. Samples are not tested either, because a sensor's low-pass
-    filter makes their noise coloured.
+    The periodograms (Hann window) of the residual block means are divided by their expectation under the fitted noise. Noise
+    that this model describes only roughly (flicker noise, a low-pass filter) still falls with frequency, so it never exceeds
+    both sides of a band. Variations slower than ``SLOW_S`` are drift and are not tested.
     """
-    from scipy.stats import gamma
+    bands = _bands(fit)
+    ranges = [(first, last) for first in range(1, len(bands)) for last in range(first, len(bands))]
+    worst: Finding | None = None
+    for first, last in ranges:
+        band = reduce(_Band.with_next, bands[first : last + 1])
+        beside = [bands[first - 1], *bands[last + 1 : last + 2]]
+        chances = [_chance(band, other) for other in beside]
+        chance = min(1.0, len(ranges) * max(chances))
+        if chance < alarm and (worst is None or chance < worst.chance):
+            side = max(other.mean for other in beside)
+            amplitude = float(np.sqrt(2 * band.power * max(0.0, 1 - side / band.mean)))
+            note = f"{amplitude * 1e3:.3g} mdps between {band.low_hz:.2g} and {band.high_hz:.2g} Hz beyond noise"
+            sigma = (band.mean / side - 1) * float(np.sqrt(band.looks))
+            worst = Finding(
+                axis, Frequency.name, sigma, chance, amplitude, note, band_hz=(band.low_hz, band.high_hz)
+            )  # fmt: skip
+    return worst
 
+
+def _chance(band: _Band, other: _Band) -> float:
+    """Probability that noise of one level gives ``band`` so much more power than ``other``: both are Gamma-distributed."""
+    from scipy.stats import f
+
+    return float(f.sf(band.mean / other.mean, 2 * band.looks, 2 * other.looks))
+
+
+def _bands(fit: AxisFit) -> list[_Band]:
+    """The periodograms of all runs in ``Policy.bands`` bands; those of too few values are joined with the next."""
     parts = [p for p in (_periodogram(fit, index) for index in fit.design.alike) if p is not None]
     if not parts:
-        return None
+        return []
     frequencies = np.concatenate([p.frequency_hz for p in parts])
-    ratios, powers = np.concatenate([p.ratio for p in parts]), np.concatenate([p.beyond for p in parts])
+    runs = sum(p.runs for p in parts)
+    ratios, powers = np.concatenate([p.ratio for p in parts]), np.concatenate([p.power / runs for p in parts])
     counts = np.concatenate([np.full(p.frequency_hz.size, float(p.runs)) for p in parts])
     edges = np.geomspace(frequencies.min(), frequencies.max() * (1 + 1e-9), POLICY.bands + 1)
-    worst: Finding | None = None
+    bands: list[_Band] = []
     for low, high in pairwise(edges):
-        band = (frequencies >= low) & (frequencies < high)
-        looks = float(counts[band].sum()) / HANN_NEIGHBOURS
-        if looks < POLICY.least_periodogram_values:
-            continue
-        mean = float(ratios[band].sum() / counts[band].sum())
-        chance = min(1.0, POLICY.bands * float(gamma.sf(mean * looks, looks)))
-        amplitude = float(np.sqrt(max(0.0, 2 * powers[band].sum() / counts[band].mean())))
-        note = f"{amplitude * 1e3:.3g} mdps between {low:.2g} and {high:.2g} Hz beyond noise"
-        if chance < alarm and (worst is None or chance < worst.chance):
-            worst = Finding(axis, Frequency.name, (mean - 1) * float(np.sqrt(looks)), chance, amplitude, note)
-    return worst
+        inside = (frequencies >= low) & (frequencies < high)
+        sums = (float(of[inside].sum()) for of in (ratios, powers, counts))
+        band = _Band(float(low), float(high), *sums)
+        if bands and bands[-1].looks < POLICY.least_periodogram_values:
+            band = bands.pop().with_next(band)
+        bands.append(band)
+    return bands if bands[-1].looks >= POLICY.least_periodogram_values else bands[:-1]
 
 
 def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
     """The periodogram of the runs ``index``, which have the same sampling; None if they are too short, slow or uneven."""
     from scipy.signal.windows import hann
 
-    p = len(fit.design.layout.fixed)
     first = fit.design.blocks[index[0]]
     t_s, n, m = first.t_s, first.n, first.t_s.size
     short = m < POLICY.least_periodogram_blocks
@@ -80,27 +127,29 @@ def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
         return None
     step_s = float(t_s[-1] - t_s[0]) / (m - 1)
     window = hann(m, sym=False)
-    expected = _expected(fit.noise, window, step_s, float(n[0]))
-    residual = np.empty((len(index), m))
-    for row, i in zip(residual, index, strict=True):
-        columns, u = fit.design.columns(i), fit.run_coefficients(i, fit.solution.beta, fit.spreads)
-        row[:] = columns[0] - fit.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]
+    weight = np.sqrt(first.precision / n)  # blocks of equal noise
+    expected = _expected(fit, window * weight, step_s, first.precision)
+    residual = np.stack([fit.block_residuals(i) for i in index]) * weight
     power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
-    ratio, beyond = power / expected, 2 * (power - expected) / (m * float(window @ window))
+    ratio, power = power / expected, 2 * power / (m * float(window @ window))
     frequency: Array = np.fft.rfftfreq(m, step_s).astype(np.float64)
     use = (frequency > max(1 / SLOW_S, LEAST_PERIODS / (m * step_s))) & (frequency < HIGHEST / step_s)
     if not use.any():  # blocks so slow that all of it counts as drift
         return None
-    return Periodogram(frequency[use], ratio.sum(axis=0)[use], beyond.sum(axis=0)[use], len(index))
+    return Periodogram(frequency[use], ratio.sum(axis=0)[use], power.sum(axis=0)[use], len(index))
 
 
-def _expected(noise: Noise, window: Array, step_s: float, samples: float) -> Array:
-    """Expectation of the tapered periodogram: the transform of the noise's autocovariance times that of the window."""
+def _expected(fit: AxisFit, window: Array, step_s: float, precision: Array) -> Array:
+    """Expectation of the tapered periodogram: the transform of the noise's autocovariance times that of the window.
+
+    ``precision`` [m] is the number of usual samples that each block counts for. The colour of the white noise is left out: it
+    makes the ratio fall with frequency, where an imperfect description of it could make the ratio rise.
+    """
     from scipy.signal import fftconvolve
 
-    m = window.size
+    m, noise = window.size, fit.noise
     lags = np.arange(m)
-    covariance = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
-    covariance[0] += noise.white_sd_dps**2 / samples
-    tapered = covariance * fftconvolve(window, window[::-1])[m - 1 :]
+    drift = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
+    white = float(window**2 @ (1 / precision)) / float(window @ window) * noise.white_sd_dps**2
+    tapered = (drift + np.where(lags == 0, white, 0.0)) * fftconvolve(window, window[::-1])[m - 1 :]
     return np.asarray(2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0])

@@ -23,7 +23,9 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.parameter import Described, Parameter, Values
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
+from gyrocal.recording.timing import SYNCHRONOUS
 
 if TYPE_CHECKING:
     from gyrocal.effects.reading_fault import ReadingFault
@@ -63,7 +65,7 @@ class Case:
 
     values: Values
     recovers: tuple[str, ...]
-    campaign: Literal["paper", "full"] = "paper"
+    campaign: Literal["paper", "full", "swing", "shaker", "chamber"] = "paper"
     axis: str = "z"
 
 
@@ -86,6 +88,13 @@ class Effect(Described):
     on_device: ClassVar[bool] = False
     fast: ClassVar[bool] = False
     """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
+    origin_free: ClassVar[bool] = False
+    """True if the zero of the quantity is a convention (25 degC, power-on). What a session says of the effect is then judged by
+    its columns' variation about bias and scale, not by their size."""
+    stands_for: ClassVar[Role] = Role.BIAS
+    """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
+    is_line: ClassVar[bool] = False
+    """True if the effect is a line of constant frequency, which is judged against its neighbours in the spectrum too."""
     offered_as: ClassVar[str] = ""
     """The name of this effect in the menu of demonstrations; empty if no demonstration offers it."""
     uncorrected: ClassVar[str] = ""
@@ -98,6 +107,18 @@ class Effect(Described):
     @abstractmethod
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """Regressors for one run and axis (0, 1, 2), shape [n, k], in deg/s per unit of their coefficients."""
+
+    def lacks(self, run: Run) -> bool:
+        """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
+        return False
+
+    def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
+        """The noise of measured data in the columns of a run: what it leaves of the columns' meaning.
+
+        Returns the variance [n, k] of means of the columns over ``samples`` samples, and the standard error of that variance as
+        a fraction of it; None if the columns have no noise.
+        """
+        return None
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         """The data that the recording lacks for measuring this effect, in words; None if it lacks nothing."""
@@ -115,9 +136,24 @@ class Effect(Described):
         """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
         return len(self.variants(runs, axis))
 
+    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
+        """True if block means of a tenth of a second lose this effect in these runs. A candidate is then fitted to samples."""
+        return self.fast
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        """False if the readings rule the effect out at first sight, so that no fit is tried.
+
+        ``line_chance`` is the probability that noise produces the strongest line in the spectrum of the model's residual.
+        """
+        return not self.fast or line_chance <= POLICY.false_discovery_rate
+
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         """The first step of a nonlinear parameter's refinement, in its logarithm."""
         return 0.3
+
+    def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
+        """The part of a nonlinear parameter's standard error that comes from the spacing of the samples, even without noise."""
+        return 0.0
 
     @property
     def fault(self) -> ReadingFault | None:
@@ -269,18 +305,21 @@ def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Va
 
 def elapsed_s(run: Run) -> Array:
     """Time since the run's first sample, shape [n], s."""
-    return run.t_s - run.t_s[0]
+    return run.sample_s - run.sample_s[0]
 
 
 def table_angle_rad(run: Run) -> Array:
-    """Angle of the table, shape [n], rad, from the file, or else integrated from the table's rate, starting at zero."""
+    """Angle of the table, shape [n], rad, from the file, or else integrated from the table's rate, starting at zero.
+
+    It is the angle at the moment that each sample shows.
+    """
     angle = run.column("table_angle_deg")
     if angle is not None:
-        return np.deg2rad(angle)
+        return np.deg2rad(angle if run.timing == SYNCHRONOUS else np.interp(run.shown_s, run.sample_s, angle))
     if run.table_rate_dps is not None and run.column("rate_ref_dps") is None:
         return np.deg2rad(run.table_rate_dps * elapsed_s(run))
     rate = run.rate_dps * run.face_sign
-    steps = np.diff(run.t_s) * (rate[1:] + rate[:-1]) / 2
+    steps = np.diff(run.sample_s) * (rate[1:] + rate[:-1]) / 2
     return np.deg2rad(np.concatenate([[0.0], np.cumsum(steps)]))
 
 

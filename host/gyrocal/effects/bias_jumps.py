@@ -7,14 +7,22 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.byte_fault import single_power
+from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.reading_fault import Detected, ReadingFault
-from gyrocal.recording.outliers import STANDS_OUT as OUTLIER_SPREADS
-from gyrocal.recording.outliers import outliers
+from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
+from gyrocal.recording.tail import chance_of
 
 MOST = 4
 """Largest number of jumps per run."""
 WINDOW_S = 5.0
+PARTS = 10
+"""Parts of a window between which its noise is measured."""
+MEDIAN_CHI2 = 0.4549
+"""Median of a chi-square variable of one degree of freedom."""
+SHOWN = 1e-3
+"""Probability under noise above which outliers are no fault."""
 STANDS_OUT = 6.0
 """Standard errors by which the means before and after must differ. Noise does not reach this over all times of a session."""
 
@@ -26,9 +34,8 @@ def jumps(run: Run, axis: int) -> list[int]:
     """
     if run.rate_is_mean:
         return []
-    y = run.gyro_dps[:, axis].copy()
+    y = _about_rate(run, axis)
     if axis == run.axis_index:
-        y -= run.rate_dps
         swing = run.rate_dps - run.rate_dps.mean()
         y -= swing * (swing @ y) / max(swing @ swing, 1e-300)  # a scale error is not a jump
     width = round(_window_s(run) * run.sample_rate_hz)
@@ -37,8 +44,7 @@ def jumps(run: Run, axis: int) -> list[int]:
     total = np.concatenate([[0.0], np.cumsum(y)])
     before = total[width:-width] - total[: -2 * width]
     after = total[2 * width :] - total[width:-width]
-    white = np.sqrt(np.mean(np.diff(y) ** 2) / 2)
-    score = np.abs(after - before) / (width * white * np.sqrt(2 / width) + 1e-300)
+    score = np.abs(after - before) / (width * _error(total, width) + 1e-300)
     found: list[int] = []
     while len(found) < MOST and score.max(initial=0.0) > STANDS_OUT:
         k = int(np.argmax(score))
@@ -47,16 +53,42 @@ def jumps(run: Run, axis: int) -> list[int]:
     return sorted(found)
 
 
+def _error(total: Array, width: int) -> Array:
+    """Standard error of the difference of the means after and before each row [n - 2 width + 1], from cumulative sums.
+
+    The scatter of means over a tenth of a window counts, because a low-pass filter makes neighbouring samples alike; and that
+    of the run or of the window's own time, whichever is larger, because the level of the noise may change.
+    """
+    part = max(1, width // PARTS)
+    mean = np.diff(total[:: part]) / part
+    square = np.diff(mean) ** 2 / 2
+    usual = float(np.median(square)) / MEDIAN_CHI2
+    summed = np.concatenate([[0.0], np.cumsum(square)])
+    centre = np.arange(width, total.size - width) // part
+    per_window = width // part
+
+    def scatter(first: Index, stop: Index) -> Array:
+        first, stop = (np.clip(edge, 0, square.size) for edge in (first, stop))
+        return (summed[stop] - summed[first]) / np.maximum(stop - first, 1)
+
+    sides = (scatter(centre - per_window, centre - 1), scatter(centre + 1, centre + per_window))
+    return np.asarray(np.sqrt(sum(np.maximum(side, usual) for side in sides) * part / width))
+
+
 def _window_s(run: Run) -> float:
     return min(WINDOW_S, run.duration_s / 6)
+
+
+def _about_rate(run: Run, axis: int) -> Array:
+    """Measured minus the table's rate, shape [n], deg/s."""
+    return run.gyro_dps[:, axis] - (run.rate_dps if axis == run.axis_index else 0.0)
 
 
 def outliers_of(run: Run, axis: int) -> Array:
     """Deviation of each outlier from its neighbours, shape [n], deg/s; zero for all other readings."""
     out = np.zeros(len(run))
     if not run.rate_is_mean:
-        about = run.rate_dps if axis == run.axis_index else 0.0
-        rows, apart_dps = outliers(run.gyro_dps[:, axis] - about, run.step_dps[axis])
+        rows, apart_dps = reading_outliers(run, axis, _about_rate(run, axis))
         out[rows] = apart_dps
     return out
 
@@ -144,17 +176,21 @@ class _SingleReadings(ReadingFault):
     looks_like, measure_next, parameters = BiasJumps.looks_like, BiasJumps.measure_next, BiasJumps.parameters
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect outliers, at least two."""
-        from scipy.stats import norm
-
+        """Detect outliers, at least two. Those that all have the size of one bit are wrongly assembled codes."""
+        if single_power(runs, axis) is not None:
+            return None
         apart_dps = np.concatenate([outliers_of(r, axis) for r in runs])
         found = apart_dps[apart_dps != 0]
         if found.size < 2:
             return None
+        steady = [r for r in runs if not r.rate_is_mean]
+        chance = chance_of([_about_rate(r, axis) for r in steady], max(float(r.step_dps[axis]) for r in steady))
+        if chance > SHOWN:
+            return None
         values = {
             "n": found.size / len(runs), "size_dps": float(np.sqrt(np.mean(found**2))), "outliers": found.size / apart_dps.size
         }  # fmt: skip
-        return Detected(values, {}, min(1.0, apart_dps.size * float(norm.sf(OUTLIER_SPREADS)) ** min(found.size, 15)))
+        return Detected(values, {}, chance)
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         return modelled_dps + outliers_of(run, axis)

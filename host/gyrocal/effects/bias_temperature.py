@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.quantities import MOVING_TEMPERATURE, temperature_moves, warming_c
+from gyrocal.effects.quantities import MOVING_TEMPERATURE, temperature_moves, temperature_noise, warming_c
 from gyrocal.recording.session import Array, Run
 
 POWERS = {"k1_dps_per_c": 1, "k2_dps_per_c2": 2, "k3_dps_per_c3": 3}
@@ -36,6 +36,7 @@ class BiasTemperature(Effect):
         Parameter("k3_dps_per_c3", "dps/degC^3", (1e-7, 1e-5), "as much as k2 at 100 degC from 25", 0.0),
     )
     linear = tuple(POWERS)
+    origin_free = True
     on_device = True
     law = Law(
         {"k1_dps_per_c": 0.01, "k2_dps_per_c2": -3e-4, "k3_dps_per_c3": 2e-6},
@@ -49,9 +50,19 @@ class BiasTemperature(Effect):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [dict.fromkeys(self.linear[:order], 0.0) for order in (1, 2, 3)]
 
+    def lacks(self, run: Run) -> bool:
+        return run.temp_c is None
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         above_c = warming_c(run)
         return stack(*(above_c ** POWERS[name] for name in self.used(values)))
+
+    def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
+        found, above_c = temperature_noise(run, samples), warming_c(run)
+        if found is None:
+            return None
+        slopes = (POWERS[name] * above_c ** (POWERS[name] - 1) for name in self.used(values))
+        return stack(*(found[0] * slope**2 for slope in slopes)), found[1]
 
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
         return [(float(POWERS[name]),) for name in self.used(values)]

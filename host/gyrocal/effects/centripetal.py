@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
-from gyrocal.effects.quantities import TURNING_AT_ALL, turns
+from gyrocal.effects.quantities import TURNING_AT_ALL, true_rate_dps, turns
 from gyrocal.recording.session import Array, Run
 
 
@@ -38,4 +38,4 @@ class Centripetal(Effect):
         return None if any(turns(runs, table_axis) for table_axis in range(3)) else TURNING_AT_ALL
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return stack(run.rate_dps**2)
+        return stack(true_rate_dps(run) ** 2)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 
-from gyrocal.effects.base import Effect, Law, Parameter, elapsed_s, stack
-from gyrocal.effects.quantities import VARYING_RATE, rate_slope_dps_s, rate_varies
-from gyrocal.recording.session import Array, Run
+from gyrocal.effects.base import Law, Parameter
+from gyrocal.effects.timing import TimingEffect
+from gyrocal.recording.session import Array
+from gyrocal.recording.timing import Motion, Timing
 
 
-class ClockError(Effect):
+class ClockError(TimingEffect):
     id = "clock_error"
     title = "Error of the clock"
     cause = (
@@ -18,7 +20,7 @@ class ClockError(Effect):
         "oscillator, which may be wrong by a percent. The error does not show at a constant rate, but an angle "
         "integrated with that clock is wrong."
     )
-    equation = "e·t·dw/dt"
+    equation = "w((1 + e)·t) - w(t)"
     uncorrected = "it belongs to the clock of the recorder; correct the times of the recording"
     looks_like = "lag (constant over the run); scale, if only the net angle of a turn is known"
     measure_next = (
@@ -31,8 +33,8 @@ class ClockError(Effect):
     linear = ("e",)
     law = Law({"e": 0.001}, None, degree=1)
 
-    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if rate_varies(runs, axis) else VARYING_RATE
+    def set(self, timing: Timing, values: Mapping[str, float]) -> Timing:
+        return replace(timing, clock=values.get("e", 0.0))
 
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return stack(elapsed_s(run) * rate_slope_dps_s(run, axis))
+    def derivative(self, motion: Motion, t_s: Array, timing: Timing) -> Array:
+        return motion.by_clock(t_s, timing)

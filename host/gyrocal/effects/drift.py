@@ -29,9 +29,13 @@ class Drift(Effect):
         ),
     )
     linear = ("k_dps_per_s",)
+    origin_free = True
     on_device = True
     law = Law({"k_dps_per_s": 2e-4}, "2e-4*power_on_s")
     cases = (Case({"k_dps_per_s": 4e-4}, ("k_dps_per_s",)),)
+
+    def lacks(self, run: Run) -> bool:
+        return run.power_on_s is None
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)

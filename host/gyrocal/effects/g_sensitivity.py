@@ -43,6 +43,7 @@ class GSensitivity(Effect):
         for name, default in (("gx_dps_per_g", 0.02), ("gy_dps_per_g", 0.02), ("gz_dps_per_g", 0.05))
     )
     linear = tuple(COMPONENTS)
+    origin_free = True
     on_device = True
     law = Law(
         {"gx_dps_per_g": 0.01, "gy_dps_per_g": -0.02, "gz_dps_per_g": 0.05}, "0.01*ax - 0.02*ay + 0.05*az"
@@ -52,15 +53,15 @@ class GSensitivity(Effect):
     )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        measured = bool(runs) and all(r.acc_g is not None for r in runs)
-        if measured and self._moving(runs):
-            return None
-        return "ax_g, ay_g and az_g columns in every run, and two poses (turn the part over)"
+        return None if self._moving(runs) else "ax_g, ay_g and az_g columns, and two poses (turn the part over)"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """Every combination of the components that change by more than an accelerometer's noise."""
         names = self._moving(runs) or list(self.linear)
         return [dict.fromkeys(chosen, 0.0) for k in range(1, len(names) + 1) for chosen in combinations(names, k)]
+
+    def lacks(self, run: Run) -> bool:
+        return run.acc_g is None
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         acc_g = acceleration_g(run)

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 
-from gyrocal.effects.base import Effect, Law, Parameter, stack
-from gyrocal.effects.quantities import VARYING_RATE, rate_slope_dps_s, rate_varies
-from gyrocal.recording.session import Array, Run
+from gyrocal.effects.base import Law, Parameter, Values
+from gyrocal.effects.timing import TimingEffect
+from gyrocal.recording.session import Array
+from gyrocal.recording.timing import Motion, Timing
 
 
-class Lag(Effect):
+class Lag(TimingEffect):
     id = "lag"
     title = "Lag of the reading"
     cause = (
         "The chip's low-pass filter, the wait until the chip is polled and the transport each delay the reading by "
-        "milliseconds, and the reference's clock may have an offset. The reading lags behind a changing rate. A "
-        "constant rate does not show the delay. If the rate changes slowly compared with tau_s, a delay and a "
-        "first-order lag are equivalent."
+        "milliseconds, and the reference's clock may have an offset. The reading lags behind a changing rate; a "
+        "constant rate does not show the delay. tau_s is the group delay at low frequencies. If the rate changes slowly "
+        "compared with it, a delay and a first-order low-pass are equivalent. If it changes fast, only the low-pass also "
+        "makes the motion smaller."
     )
-    equation = "-tau_s·dw/dt"
+    equation = "w(t - tau_s) - w(t), or w behind a first-order low-pass of time constant tau_s"
     uncorrected = "undoing a low-pass would amplify the noise; shift the times by tau_s instead"
     looks_like = "clock_error within a short run (it grows with time, a lag does not)"
     measure_next = "swing the table, or start and stop it, for a minute, and record its encoder as rate_ref_dps"
@@ -31,12 +34,29 @@ class Lag(Effect):
             0.005,
             sized=False,
         ),
+        Parameter(
+            "order",
+            "poles",
+            (0.0, 1.0),
+            "0 = pure delay, 1 = first-order low-pass; the fit takes the likelier one",
+            0.0,
+            (0.0, 1.0),
+            sized=False,
+        ),
     )
     linear = ("tau_s",)
     law = Law({"tau_s": 0.004}, None, degree=1)
 
-    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if rate_varies(runs, axis) else VARYING_RATE
+    def structure(self, values: Mapping[str, float]) -> Values:
+        return super().structure(values) | {"order": values.get("order", 0.0)}
 
-    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return stack(-rate_slope_dps_s(run, axis))
+    def shapes(self, values: Mapping[str, float]) -> list[Values]:
+        return [{**values, "order": order} for order in (0.0, 1.0)]
+
+    def set(self, timing: Timing, values: Mapping[str, float]) -> Timing:
+        tau_s = values.get("tau_s", 0.0)
+        filtered = values.get("order", 0.0) == 1 and tau_s > 0
+        return replace(timing, delay_s=0.0 if filtered else tau_s, filter_s=tau_s if filtered else 0.0)
+
+    def derivative(self, motion: Motion, t_s: Array, timing: Timing) -> Array:
+        return motion.by_filter(t_s, timing) if timing.filter_s > 0 else motion.by_delay(t_s, timing)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Parameter, Values, stack
+from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.recording.session import AXES, Array, Run
 
 ABOUT = {"m": AXES, **{f"m_{axis}": (axis,) for axis in AXES}}
@@ -40,7 +41,8 @@ class Misalignment(Effect):
         return tuple(i for i in range(3) if i != run.axis_index)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if self._others(runs, axis) else "a run in which the table turns about another axis at a known rate"
+        needed = "a run in which the table turns about another axis at a known rate or by a known angle"
+        return None if self._others(runs, axis) else needed
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         others = self._others(runs, axis) if runs else [name for name in AXES if name != AXES[axis]]
@@ -48,7 +50,7 @@ class Misalignment(Effect):
         return [{"m": 0.0}, each] if len(others) > 1 else [{"m": 0.0}]
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        rate_dps = np.zeros(len(run)) if axis == run.axis_index else run.rate_dps
+        rate_dps = np.zeros(len(run)) if axis == run.axis_index else true_rate_dps(run)
         return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
 
     def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
@@ -57,6 +59,6 @@ class Misalignment(Effect):
         return np.sum(others, axis=0) if others else np.zeros(len(next(iter(turning.values()))))
 
     def _others(self, runs: Sequence[Run], axis: int) -> list[str]:
-        """The other axes about which the table turns."""
-        turning = {r.axis for r in runs if r.axis_index != axis and not r.rate_is_mean and np.any(r.rate_dps)}
+        """The other axes about which the table turns. A turn of known angle shows the leak by its mean rate."""
+        turning = {r.axis for r in runs if r.axis_index != axis and np.any(r.rate_dps)}
         return sorted(turning)

@@ -18,8 +18,10 @@ REFERENCE_C = 25.0
 TURNING = "a run in which the table turns about this axis at a known rate"
 TURNING_AT_ALL = "a run in which the table turns at a known rate"
 VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
-MOVING_TEMPERATURE = "a temp_c column in every run, moving by 1 degC or more over the session"
+MOVING_TEMPERATURE = "a temp_c column that moves by 1 degC or more over the session"
 
+LOST_IN_BLOCKS_HZ = 2.5
+"""Frequency above which means over blocks of a tenth of a second lose more than a tenth of a wave's amplitude, Hz."""
 LEAST_RANGE_C = 1.0
 TEMPERATURE_WINDOW_S = 10.0
 """Shortest time over which the slope of the temperature is computed, s. Heat passes through a package in seconds."""
@@ -29,9 +31,29 @@ LEAST_ACCELERATION_DPS_S = 0.5
 """A reference that changes by less than this (rms, deg/s) counts as a constant rate with encoder noise."""
 
 
+def true_rate_dps(run: Run) -> Array:
+    """True rate about the run's axis, shape [n], deg/s, without the reference's noise.
+
+    A residual is the reading minus the reference as it was measured, so what is a function of the rate must not have its noise.
+    """
+    return run.rate_dps if run.smooth_rate is None else run.smooth_rate.values
+
+
+def rate_noise(run: Run, axis: int, samples: float) -> tuple[Array, float] | None:
+    """The noise that smoothing leaves in means of the true rate over ``samples`` samples, [n], as :meth:`Effect.noise`."""
+    if run.smooth_rate is None or axis != run.axis_index:
+        return None
+    return run.smooth_rate.error_of_means(samples), run.smooth_rate.noise.uncertainty
+
+
+def temperature_noise(run: Run, samples: float) -> tuple[Array, float] | None:
+    """The noise that smoothing leaves in means of the temperature over ``samples`` samples, [n], as :meth:`Effect.noise`."""
+    return None if run.smooth_temp is None else (run.smooth_temp.error_of_means(samples), run.smooth_temp.noise.uncertainty)
+
+
 def rate_about(run: Run, axis: int) -> Array:
     """True rate about an axis, shape [n], deg/s; zero for axes other than the table's."""
-    return run.rate_dps if axis == run.axis_index else np.zeros(len(run))
+    return true_rate_dps(run) if axis == run.axis_index else np.zeros(len(run))
 
 
 def turns(runs: Sequence[Run], axis: int) -> bool:
@@ -45,7 +67,9 @@ def power_on_time_s(run: Run) -> Array | None:
 
 
 def temperature_c(run: Run) -> Array | None:
-    """Temperature, shape [n], degC."""
+    """Temperature, shape [n], degC, without the thermometer's noise."""
+    if run.smooth_temp is not None:
+        return run.smooth_temp.values
     return None if run.temp_c is None else _filled(run.temp_c, run.t_s)
 
 
@@ -63,17 +87,19 @@ def acceleration_g(run: Run) -> Array | None:
 
 
 def temperature_moves(runs: Sequence[Run]) -> bool:
-    """True if every run has a thermometer and the temperature changes by 1 degC or more over all runs."""
-    if not runs or any(r.temp_c is None for r in runs):
-        return False
-    means = np.concatenate([temperature_by_second(r)[1] for r in runs])
-    return bool(np.ptp(means) >= LEAST_RANGE_C)
+    """True if the temperature changes by 1 degC or more over the runs that have a thermometer."""
+    means = [temperature_by_second(r)[1] for r in runs if r.temp_c is not None]
+    return bool(means) and bool(np.ptp(np.concatenate(means)) >= LEAST_RANGE_C)
 
 
 def temperature_by_second(run: Run) -> tuple[Array, Array]:
     """Mean time (s) and temperature (degC) of each second of a run that has samples, shape [m] each."""
     temp_c = temperature_c(run)
     assert temp_c is not None
+    return _by_second(run, temp_c)
+
+
+def _by_second(run: Run, temp_c: Array) -> tuple[Array, Array]:
     first = np.flatnonzero(np.diff(np.floor(elapsed_s(run)), prepend=-1.0))
     count = np.diff(first, append=len(run))
     return np.add.reduceat(run.t_s, first) / count, np.add.reduceat(temp_c, first) / count
@@ -87,7 +113,7 @@ def temperature_slope_c_s(run: Run) -> Array:
     """
     if run.temp_c is None:
         return np.zeros(len(run))
-    t_s, temp_c = temperature_by_second(run)
+    t_s, temp_c = _by_second(run, _filled(run.temp_c, run.t_s))
     if t_s.size < 5:
         return np.zeros(len(run))
     steps = np.abs(np.diff(run.temp_c))
@@ -106,7 +132,7 @@ def rate_slope_dps_s(run: Run, axis: int) -> Array:
     """Rate of change of the true rate about an axis, shape [n], deg/s^2; zero where the rate is constant."""
     if axis != run.axis_index or run.column("rate_ref_dps") is None or len(run) < 5:
         return np.zeros(len(run))
-    return slope(run.rate_dps, run.t_s, RATE_WINDOW_S * run.sample_rate_hz)
+    return slope(true_rate_dps(run), run.t_s, RATE_WINDOW_S * run.sample_rate_hz)
 
 
 def rate_varies(runs: Sequence[Run], axis: int) -> bool:

@@ -11,10 +11,18 @@ from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
 
-def stale(run: Run) -> Mask:
-    """Mask of neighbours that are equal on all three axes, shape [n - 1]."""
-    same: Mask = (run.gyro_dps[1:] == run.gyro_dps[:-1]).all(axis=1)
+def stale(run: Run, apart: int = 1) -> Mask:
+    """Mask of samples, ``apart`` from each other, that are equal on all three axes, shape [n - apart]."""
+    same: Mask = (run.gyro_dps[apart:] == run.gyro_dps[:-apart]).all(axis=1)
     return same
+
+
+def _volume(runs: Sequence[Run], apart: int) -> float:
+    """Generalised standard deviation, (deg/s)^3, of the differences of samples, without what rounding to counts adds."""
+    differences = np.concatenate([r.gyro_dps[apart:] - r.gyro_dps[:-apart] for r in runs])
+    covariance = differences.T @ differences / max(1, len(differences))
+    rounding = np.minimum(max(np.max(r.step_dps) for r in runs) ** 2 / 6, 0.9 * np.diag(covariance))
+    return float(np.sqrt(max(0.0, np.linalg.det(covariance - np.diag(rounding)))))
 
 
 class SamplingFault(ReadingFault):
@@ -36,13 +44,19 @@ class SamplingFault(ReadingFault):
     parameters = (Parameter("fraction", "fraction", (0.001, 0.1), "hosts that poll by their own timer", 0.05),)
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect more neighbours that are equal on all three axes than independent axes would produce by chance."""
+        """Detect more neighbours that are equal on all three axes than samples two apart.
+
+        Coarse counts and axes that share noise make readings equal at either distance. A low-pass filter makes neighbours more
+        alike; then equal ones are more frequent by the ratio of the generalised standard deviations of the differences.
+        """
         from scipy.stats import binom
 
         pairs = sum(len(r) - 1 for r in runs)
         equal = sum(int(np.count_nonzero(stale(r))) for r in runs)
-        by_chance = sum(float(np.prod((r.gyro_dps[1:] == r.gyro_dps[:-1]).mean(axis=0))) * (len(r) - 1) for r in runs)
-        chance = float(binom.sf(equal - 1, pairs, min(1.0, (by_chance + 1) / pairs)))
+        apart = sum(int(np.count_nonzero(stale(r, 2))) for r in runs)
+        alike = max(1.0, _volume(runs, 2) / max(_volume(runs, 1), 1e-300))
+        # of Poisson counts with this ratio of means, the share of one in their sum is binomial
+        chance = float(binom.sf(equal - 1, equal + apart + 1, alike / (1 + alike)))
         if chance > 1e-4:
             return None
         fraction = equal / pairs

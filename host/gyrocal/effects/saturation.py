@@ -7,12 +7,35 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Mask, Parameter
-from gyrocal.effects.quantities import white_sd_dps
+from gyrocal.effects.quantities import grid_dps, white_sd_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
-BELOW = 3.0
+BELOW = 2.0
 """Width of the examined range below the largest reading, in standard deviations of the noise."""
+ROUNDING_DPS = 1e-6
+"""Values closer than this are equal, deg/s."""
+LEAST_HEAPED, MOST_HEAPED = 10, 0.8
+"""Fewest readings at the limit, and the largest fraction. Where nearly all are there, nothing below shows the noise."""
+SHOWN = 1e-4
+"""Probability under noise above which a heap is no clipping."""
+
+
+def _below(size: Array, low: float, high: float) -> Mask:
+    """Mask [n] of sizes from ``low`` to just below ``high``, deg/s."""
+    return np.asarray((size > low - ROUNDING_DPS) & (size < high - ROUNDING_DPS))
+
+
+def _dwells(size: Array, low: float, high: float) -> int:
+    """Number of times that sizes [n] come to a value in a range; staying at it does not count again."""
+    came = np.diff(size, prepend=np.nan) != 0
+    return int(np.count_nonzero(_below(size, low, high) & came))
+
+
+def _mean_dwell(sizes: Sequence[Array], low: float, high: float) -> float:
+    """Mean number of samples for which sizes [n] stay at a value in a range."""
+    samples = sum(int(np.count_nonzero(_below(size, low, high))) for size in sizes)
+    return max(1.0, samples / max(1, sum(_dwells(size, low, high) for size in sizes)))
 
 
 class Saturation(ReadingFault):
@@ -35,16 +58,31 @@ class Saturation(ReadingFault):
     clips = True
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect more readings at exactly the largest value than noise would produce."""
-        readings = np.concatenate([r.gyro_dps[:, axis] for r in runs])
-        size = np.abs(readings)
-        limit = float(size.max())
-        heaped = int(np.count_nonzero(size > limit - 1e-6))
-        below = int(np.count_nonzero(size > limit - BELOW * white_sd_dps(runs, axis))) - heaped
-        # noise leaves only one or two of the readings near the largest value at exactly that value
-        if heaped < 10 or heaped <= below / 2 or heaped > 0.8 * readings.size:
+        """Detect more readings at exactly the largest value than the values below it predict.
+
+        The density of noise near its end is log-concave, so an exponential through two bands below the largest value is an
+        upper bound for the count at that value. Slow noise dwells at a value: every dwell counts once.
+        """
+        from scipy.stats import norm
+
+        sizes = [np.abs(r.gyro_dps[:, axis]) for r in runs]
+        limit = float(max(size.max() for size in sizes))
+        heaped = sum(int(np.count_nonzero(size > limit - ROUNDING_DPS)) for size in sizes)
+        if heaped < LEAST_HEAPED or heaped > MOST_HEAPED * sum(size.size for size in sizes):
             return None
-        return Detected({"full_scale_dps": limit}, {}, float(np.exp(-min(heaped, 500))))
+        step_dps = float(max(r.step_dps[axis] for r in runs)) or grid_dps([limit - s for s in sizes])
+        half = max(1, round(BELOW * white_sd_dps(runs, axis) / step_dps / 2))  # counts in each of the two bands
+        near, far = (
+            sum(_dwells(size, limit - (k + 1) * half * step_dps, limit - k * half * step_dps) for size in sizes)
+            for k in range(2)
+        )
+        slope = (half + 1) / (2 * half)  # distance of the limit from the nearer band, over the distance of the bands
+        expected = np.log((near + 0.5) / half) + slope * np.log((near + 0.5) / (far + 0.5))
+        variance = (1 + slope) ** 2 / (near + 0.5) + slope**2 / (far + 0.5)
+        dwell = _mean_dwell(sizes, limit - 2 * half * step_dps, limit)
+        counted = heaped / dwell
+        chance = float(norm.sf((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
+        return Detected({"full_scale_dps": limit}, {}, chance) if chance < SHOWN else None
 
     def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
         return np.abs(run.gyro_dps[:, axis]) < values["full_scale_dps"] - 1e-6

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
-from gyrocal.effects.quantities import MOVING_TEMPERATURE, TURNING, rate_about, temperature_moves, turns, warming_c
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Role, stack
+from gyrocal.effects.quantities import (
+    MOVING_TEMPERATURE,
+    TURNING,
+    rate_about,
+    temperature_moves,
+    temperature_noise,
+    turns,
+    warming_c,
+)
 from gyrocal.recording.session import Array, Run
 
 
@@ -25,6 +33,8 @@ class ScaleTemperature(Effect):
     measure_next = "the same rate at two temperatures (a room and a fridge), in both directions"
     parameters = (Parameter("k_per_c", "1/degC", (1e-5, 3e-4), "LSM6DSO datasheet, table 2: +-0.007 %/degC", 7e-5),)
     linear = ("k_per_c",)
+    origin_free = True
+    stands_for = Role.SCALE
     on_device = True
     law = Law({"k_per_c": 7e-5}, "7e-5*(temp_c - 25)*rate", degree=1)
     cases = (Case({"k_per_c": 7e-5}, ("k_per_c",)),)
@@ -34,5 +44,12 @@ class ScaleTemperature(Effect):
             return TURNING
         return None if temperature_moves(runs) else MOVING_TEMPERATURE
 
+    def lacks(self, run: Run) -> bool:
+        return run.temp_c is None
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(warming_c(run) * rate_about(run, axis))
+
+    def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
+        found = temperature_noise(run, samples)
+        return None if found is None else (stack(found[0] * rate_about(run, axis) ** 2), found[1])

@@ -43,12 +43,13 @@ class ThermalLag(Effect):
     cases = (Case({"k_dps_s_per_c": 2.0}, ("k_dps_s_per_c",)),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        measured = bool(runs) and all(r.temp_c is not None for r in runs)
-        if measured and any(
-            r.duration_s >= TEMPERATURE_WINDOW_S and np.ptp(temperature_by_second(r)[1]) >= LEAST_CHANGE_C for r in runs
-        ):
+        measured = [r for r in runs if r.temp_c is not None and r.duration_s >= TEMPERATURE_WINDOW_S]
+        if any(np.ptp(temperature_by_second(r)[1]) >= LEAST_CHANGE_C for r in measured):
             return None
         return "a run of 10 s or more in which the temp_c column moves by 0.2 degC or more"
+
+    def lacks(self, run: Run) -> bool:
+        return run.temp_c is None
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(temperature_slope_c_s(run))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyrocal.effects.base import Law, Parameter, Values, elapsed_s
+from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ
 from gyrocal.effects.wave import Wave
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
@@ -54,6 +55,7 @@ class VibrationTone(Wave):
     nonlinear = ("f_hz",)
     phases = ("phase_deg",)
     fast = True
+    is_line = True
     same_size = True
     offered_as = "a vibration"
     law = Law({"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(2*pi*3*t)")
@@ -67,6 +69,9 @@ class VibrationTone(Wave):
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         return int(_power(runs, axis)[0].size)
+
+    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
+        return any(values["f_hz"] > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis))
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         return 0.2 / (values["f_hz"] * max(r.duration_s for r in runs))

@@ -47,11 +47,14 @@ class Warmup(Effect):
     cases = (Case({"A_dps": 0.05, "tau_s": 15.0}, ("A_dps", "tau_s")),)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        known = bool(runs) and all(r.power_on_s is not None for r in runs)
-        return None if known else "power_on_s (from power-on to the first sample) of every run in session.toml"
+        known = any(r.power_on_s is not None for r in runs)
+        return None if known else "power_on_s (from power-on to the first sample) of the runs in session.toml"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{"A_dps": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 160.0, 6)]
+
+    def lacks(self, run: Run) -> bool:
+        return run.power_on_s is None
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         p_s = power_on_time_s(run)

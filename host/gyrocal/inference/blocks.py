@@ -8,18 +8,23 @@ Outliers are moved back to their neighbours first.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
-from gyrocal.recording.outliers import outliers
-from gyrocal.recording.session import Array, Run, Session
+from gyrocal.recording.first_readings import FIRST, first_apart
+from gyrocal.recording.session import GAP_PERIODS, Array, Run, Session
+from gyrocal.recording.stamps import typical_step_s
+from gyrocal.recording.timing import Timing
 
 BLOCK_S = 0.1
+STATED = 0.05
+"""The session's sample rate sets the number of samples of a block unless it is off that of the times by more than this."""
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -41,11 +46,20 @@ class Blocks:
     y_dps: Array
     within_ss: Array
     within_n: int
+    weight: Array | None = None
+    """Relative precision [m] of a sample's noise in each block, if the level of the noise changes; None = equal."""
+
+    @property
+    def precision(self) -> Array:
+        """Number of samples of the usual noise that know as much as each block, shape [m]."""
+        return self.n if self.weight is None else self.n * self.weight
 
     def mean(self, columns: Array) -> Array:
         """Block means of per-sample columns [n_samples, k], shape [m, k]."""
         if not self.start.size:
             return np.zeros((0, columns.shape[1]))
+        if self.run.rate_is_mean:
+            columns = columns * self.run.weights[:, None]
         if self.start.size == len(self.run):  # each sample is a block
             return columns
         stop = int(self.start[-1] + self.n[-1])
@@ -67,8 +81,18 @@ class Blocks:
         share = float(kept.mean())
         return Blocks(
             self.run, self.scenario, self.start[kept], self.n[kept], self.t_s[kept], self.y_dps[kept],
-            self.within_ss * share, round(self.within_n * share),
+            self.within_ss * share, round(self.within_n * share), None if self.weight is None else self.weight[kept],
         )  # fmt: skip
+
+    def timed(self, timing: Timing) -> Blocks:
+        """The same blocks against the true rate of another timing; a block that shows an unrecorded moment is left out."""
+        run = self.run.timed(timing)
+        if run is self.run:
+            return self
+        whole = self.mean(run.reached[:, None].astype(float))[:, 0] == 1.0
+        size = round(float(self.n[0])) if self.n.size else 1
+        weight = None if self.weight is None else self.weight[whole]
+        return replace(_blocks_of(run, self.scenario, self.start[whole], size), weight=weight)
 
 
 def known_dps(run: Run, axis: int) -> Array:
@@ -82,17 +106,20 @@ def residual_dps(run: Run) -> Array:
     return run.gyro_dps - np.column_stack([known_dps(run, axis) for axis in range(3)])
 
 
+def begins_apart(run: Run, axis: int, y_dps: Array) -> Array:
+    """How far the first readings of a residual [n] are off what follows, shape [FIRST], deg/s: a warning, and no effect."""
+    moves_dps = 2 * float(np.ptp(run.rate_dps[: FIRST + 2])) if axis == run.axis_index else 0.0
+    return first_apart(y_dps, float(run.step_dps[axis]), moves_dps)
+
+
 def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     """Blocks of one run. A run of which only the net angle is known is a single block."""
     n = len(run)
-    y = residual_dps(run)
-    if not run.rate_is_mean:
-        for axis in range(3):
-            rows_out, apart_dps = outliers(y[:, axis], run.step_dps[axis])
-            y[rows_out, axis] -= apart_dps
-    size = n if run.rate_is_mean else min(n, max(1, round(block_s * run.sample_rate_hz)))
-    period_s = float(np.median(np.diff(run.t_s)))
-    gap = np.concatenate([[0], np.cumsum(np.diff(run.t_s) > 1.5 * period_s)]) if size < n else np.zeros(n, dtype=int)
+    period_s = typical_step_s(run.sample_s)
+    stated = abs(period_s * run.sample_rate_hz - 1) <= STATED
+    size = n if run.rate_is_mean else min(n, max(1, round(block_s * (run.sample_rate_hz if stated else 1 / period_s))))
+    gaps = np.diff(run.sample_s) > GAP_PERIODS * period_s
+    gap = np.concatenate([[0], np.cumsum(gaps)]) if size < n else np.zeros(n, dtype=int)
     starts = []
     for first, length in _stretches(gap):
         whole = length // size
@@ -100,13 +127,26 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     start = np.concatenate(starts).astype(np.intp) if starts else np.zeros(0, dtype=np.intp)
     if start.size == 0:  # only gaps: every sample is a block
         size, start = 1, np.arange(n, dtype=np.intp)
+    return _blocks_of(run, scenario, start, size)
+
+
+def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
+    """The blocks of ``size`` samples that begin at the samples ``start`` [m]."""
+    y = residual_dps(run)
+    if run.rate_is_mean:
+        y *= run.weights[:, None]
+    else:
+        for axis in range(3):
+            y[:FIRST, axis] -= begins_apart(run, axis, y[:, axis])
+            rows_out, apart_dps = outliers_of(run, axis, y[:, axis])
+            y[rows_out, axis] -= apart_dps
     rows = start[:, None] + np.arange(size)
     grouped = y[rows]
     means = grouped.mean(axis=1)
     within = ((grouped - means[:, None, :]) ** 2).sum(axis=(0, 1))
     counted = 0 if run.rate_is_mean else start.size * (size - 1)
     return Blocks(
-        run, scenario, start, np.full(start.size, float(size)), run.t_s[rows].mean(axis=1), means,
+        run, scenario, start, np.full(start.size, float(size)), run.sample_s[rows].mean(axis=1), means,
         within if counted else np.zeros(3), counted,
     )  # fmt: skip
 

@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Role, Values
+from gyrocal.effects.base import Role, Values, with_role
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise, Summed
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import Array, Run
+from gyrocal.recording.timing import SYNCHRONOUS, Timing
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
@@ -58,27 +60,42 @@ class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
 
     ``noise_model`` lists the noise components; with a turn-on bias, the bias is random from power cycle to power cycle.
-    ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block.
+    ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block. ``color`` is the correlation of the white
+    noise of neighbouring blocks.
     """
 
     def __init__(
         self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise, cell_s: float = 0.0,
-        like: Design | None = None,
+        like: Design | None = None, color: float = 0.0,
     ) -> None:  # fmt: skip
         self.axis = axis
         self.noise_model = noise_model
         self.cell_s = cell_s
+        self.color = color
         self.terms = tuple(terms)
-        self.blocks = [self._usable(b) for b in blocks]
+        self.given = list(blocks)
+        self.timing = timing_of(terms)
+        self.faults = [term for term in terms if term.fault is not None]
+        self.blocks = self._seen(like)
         runs = [b.run for b in blocks]
         self.scopes = [term.effect.scope_in(runs) for term in terms]
+        self.lacking = [self._lacking(term, runs) for term in terms]
         self.means = [self._means(i, like) for i in range(len(self.blocks))]
+        self.levels = {t: self._level(t) for t, lacks in enumerate(self.lacking) if lacks.any()}
+        for t in self.levels:
+            for i in np.flatnonzero(self.lacking[t]):
+                self.means[i][t] = self.blocks[i].mean(self._stand_in(t, self.blocks[i]))
+        self.noises = [self._noises(i, like) for i in range(len(self.blocks))]
         self.alike = self._alike(like)
         self.layout, self._summed = self._build()
 
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms. Columns of unchanged terms are not computed again."""
-        return Design(self.blocks, self.axis, terms, self.noise_model, self.cell_s, like=self)
+        return Design(self.given, self.axis, terms, self.noise_model, self.cell_s, like=self, color=self.color)
+
+    def colored(self, color: float) -> Design:
+        """The same runs and terms with another ``color`` of the noise."""
+        return Design(self.given, self.axis, self.terms, self.noise_model, self.cell_s, like=self, color=color)
 
     def with_values(self, i: int, values: Values) -> Design:
         """The design with other values of one term, the same in all runs."""
@@ -89,7 +106,9 @@ class Design:
     def over(self, blocks: Sequence[Blocks], terms: Sequence[Term] | None = None, cell_s: float | None = None) -> Design:
         """The same noise model on other blocks of these runs, with the same terms and cells unless others are given."""
         cell_s = self.cell_s if cell_s is None else cell_s
-        return Design(blocks, self.axis, self.terms if terms is None else terms, self.noise_model, cell_s)
+        terms = self.terms if terms is None else terms
+        color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else 0.0
+        return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color)
 
     def _means(self, i: int, like: Design | None) -> list[Array | None]:
         """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
@@ -99,11 +118,62 @@ class Design:
         out: list[Array | None] = []
         for term in self.terms:
             same = next((m for t, m in known if t == term and t.effect is term.effect), None)
-            if same is None and term.fault is None:
+            if same is None and term.fault is None and not self.lacking[len(out)][i]:
                 columns = self._at_samples(term, self.blocks[i])
                 same = self.blocks[i].mean(columns) if columns.shape[1] else None
             out.append(same)
         return out
+
+    def _lacking(self, term: Term, runs: Sequence[Run]) -> Mask:
+        """Mask [runs] of those without the data of a term. If none has them, the term itself says what it does then."""
+        lacks = np.array([term.effect.lacks(run) for run in runs], dtype=bool)
+        return lacks & (not lacks.all())
+
+    def _level(self, t: int) -> Array:
+        """What a term's columns are, as a multiple of bias or scale, over the runs that have its data, shape [k]."""
+        top, norm = np.zeros(1), 0.0
+        for i in np.flatnonzero(~self.lacking[t]):
+            b, means = self.blocks[i], self.means[i][t]
+            if means is not None and b.t_s.size:
+                unit = b.mean(self._unit(t, b))[:, 0]
+                top, norm = top + (b.n * unit) @ means, norm + float(b.n @ unit**2)
+        return top / norm if norm > 0 else top
+
+    def _unit(self, t: int, b: Blocks) -> Array:
+        """The column of bias or scale that stands for a term in a run without its data, [n, 1]."""
+        role = self.terms[t].effect.stands_for
+        return with_role(role).columns(b.run, self.axis, {})
+
+    def _stand_in(self, t: int, b: Blocks) -> Array:
+        """Columns of a term in a run without its data, [n, k]: as in the other runs on average. The run's own bias or scale is
+        free (:meth:`grams`)."""
+        return self._unit(t, b) * self.levels[t]
+
+    def _noises(self, i: int, like: Design | None) -> list[Array | None]:
+        """What the noise of measured data adds to the squared norm of each term's columns in one run, and its standard error.
+
+        [k, 2] for each term, in (deg/s per unit)^2 summed over samples; None for a term whose columns have no noise.
+        """
+        known = []
+        if like is not None and like.axis == self.axis and like.blocks[i] is self.blocks[i]:
+            known = list(zip(like.terms, like.noises[i], strict=True))
+        out: list[Array | None] = []
+        b = self.blocks[i]
+        for term in self.terms:
+            same = [power for t, power in known if t == term and t.effect is term.effect]
+            if not same and b.t_s.size and term.fault is None:
+                values = term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0)
+                found = term.effect.noise(b.run, self.axis, values, float(b.n[0]))
+                same = [None if found is None else np.outer(b.n @ b.mean(found[0]), [1.0, found[1]])]
+            out.append(same[0] if same else None)
+        return out
+
+    def _seen(self, like: Design | None) -> list[Blocks]:
+        """The blocks as the terms see them: against the rate of their timing, without useless samples."""
+        if like is not None and like.timing == self.timing and like.faults == self.faults:
+            pairs = zip(self.given, like.given, like.blocks, strict=True)
+            return [seen if given is before else self._usable(given.timed(self.timing)) for given, before, seen in pairs]
+        return [self._usable(given.timed(self.timing)) for given in self.given]
 
     def _usable(self, b: Blocks) -> Blocks:
         """The blocks of a run without samples that a fault of the reading makes useless."""
@@ -134,17 +204,43 @@ class Design:
                 n_groups = max(group) + 1
         fixed = [f for f in fixed if self._says_anything(f)]
         summed = [
-            Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.n, self.cell_s)
+            Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.precision, self.cell_s, self.color)
             for index, b in ((index, self.blocks[index[0]]) for index in self.alike)
         ]
         # of two dependent columns the bias stays, because each power cycle has its own offset
         order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect.role is not Role.BIAS)
-        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, LEAST_DPS**2 * self._samples)
+        noise = self._noise_in(fixed)
+        least = LEAST_DPS**2 * self._samples + noise[:, :, 0].sum(axis=0)
+        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, least)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
+        self.column_noise = noise[:, kept]
+        self._take_out_noise(fixed, summed)
         scenario = [j for j, (i, _) in enumerate(fixed) if self._varies(self.terms[i].effect.role)]
         return Layout(tuple(fixed), tuple(run), tuple(group), tuple(scenario)), summed
+
+    def _noise_in(self, fixed: Sequence[tuple[int, int]]) -> Array:
+        """The noise of each shared column in each run, shape [runs, p, 2], as :meth:`_noises`."""
+        nothing = np.zeros(2)
+        return np.array([
+            [nothing if (noise := of_run[term]) is None else noise[j] for term, j in fixed] for of_run in self.noises
+        ]).reshape(len(self.blocks), len(fixed), 2)  # fmt: skip
+
+    def _take_out_noise(self, fixed: Sequence[tuple[int, int]], summed: Sequence[Summed]) -> None:
+        """Subtract from the normal equations what the noise of the columns is expected to add (Fuller 1987, section 2.2).
+
+        The residual holds the reference's noise with the opposite sign, so its product with the scale's column has lost as much
+        as the column's square has gained.
+        """
+        for j in np.flatnonzero(self.column_noise.any(axis=(0, 2))).tolist():
+            of_rate = self.terms[fixed[j][0]].effect.role is Role.SCALE
+            for index, s in zip(self.alike, summed, strict=True):
+                power = self.column_noise[index, j, 0]
+                s.gram[:, 1 + j, 1 + j] -= power
+                if of_rate:
+                    s.gram[:, 0, 1 + j] += power
+                    s.gram[:, 1 + j, 0] += power
 
     def _varies(self, role: Role | None) -> bool:
         """True if an effect with this role varies from power cycle to power cycle."""
@@ -161,9 +257,21 @@ class Design:
             rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
         return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
 
+    @cached_property
+    def origin(self) -> Array:
+        """The values about which the shared coefficients are determined, shape [p]; zero except for effects of time."""
+        terms = [self.terms[i] for i, _ in self.layout.fixed]
+        return np.array([
+            t.effect.coefficients(t.values)[0] if isinstance(t.effect, TimingEffect) and t.values else 0.0 for t in terms
+        ])  # fmt: skip
+
     def sample_columns(self, b: Blocks) -> dict[int, Array]:
         """Each term's columns at every sample of a run, by the term's index."""
-        return {i: self._at_samples(term, b) for i, term in enumerate(self.terms) if term.fault is None}
+        at = next((i for i, of in enumerate(self.blocks) if of.run is b.run), 0)
+        return {
+            t: self._stand_in(t, b) if self.lacking[t][at] else self._at_samples(term, b)
+            for t, term in enumerate(self.terms) if term.fault is None
+        }  # fmt: skip
 
     def _at_samples(self, term: Term, b: Blocks) -> Array:
         return term.effect.columns(b.run, self.axis, term.values_in(b.run) or dict.fromkeys(term.effect.linear, 0.0))
@@ -173,10 +281,11 @@ class Design:
         return any(m is not None and bool(m[:, j].any()) for m in (means[term] for means in self.means))
 
     @staticmethod
-    def _identified(gram: Array, order: Sequence[int], least: float) -> Mask:
+    def _identified(gram: Array, order: Sequence[int], least: Array) -> Mask:
         """Mask [p] of the shared columns that are independent of the columns kept before them, in the given order.
 
-        A column with a squared norm below ``least`` is also left out (for example, a transient that ended before the run).
+        A column whose independent part has a squared norm below ``least`` [p] is also left out: a transient that ended before
+        the run, or the noise of a reference at rest.
         """
         keep = np.zeros(len(order), dtype=bool)
         for j in order:
@@ -185,7 +294,7 @@ class Design:
                 others = 1 + np.flatnonzero(keep)
                 solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, 1 + j], rcond=None)[0]
                 rest = norm - gram[others, 1 + j] @ solved
-            keep[j] = rest > UNIDENTIFIED * norm and norm > least
+            keep[j] = rest > UNIDENTIFIED * norm and rest > least[j]
         return keep
 
     def _alike(self, like: Design | None) -> list[list[int]]:
@@ -197,7 +306,8 @@ class Design:
             if not b.t_s.size:
                 continue
             even = b.t_s.size > 2 and np.ptp(b.n) == 0 and _off_grid_s(b.t_s) <= 1e-3 * SLOW_S
-            key = (b.t_s.size, float(b.n[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
+            even = even and np.ptp(b.precision) == 0
+            key = (b.t_s.size, float(b.precision[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
             together.setdefault(key, []).append(i)
         return list(together.values())
 
@@ -221,7 +331,19 @@ class Design:
         logdet = np.zeros(len(self.blocks))
         for index, summed in zip(self.alike, self._summed, strict=True):
             grams[index], logdet[index] = summed.normal_equations(noise)
+        for i, j in self._free:
+            own = grams[i, :, 1 + j].copy()
+            if own[1 + j] > 0:
+                grams[i] -= np.outer(own, own) / own[1 + j]
+                logdet[i] += float(np.log(own[1 + j]))
         return grams, logdet
+
+    @cached_property
+    def _free(self) -> list[tuple[int, int]]:
+        """Pairs of a run that lacks the data of a term and the shared column whose value is its own in that run."""
+        roles = {self.terms[t].effect.role: j for j, (t, _) in enumerate(self.layout.fixed)}
+        wanted = {(i, self.terms[t].effect.stands_for) for t in self.levels for i in np.flatnonzero(self.lacking[t]).tolist()}
+        return sorted((i, roles[role]) for i, role in wanted if role in roles)
 
     @property
     def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:
@@ -235,7 +357,7 @@ class Design:
     def extent_s(self) -> tuple[float, float]:
         """Length of the longest run and shortest time between blocks, s."""
         longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size)
-        return longest_s, min((float(np.median(np.diff(b.t_s))) for b in self.blocks if b.t_s.size > 1), default=1.0)
+        return longest_s, _step_s(self.blocks)
 
     @cached_property
     def column_rms(self) -> Array:
@@ -246,6 +368,20 @@ class Design:
     @property
     def _samples(self) -> float:
         return max(1.0, sum(float(b.n.sum()) for b in self.blocks))
+
+
+def timing_of(terms: Sequence[Term]) -> Timing:
+    """The timing that the effects of time among the terms describe together."""
+    timing = SYNCHRONOUS
+    for term in terms:
+        if isinstance(term.effect, TimingEffect) and term.values:
+            timing = term.effect.set(timing, term.values)
+    return timing
+
+
+def _step_s(blocks: Sequence[Blocks]) -> float:
+    """Shortest usual time between the blocks of a run, s."""
+    return min((float(np.median(np.diff(b.t_s))) for b in blocks if b.t_s.size > 1), default=1.0)
 
 
 def _off_grid_s(t_s: Array) -> float:

@@ -22,11 +22,13 @@ from gyrocal.inference.blocks import Blocks, by_sample, reduce_session
 from gyrocal.inference.design import SLOW_S, Design
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.noise_shape import shaped
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.runs_apart import runs_apart
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
+from gyrocal.inference.timing import settle, started
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.recording.session import AXES, Session
 from gyrocal.threads import each, one_thread
@@ -62,21 +64,23 @@ def fit(
 
 def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise) -> AxisFit:
     """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML."""
-    terms = [_prepared(t, blocks, axis) for t in terms]
+    terms = started([_prepared(t, blocks, axis) for t in terms], [b.run for b in blocks], axis)
     if any(t.effect.fast for t in terms):
         blocks = by_sample(blocks)
     pending = [i for i, t in enumerate(terms) if _needs_choice(t)]
     settled = [t for i, t in enumerate(terms) if i not in pending]
-    current = fit_noise(Design(blocks, axis, settled, noise_model))
+    current = settle(fit_noise(Design(blocks, axis, settled, noise_model)))
+    settled = list(current.design.terms)
     cell_s = _drift_cell_s(current) if current.design.n_blocks.sum() > MANY_BLOCKS else 0.0
     if cell_s:
         design = Design(blocks, axis, settled, noise_model, cell_s, like=current.design)
         current = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
+    current = shaped(current)
     for i in pending:
         current = choose_variant(current, terms[i])
     order = {t.effect_id: i for i, t in enumerate(terms)}
     current = _in_order(current, order, bool(pending))
-    return finish(runs_apart(refine(current)))
+    return finish(settle(runs_apart(refine(current))))
 
 
 def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:

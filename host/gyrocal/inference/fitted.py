@@ -38,28 +38,21 @@ class AxisFit:
         """Spread of the bias over power cycles, deg/s."""
         return self.scenario_sd(self.spreads.scenario, Role.BIAS)
 
-    @property
-    def slow_power(self) -> float:
-        """Mean square, dps^2, of drift and turn-on bias: the floor's slow part."""
-        return self.noise.ou_sd_dps**2 + self.turn_on_sd_dps**2
-
-    @property
-    def scale_spread_dps(self) -> float:
-        """rms, deg/s, of the scale's own spread from power cycle to power cycle; it is no part of the floor."""
-        scale_sd = self.scenario_sd(self.spreads.scenario, Role.SCALE)
-        rates = [
-            float(np.mean(b.run.rate_dps**2)) if b.run.axis_index == self.design.axis else 0.0 for b in self.design.blocks
-        ]
-        samples = [len(b.run) for b in self.design.blocks]
-        rate_power = float(np.average(rates, weights=samples))
-        return scale_sd * float(np.sqrt(rate_power))
-
     def scenario_sd(self, of: Array, role: Role) -> float:
         """Of values [k], one for each spread over power cycles, that of the bias or the scale; 0 where there is none."""
         for k, j in enumerate(self.design.layout.scenario):
             if self.design.terms[self.design.layout.fixed[j][0]].effect.role is role:
                 return float(np.nan_to_num(of[k]))
         return 0.0
+
+    @property
+    def attenuation_se(self) -> Array:
+        """Standard error of each shared parameter [p] from the uncertain noise of measured columns."""
+        slope = self.solution.beta.copy()
+        for j, (term, _) in enumerate(self.design.layout.fixed):
+            slope[j] += self.design.terms[term].effect.role is Role.SCALE  # the residual holds the reference's noise too
+        noise_se = self.design.column_noise[:, :, 1].sum(axis=0) / self.noise.white_sd_dps**2
+        return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
         """The solution from some of the runs."""
@@ -94,6 +87,12 @@ class AxisFit:
         m = np.eye(random.size) + sd[:, None] * gram[np.ix_(random, random)] * sd
         u = sd * np.linalg.solve(m, sd * (gram[random] @ residual))
         return np.asarray(u[: len(layout.run)])
+
+    def block_residuals(self, run: int) -> Array:
+        """Block means of a run without the terms that the fit found, shape [m], deg/s; drift and power cycle remain."""
+        columns, p = self.design.columns(run), len(self.design.layout.fixed)
+        u = self.run_coefficients(run, self.solution.beta, self.spreads)
+        return np.asarray(columns[0] - self.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :])
 
     def predict(self, run: int, beta: Array, u: Array) -> Array:
         """Modelled minus true rate at every sample of a run, shape [n], deg/s."""

@@ -31,6 +31,10 @@ class Fold:
     time: tuple[float, float] | None = None
 
 
+EVERYTHING = Fold("all", ())
+"""Stands for a prediction in sample, where nothing can be left out."""
+
+
 @dataclass(frozen=True)
 class Prediction:
     """Held-out samples of one run and axis: their rows, and measured and modelled rate [rows] in deg/s."""
@@ -90,7 +94,12 @@ def _identified(fit: Fit, fold: Fold) -> bool:
         gram = axis.grams[kept][:, 1 : 1 + p, 1 : 1 + p].sum(axis=0)
         everything = axis.grams[:, 1 : 1 + p, 1 : 1 + p].sum(axis=0)
         scale = np.sqrt(np.maximum(np.diag(everything), 1e-300))
-        if p and np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] < 1e-6:
+        # the least part of what all runs know that is left, for columns of any unit and origin
+        try:
+            root = np.linalg.inv(np.linalg.cholesky(everything / np.outer(scale, scale)))
+        except np.linalg.LinAlgError:
+            return False
+        if p and np.linalg.eigvalsh(root @ (gram / np.outer(scale, scale)) @ root.T)[0] < POLICY.least_left:
             return False
     return True
 
@@ -134,7 +143,7 @@ def _gains(axis: AxisFit, held: Mask, trained: Solution, spreads: Spreads) -> It
 def _time_step(axis: AxisFit, fold: Fold) -> Step:
     trained, seen = [], []
     for b in axis.design.blocks:
-        inside, near = _time_masks(b, fold)
+        inside, near = time_masks(b, fold)
         trained.append(b.select(~inside & ~near))
         seen.append(b.select(~near))
     fits = []
@@ -151,9 +160,10 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
     return Step(fold, fitted, solution, spreads, {fold.label: both.loglik - solution.loglik})
 
 
-def _time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
+def time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
+    """Masks [m] of a run's blocks that a fold leaves out, and of those beside them that no fit uses."""
     assert fold.time is not None
-    elapsed = b.t_s - b.run.t_s[0]
+    elapsed = b.t_s - b.run.sample_s[0]
     start, stop = (f * b.run.duration_s for f in fold.time)
     gap_s = min(POLICY.time_gap_s, 0.05 * b.run.duration_s)
     inside = (elapsed >= start) & (elapsed < stop)
@@ -173,7 +183,7 @@ def predictions(fit: Fit, all_folds: list[Fold]) -> Iterator[Prediction]:
 def fitted(fit: Fit) -> Iterator[Prediction]:
     """The same predictions in sample, if nothing can be left out."""
     for axis in fit.axes.values():
-        everything = Step(Fold("all", tuple(range(len(fit.blocks)))), axis, axis.solution, axis.spreads, {})
+        everything = Step(EVERYTHING, axis, axis.solution, axis.spreads, {})
         for i, b in enumerate(fit.blocks):
             if not b.run.rate_is_mean:
                 yield _predict(everything, i)
@@ -189,9 +199,11 @@ def _predict(step: Step, i: int) -> Prediction:
         if not term.values or term.fault is None:
             continue
         modelled = term.fault.respond(run, axis.design.axis, modelled, term.values, axis.noise.white_sd_dps)
+    # A sample that shows a moment without a reference has no prediction. It counts as read, so that it adds no error.
+    modelled = np.where(run.reached, modelled, run.gyro_dps[:, axis.design.axis])
     rows = slice(0, len(run))
     if step.fold.time is not None:
-        elapsed = run.t_s - run.t_s[0]
+        elapsed = run.sample_s - run.sample_s[0]
         first, stop = (int(np.searchsorted(elapsed, f * run.duration_s)) for f in step.fold.time)
         rows = slice(first, len(run) if step.fold.time[1] >= 1 else stop)
     return Prediction(run, axis.design.axis, rows, modelled[rows])

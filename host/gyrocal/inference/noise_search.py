@@ -23,18 +23,31 @@ from gyrocal.recording.session import Array
 
 LEAST_WHITE_DPS = 1e-5
 """No reading is less noisy than this: a thousandth of a count."""
+BELOW, ABOVE = 0.2, 3.0
+"""Logarithms of the ratios by which the white level may be below and above its start: colour raises it."""
+LEAST_BENDS = 30
+"""Second differences of block means from which on they show the noise."""
 STEP = 1e-4
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
 
 
 def white_start(design: Design) -> float:
-    """White noise of one sample, deg/s, from the scatter within blocks."""
+    """White noise of one sample, deg/s: the scatter within blocks or that from block to block, whichever is smaller.
+
+    Behind a low-pass filter the scatter within blocks is smaller. Beside a fast vibration that from block to block is.
+    """
     ss = sum(b.within_ss[design.axis] for b in design.blocks)
     n = sum(b.within_n for b in design.blocks)
-    if n >= 10:
-        return max(float(np.sqrt(ss / n)), LEAST_WHITE_DPS)
-    jumps = np.concatenate([np.diff(b.y_dps[:, design.axis]) for b in design.blocks])
-    return float(max(np.sqrt(np.mean(jumps**2) / 2) if jumps.size else 0.0, LEAST_WHITE_DPS))
+    within = [float(np.sqrt(ss / n))] if n >= 10 else []
+    bends = [_bends(b.y_dps[:, design.axis]) * np.sqrt(b.n[1:-1]) for b in design.blocks if b.t_s.size > 2]
+    squares = np.concatenate([*bends, np.zeros(0)]) ** 2
+    between = [float(np.sqrt(np.mean(squares)))] if squares.size >= LEAST_BENDS or not within else []
+    return max(min([*within, *[x for x in between if x > 0]], default=0.0), LEAST_WHITE_DPS)
+
+
+def _bends(y_dps: Array) -> Array:
+    """Second differences [m - 2] of block means [m], with the standard deviation of one block mean if the noise is white."""
+    return np.diff(y_dps, 2) / np.sqrt(6.0)
 
 
 def _drifts(design: Design) -> bool:
@@ -86,7 +99,7 @@ class NoiseScale:
         longest_s, block_s = design.extent_s
         samples = max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks]))))
         unit = float(white0 / np.sqrt(SLOW_S / block_s * samples))
-        bounds = [(float(np.log(white0)) - 0.2, float(np.log(white0)) + 3.0)]
+        bounds = [(float(np.log(white0)) - BELOW, float(np.log(white0)) + ABOVE)]
         if _drifts(design):
             slow_s = max(SLOW_S, 5 * block_s)
             bounds.append((NO_SPREAD, float(np.log1p((150 * white0 / unit) ** 2))))

@@ -7,39 +7,72 @@ from collections.abc import Callable
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.inference.noise_search import fit_noise, with_noise
 from gyrocal.recording.session import Array
 
+NEARBY, MOVES = 3.0, 5
+"""A single parameter is searched within so many of its steps, and again about what was found if that is at the edge."""
+EXACT = 3e-3
+"""Of a step: how exactly a parameter is found."""
+
+Cost = Callable[[Array], float]
+
 
 def refine(current: AxisFit) -> AxisFit:
-    """Nonlinear parameters at fixed noise, one term at a time, then the noise again."""
-    from scipy.optimize import minimize
+    """Nonlinear parameters at fixed noise, one term at a time, then the noise again.
 
+    They maximise the profile likelihood. REML's would depend on the units of the columns, which change with a time constant.
+    """
     moved = False
     for i, term in enumerate(current.design.terms):
         names = [n for n in term.effect.nonlinear if n in term.values]
         if not names or term.of_run:
             continue
         base = current
-        bounds = [np.log(term.effect.parameter(name).search_range) for name in names]
-        x0 = np.array([np.clip(np.log(term.values[n]), *b) for n, b in zip(names, bounds, strict=True)])
+        bounds = np.array([np.log(term.effect.parameter(name).search_range) for name in names])
+        x0 = np.clip(np.log([term.values[n] for n in names]), *bounds.T)
 
         def at(x: Array, i: int = i, names: list[str] = names, base: AxisFit = base) -> AxisFit:
             values = dict(zip(names, map(float, np.exp(x)), strict=True))
             return with_noise(base.design.with_values(i, values), base.noise, base.spreads)
 
-        runs = [b.run for b in current.design.blocks]
-        steps = [term.effect.step(name, term.values, runs) for name in names]
-        simplex = np.vstack([x0, *(x0 + np.diag(steps))])
-
         def cost(x: Array, at: Callable[[Array], AxisFit] = at) -> float:
-            return -at(x).loglik
+            return -profile_loglik(at(x))
 
-        found = minimize(
-            cost, x0, method="Nelder-Mead", bounds=bounds,
-            options={"xatol": 3e-3 * min(steps), "fatol": 1e-3, "maxfev": 40 * len(names), "initial_simplex": simplex},
-        )  # fmt: skip
-        better = at(found.x)
-        if better.loglik > current.loglik:
+        runs = [b.run for b in current.design.blocks]
+        steps = np.array([term.effect.step(name, term.values, runs) for name in names])
+        better = at(_one(cost, x0, bounds, steps) if len(names) == 1 else _several(cost, x0, bounds, steps))
+        if profile_loglik(better) > profile_loglik(current):
             current, moved = better, True
     return fit_noise(current.design, start=current) if moved else current
+
+
+def _one(cost: Cost, x0: Array, bounds: Array, steps: Array) -> Array:
+    """The minimum of one parameter, by Brent's method in a window that follows it."""
+    from scipy.optimize import minimize_scalar
+
+    (low, high), (step,), x = bounds[0], steps, float(x0[0])
+    for _ in range(MOVES):
+        window = max(low, x - NEARBY * step), min(high, x + NEARBY * step)
+        found = minimize_scalar(lambda v: cost(np.array([v])), bounds=window, method="bounded", options={"xatol": EXACT * step})
+        x = float(found.x)
+        inner = min(x - window[0], window[1] - x) > 0.05 * step
+        if inner or window == (low, high) or min(x - low, high - x) < 0.05 * step:
+            break
+    ends = [np.array([v]) for v in (low, high) if abs(x - v) < 0.05 * step]  # Brent's method never tries an end itself
+    return min([np.array([x]), *ends], key=cost)
+
+
+def _several(cost: Cost, x0: Array, bounds: Array, steps: Array) -> Array:
+    """The minimum of several parameters."""
+    from scipy.optimize import minimize
+
+    found = minimize(
+        cost, x0, method="Nelder-Mead", bounds=bounds.tolist(),
+        options={
+            "xatol": EXACT * float(steps.min()), "fatol": 1e-3, "maxfev": 40 * x0.size,
+            "initial_simplex": np.vstack([x0, *(x0 + np.diag(steps))]),
+        },
+    )  # fmt: skip
+    return np.asarray(found.x)

@@ -10,8 +10,8 @@ from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import LEAST_SCENARIOS
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import with_noise
-from gyrocal.inference.reml import Spreads, SpreadScale
+from gyrocal.inference.joint import Joint, errors_of, joint
+from gyrocal.inference.spread_errors import settled, spread_errors
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
@@ -20,8 +20,10 @@ from gyrocal.recording.session import Array
 
 def finish(current: AxisFit) -> AxisFit:
     """The fit with its terms and noise as a model holds them: parameters by name, with their standard errors."""
+    current = settled(current)
     layout, design = current.design.layout, current.design
-    run_se, scenario_se = _spread_errors(current)
+    run_se, scenario_se = spread_errors(current)
+    together = joint(current)
     terms = []
     for i, term in enumerate(design.terms):
         kind = term.effect
@@ -34,7 +36,7 @@ def finish(current: AxisFit) -> AxisFit:
         if term.fault is not None:
             values, se = dict(term.values), dict(term.se)
         if mine:
-            shared, shared_se = _named(term, current, mine)
+            shared, shared_se = _named(term, current, together, mine)
             values.update(shared)
             se.update(shared_se)
         own = [j for j, (t, _) in enumerate(layout.run) if t == i]
@@ -42,7 +44,7 @@ def finish(current: AxisFit) -> AxisFit:
             groups = [layout.run_group[j] for j in own]
             values.update(kind.named_spread(current.spreads.run[groups], term.values))
             se.update(kind.named_spread(run_se[groups], term.values))
-        se.update(_nonlinear_errors(current, i))
+        se.update(_nonlinear_errors(current, i, together))
         terms.append(replace(term, values=values, se=se))
     return replace(current, terms=tuple(terms), noise_model=_fitted_noise(current, scenario_se))
 
@@ -62,71 +64,31 @@ def _fitted_noise(current: AxisFit, scenario_se: Array) -> AxisNoise:
     return fitted
 
 
-def _named(term: Term, current: AxisFit, mine: list[int]) -> tuple[Values, Values]:
-    """A term's shared parameters by name, and their errors by propagation; those that are not identified are left out."""
+def _named(term: Term, current: AxisFit, of: Joint, mine: list[int]) -> tuple[Values, Values]:
+    """A term's shared parameters by name, and their errors; those that are not identified are left out."""
     kind, layout = term.effect, current.design.layout
     index = [layout.fixed[j][1] for j in mine]
-    beta = np.full(max(len(kind.groups(term.values)), max(index) + 1), np.nan)
-    beta[index] = current.solution.beta[mine]
-    cov = current.solution.cov[np.ix_(mine, mine)]
-    values = {n: v for n, v in kind.named(beta, term.values).items() if np.isfinite(v)}
-    slopes = np.zeros((len(values), len(mine)))
-    for k, j in enumerate(index):
-        moved = beta.copy()
-        step = 1e-3 * float(np.sqrt(cov[k, k]))
-        moved[j] += step
-        changed = kind.named(moved, term.values)
-        slopes[:, k] = [(changed[n] - v) / step for n, v in values.items()]
-    errors = np.sqrt(np.maximum(np.einsum("ik,kl,il->i", slopes, cov, slopes), 0.0))
+    full = np.full(max(len(kind.groups(term.values)), max(index) + 1), np.nan)
+    full[index] = current.solution.beta[mine] + current.design.origin[mine]
+    values = {n: v for n, v in kind.named(full, term.values).items() if np.isfinite(v)}
+
+    def named(beta: Array, _: Array) -> Array:
+        moved = full.copy()
+        moved[index] = beta[mine] + current.design.origin[mine]
+        found = kind.named(moved, term.values)
+        return np.array([found[n] for n in values])
+
+    # what the noise of measured columns leaves unknown adds to the error of the fit
+    attenuation = errors_of(lambda beta: named(beta, np.zeros(0)), current.solution.beta, np.diag(current.attenuation_se**2))
+    errors = np.hypot(of.errors(named), attenuation)
     return values, dict(zip(values, map(float, errors), strict=True))
 
 
-def _spread_errors(current: AxisFit) -> tuple[Array, Array]:
-    """Standard errors of the spreads: from the curvature of REML's log-likelihood in their logarithm.
-
-    Of a spread that vanishes, or that has no curvature, the size at which the log-likelihood has fallen by a half.
-    """
-    sd = np.concatenate([current.spreads.run, current.spreads.scenario])
-    k = current.spreads.run.size
-    everything = np.ones(len(current.design.blocks), dtype=bool)
-    unit = SpreadScale.of(current.design, current.grams).unit
-
-    def loglik(j: int, value: float) -> float:
-        trial = sd.copy()
-        trial[j] = value
-        return current.subset(everything, Spreads(trial[:k], trial[k:])).loglik
-
-    out = np.full(sd.size, np.nan)
-    step = 0.1
-    for j in np.flatnonzero(unit > 0).tolist():
-        lower, upper = (loglik(j, sd[j] * float(np.exp(sign))) for sign in (-step, step))
-        curvature = (2 * current.loglik - lower - upper) / step**2
-        if sd[j] > 0 and curvature > 0.05:
-            out[j] = sd[j] / np.sqrt(curvature)
-            continue
-        low, high = np.log(1e-3 * unit[j]), np.log(1e3 * unit[j])
-        for _ in range(12):
-            middle = (low + high) / 2
-            fallen = current.loglik - loglik(j, float(np.hypot(sd[j], np.exp(middle)))) > 0.5
-            low, high = (low, middle) if fallen else (middle, high)
-        out[j] = np.exp(high)
-    return out[:k], out[k:]
-
-
-def _nonlinear_errors(current: AxisFit, i: int) -> Values:
-    term = current.design.terms[i]
-    errors: Values = {}
-    if term.of_run:
-        return errors
-    runs = [b.run for b in current.design.blocks]
-    for name in term.effect.nonlinear:
-        if name not in term.values:
-            continue
-        step = term.effect.step(name, term.values, runs) / 6
-        ends = []
-        for sign in (-step, step):
-            moved = current.design.with_values(i, {name: term.values[name] * float(np.exp(sign))})
-            ends.append(with_noise(moved, current.noise, current.spreads).loglik)
-        curvature = (2 * current.loglik - ends[0] - ends[1]) / step**2
-        errors[name] = float(term.values[name] / np.sqrt(curvature)) if curvature > 0 else float("nan")
-    return errors
+def _nonlinear_errors(current: AxisFit, i: int, of: Joint) -> Values:
+    """Errors of a term's nonlinear parameters."""
+    mine = [k for k, (term, _) in enumerate(of.nonlinear) if term == i]
+    errors = of.errors(lambda _, log_values: np.exp(log_values[mine])) if mine else np.zeros(0)
+    term, runs = current.design.terms[i], [b.run for b in current.design.blocks]
+    names = [of.nonlinear[k][1] for k in mine]
+    spacing = [term.effect.resolution(name, term.values, runs, current.design.axis) for name in names]
+    return {name: float(np.hypot(e, s)) for name, e, s in zip(names, errors, spacing, strict=True)}

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.effects.base import Values
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.errors import InputError
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio, profile_loglik
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.timing import with_timing
 from gyrocal.noise.whitening import Noise
 
 ORDER_CHANCE = 0.01
@@ -24,6 +26,8 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
     Raises:
         InputError: the effect has no variant on this session.
     """
+    if isinstance(term.effect, TimingEffect):
+        return with_timing(current, term)
     noise, chosen = current.noise, None
     for _ in range(3):  # drift swallows what it was fitted without: judge again at the noise fitted with the choice
         values = _likeliest(current, term, noise)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gyrocal.noise.level import smooth_level
+from gyrocal.noise.steady import relative_levels, shrunk
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -48,20 +50,18 @@ class Bump:
 class Spectrum:
     """Periodograms averaged over ``segments`` segments of equal length.
 
-    ``power`` [f] is the one-sided density in dps^2/Hz. ``level`` [f] is the density between the lines (a running median).
-    ``tail`` [f] is the probability that noise alone reaches ``power`` at that frequency.
+    ``power`` [f] is the one-sided density in dps^2/Hz, and ``level`` [f] the smooth density between the lines
+    (``noise/level.py``). ``ratio`` [f] is the power over that level where every segment counts relative to its own noise.
+    ``tail`` [f] is the probability that noise alone reaches ``ratio`` at that frequency, where the level is itself an estimate.
     """
 
     frequency_hz: Array
     power: Array
     level: Array
+    ratio: Array
     tail: Array
     segments: int
     samples: int
-
-    @property
-    def ratio(self) -> Array:
-        return self.power / self.level
 
     def peak(self) -> Peak | None:
         """The strongest line; None if there is no spectrum."""
@@ -77,15 +77,16 @@ class Spectrum:
     def bump(self) -> Bump | None:
         """The most significant band with more power than both its neighbours; None if there is none.
 
-        A tone that sweeps or wanders produces a bump but no line. The median of a band is compared with the medians of the
-        bands beside it, because a median is insensitive to a line. A sensor's low-pass filter also changes the level, but by
-        less than ``Policy.bump`` over the width of a band.
+        A tone that sweeps or wanders produces a bump but no line. The median of a band is compared with the larger of the
+        medians of the bands beside it, because a median is insensitive to a line. Noise whose density falls with frequency,
+        such as flicker noise or noise behind a low-pass filter, never exceeds both sides.
         """
         from scipy.ndimage import median_filter
         from scipy.stats import norm
 
         if self.frequency_hz.size == 0:
             return None
+        tiny = np.finfo(np.float64).tiny
         bin_hz = float(self.frequency_hz[1] - self.frequency_hz[0])
         looks = 0
         best: Bump | None = None
@@ -94,12 +95,12 @@ class Spectrum:
             width = 2 * half + 1
             if half < 8 or 3 * width > self.power.size:
                 continue
-            level = median_filter(self.power, width)
+            level = median_filter(self.ratio * self.level, width)
             middle = level[half + width : -half - width]
-            sides = (level[half : -half - 2 * width] + level[half + 2 * width : -half]) / 2
-            ratio = middle / np.maximum(sides, np.finfo(np.float64).tiny)
+            sides = np.maximum(level[half : -half - 2 * width], level[half + 2 * width : -half])
+            ratio = middle / np.maximum(sides, tiny)
             independent = width / PAD * self.segments * (1 - TAPER / 2) * 2 / np.pi
-            sigma = np.log(np.maximum(ratio, np.finfo(np.float64).tiny)) / np.sqrt(1.5 / independent)
+            sigma = np.log(np.maximum(ratio, tiny)) / np.sqrt(2 / independent)
             looks += ratio.size
             k = int(np.argmax(sigma))
             if ratio[k] > 1 + POLICY.bump and (best is None or sigma[k] > best.sigma):
@@ -122,31 +123,48 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     Each residual is cut into segments. The segments are as long as the shortest residual, but at most ``LONGEST_SAMPLES``. The
     spectrum is empty if the residuals are too short.
     """
-    from scipy.ndimage import median_filter
-    from scipy.signal.windows import tukey
-    from scipy.stats import gamma
+    from scipy.stats import f
 
     empty = np.zeros(0)
     length = min(min((r.size for r in residuals), default=0), LONGEST_SAMPLES)
     if length < LEAST_SAMPLES:
-        return Spectrum(empty, empty, empty, empty, 0, length)
-    window = tukey(length, TAPER)
-    gain = rate_hz * float((window**2).sum())
-    total = np.zeros(PAD * length // 2 + 1)
-    segments = 0
-    for r in residuals:
-        for start in range(0, r.size - length + 1, length):
-            piece = r[start : start + length]
-            total += 2 * np.abs(np.fft.rfft((piece - piece.mean()) * window, PAD * length)) ** 2 / gain
-            segments += 1
+        return Spectrum(empty, empty, empty, empty, empty, 0, length)
     frequency = np.fft.rfftfreq(PAD * length, 1 / rate_hz)
     use = (frequency >= lowest_hz) & (frequency < rate_hz / 2)
-    power: Array = total[use] / max(segments, 1)
-    if power.size < 8 or not power.any():
-        return Spectrum(empty, empty, empty, empty, segments, length)
-    width = min(power.size, max(31, power.size // 3)) | 1
-    # a value of the averaged periodogram is Gamma(segments)/segments times the level; its median is slightly below its mean
-    level = median_filter(power, width, mode="reflect").astype(np.float64) / (gamma.ppf(0.5, segments) / segments)
-    level = np.maximum(level, np.finfo(np.float64).tiny)  # constant readings have no level
-    tail: Array = gamma.sf(power / level * segments, segments)
-    return Spectrum(np.asarray(frequency[use], dtype=np.float64), power, level, tail, segments, length)
+    levels = relative_levels(residuals)
+    power = even = _periodograms(residuals, length, rate_hz)[:, use]
+    if levels.change:
+        even = _periodograms(levels.steadied(residuals), length, rate_hz)[:, use]
+    segments = len(power)
+    if np.count_nonzero(use) < 8 or not power.any():
+        return Spectrum(empty, empty, empty, empty, empty, segments, length)
+    frequency_hz: Array = frequency[use].astype(np.float64)
+    tiny = np.finfo(np.float64).tiny
+    mean: Array = np.asarray(power.mean(axis=0), dtype=np.float64)
+    pooled: Array = np.asarray((even / _segment_levels(even)[:, None]).mean(axis=0), dtype=np.float64)
+    smooth = smooth_level(frequency_hz, np.maximum(pooled, tiny), float(segments), PAD)
+    ratio = pooled / smooth.level
+    scale = float(np.exp(np.median(np.log(np.maximum(mean, tiny)) - np.log(np.maximum(pooled, tiny)))))
+    # the level is Gamma-distributed too: of shape 1 / variance
+    tail = np.asarray(f.sf(ratio, 2 * segments, 2 / np.maximum(smooth.variance, 1e-9)))
+    return Spectrum(frequency_hz, mean, smooth.level * scale, ratio, tail, segments, length)
+
+
+def _periodograms(residuals: Sequence[Array], length: int, rate_hz: float) -> Array:
+    """Tapered periodogram of each segment [segments, f], dps^2/Hz."""
+    from scipy.signal.windows import tukey
+
+    window = tukey(length, TAPER)
+    gain = rate_hz * float((window**2).sum())
+    pieces = [r[start : start + length] for r in residuals for start in range(0, r.size - length + 1, length)]
+    out = np.empty((len(pieces), PAD * length // 2 + 1))
+    for row, piece in zip(out, pieces, strict=True):
+        row[:] = 2 * np.abs(np.fft.rfft((piece - piece.mean()) * window, PAD * length)) ** 2 / gain
+    return out
+
+
+def _segment_levels(power: Array) -> Array:
+    """Relative level of each segment [segments] of periodograms [segments, f]: geometric means, shrunk to their own mean."""
+    log_level = np.log(np.maximum(power, np.finfo(np.float64).tiny)).mean(axis=1)
+    known = np.pi**2 / 6 * PAD / power.shape[1]  # variance of the mean logarithm of exponential variables
+    return np.asarray(np.exp(shrunk(log_level - log_level.mean(), known)))

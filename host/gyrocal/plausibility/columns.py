@@ -28,9 +28,14 @@ def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
 
 
 def _acceleration(session: Session) -> list[Warning]:
-    """By the size of each sample's acceleration: its mean over a run in which gravity turns is the accelerometer's own bias."""
+    """By the mean acceleration of each run at rest, in which vibration averages out.
+
+    Without one, the size of each sample is taken, because the mean over turning gravity is the accelerometer's own bias.
+    """
     runs = [(r, r.acc_g) for r in session.runs if r.acc_g is not None]
-    at_rest = [a[r.rate_dps == 0.0] for r, a in runs if not r.rate_is_mean and np.any(r.rate_dps == 0.0)]
+    rests = [a for r, a in runs if not r.rate_is_mean and not np.any(r.rate_dps) and np.isfinite(a).any(axis=0).all()]
+    at_rest = [np.nanmean(a, axis=0)[None] for a in rests]
+    at_rest = at_rest or [a[r.rate_dps == 0.0] for r, a in runs if not r.rate_is_mean and np.any(r.rate_dps == 0.0)]
     samples = np.concatenate(at_rest or [a for _, a in runs] or [np.empty((0, 3))])
     norms = np.linalg.norm(samples, axis=1)
     norms = norms[np.isfinite(norms)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from gyrocal.recording.header import RunEntry, SessionFile
+from gyrocal.recording.header import Reference, RunEntry, SessionFile
 from gyrocal.recording.session import AXES, Session
 from gyrocal.warning import Warning
 
@@ -30,6 +30,8 @@ def check(session: Session) -> list[Warning]:
 
 def _unread(key: str, schema: type[RunEntry] | type[SessionFile]) -> str:
     known = [name for name in schema.model_fields if name != "run"]
+    if key.startswith("reference."):
+        known = [f"reference.{name}" for name in Reference.model_fields]
     (nearest,) = get_close_matches(key, known, n=1, cutoff=0.0)
     return f"no command reads the key {key!r} of session.toml; the nearest that is read is {nearest}. Correct or remove it"
 

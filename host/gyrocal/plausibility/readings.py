@@ -12,6 +12,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.plausibility.noise import own_sd_dps, step_dps
 from gyrocal.plausibility.noise import still_dps as still
 from gyrocal.plausibility.runs import lag_samples, longest_lag, told
+from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
@@ -33,10 +34,6 @@ DIFFER = 0.03
 LEAST_HEAP, FAR_BELOW = 5, 0.5
 """Readings at the limit by which true rates are compared, and the part of the limit that these exceed."""
 CUT_OFF = 0.01
-FIRST = 3
-FOLLOWING = 30
-STANDS_OFF = 10.0
-STANDS_OFF_STEPS = 3.0
 
 
 def constant(session: Session) -> list[Warning]:
@@ -238,17 +235,11 @@ def first_sample(session: Session) -> list[Warning]:
 
 
 def _first_apart_dps(run: Run, axis: int) -> float | None:
-    if run.rate_is_mean or len(run) < FIRST + FOLLOWING:
+    if run.rate_is_mean:
         return None
-    y = still(run, axis)[: FIRST + FOLLOWING]
     begins = 0.0
     if axis == run.axis_index and np.ptp(run.rate_dps) > 0:  # a filter starts without the lag that it has later
         lag = abs(lag_samples(run.gyro_dps[:, axis], run.rate_dps, longest_lag(run)))
         begins = float(np.ptp(run.rate_dps[: lag + 2]))
-    index = np.arange(y.size, dtype=float)
-    after = slice(FIRST, None)
-    line = np.polynomial.Polynomial.fit(index[after], y[after], 1)
-    left = y - line(index)
-    noise = float(np.sqrt(np.mean(left[after] ** 2)))
-    least = STANDS_OFF * noise + STANDS_OFF_STEPS * float(run.step_dps[axis]) + begins
-    return float(left[0]) if noise > 0 and abs(left[0]) > least else None
+    apart_dps = float(first_apart(still(run, axis), float(run.step_dps[axis]), begins)[0])
+    return apart_dps if apart_dps != 0 else None

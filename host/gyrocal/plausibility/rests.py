@@ -14,6 +14,8 @@ SPREADS = 6.0
 """Standard deviations of the other rests by which a rest must deviate, so that none is reported if all scatter."""
 TURNED_DEG = 5.0
 WINDOW_S = 1.0
+VIBRATION_ERRORS = 6.0
+"""Standard errors of a mean acceleration by which its direction may deviate while the part is shaken."""
 
 
 def moved(means: Means, lines: Lines) -> list[Warning]:
@@ -75,16 +77,22 @@ def _text(m: Mean, rests: list[Mean], axis: str) -> str:
 
 
 def _gravity_turns_deg(run: Run) -> float:
-    """Largest angle between mean accelerations of one second each, deg; 0 without an accelerometer."""
+    """Largest angle between mean accelerations of one second each, less what vibration makes of it, deg.
+
+    0 without an accelerometer.
+    """
     if run.acc_g is None or not np.isfinite(run.acc_g).all():
         return 0.0
     size = max(10, round(WINDOW_S * run.sample_rate_hz))
     count = len(run) // size
     if count < 2:
         return 0.0
-    means = run.acc_g[: count * size].reshape(count, size, 3).mean(axis=1)
+    seconds = run.acc_g[: count * size].reshape(count, size, 3)
+    means = seconds.mean(axis=1)
     norms = np.linalg.norm(means, axis=1)
     if norms.min() < 0.3 * np.median(norms) or norms.min() <= 0:
         return 0.0
     directions = means / norms[:, None]
-    return float(np.rad2deg(np.arccos(np.clip(np.min(directions @ directions[0]), -1.0, 1.0))))
+    angle_deg = float(np.rad2deg(np.arccos(np.clip(np.min(directions @ directions[0]), -1.0, 1.0))))
+    shaken_g = float(np.sqrt(np.mean(seconds.var(axis=1)) / size))
+    return max(0.0, angle_deg - VIBRATION_ERRORS * float(np.rad2deg(shaken_g / np.median(norms))))

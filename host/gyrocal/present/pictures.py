@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
@@ -47,7 +47,7 @@ def residual_against_time(comparison: Comparison) -> Figure:
     figure, axes = _figure(8, 3.2)
     for p in heldout.fitted(comparison.fit):
         name = AXES[p.axis]
-        b = next(b for b in comparison.fit.blocks if b.run is p.run)
+        b = next(b for b in comparison.fit.blocks if b.run.index == p.run.index)
         means = b.mean(p.residual_dps[:, None])[:, 0]
         axes.plot(b.t_s - p.run.t_s[0], means * 1e3, ".", ms=1.2, alpha=0.5, color=AXIS_COLOURS[name])
     for name in comparison.fit.axes:

@@ -9,10 +9,12 @@ from typing import Any
 
 from gyrocal import __version__
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import Comparison
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.levels import explained
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
+from gyrocal.policy import POLICY
 from gyrocal.present.output import mdps, plus_minus, stdout, table
 from gyrocal.warning import Warning, by_weight, line
 
@@ -57,15 +59,20 @@ def axis_names(c: Comparison) -> tuple[dict[str, str], str]:
 
 
 def level_rows(c: Comparison) -> list[list[str]]:
-    """One row of rms, floor and excess (mdps) for each axis, and one for all."""
+    """Axis, rms, floor, excess, its standard error and the excess within power cycles in mdps; the last row is all axes."""
     names, everything = axis_names(c)
-    rows = [[names[axis], mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2)] for axis, v in c.per_axis.items()]
-    return [*rows, [everything, mdps(c.pooled.rms_dps, 2), mdps(c.pooled.floor_dps, 2), mdps(c.pooled.excess_dps, 2)]]
+    return [
+        [
+            name, mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2), mdps(v.excess_se_dps, 2),
+            mdps(v.excess_within_dps, 2),
+        ]
+        for name, v in (*((names[axis], v) for axis, v in c.per_axis.items()), (everything, c.pooled))
+    ]  # fmt: skip
 
 
 def print_comparison(c: Comparison) -> None:
     print_warnings(c.warnings)
-    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps"], level_rows(c))
+    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
     stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
@@ -135,13 +142,6 @@ def sizes(c: Candidate) -> str:
     return ", ".join(parts)
 
 
-def explained(before: Comparison, after: Comparison) -> float | None:
-    """1 - (excess after / excess before)^2."""
-    if not before.pooled.excess_dps or after.pooled.excess_dps is None:
-        return None
-    return 1 - (after.pooled.excess_dps / before.pooled.excess_dps) ** 2
-
-
 def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
     print_warnings(before.warnings)
     if before.note:
@@ -154,18 +154,13 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     old, new = before.pooled, after.pooled
     rows.append([everything, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
     table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
-    part = explained(before, after)
-    of_all = f"1 - ({mdps(new.excess_dps, 2)} / {mdps(old.excess_dps, 2)})²"
-    told = "" if part is None else f"; {part:.1%} of the squared excess of all axes explained, {of_all}"
-    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}{told}")
-    for axis, fitted in after.fit.axes.items():
-        left_dps, spread_dps = after.per_axis[axis].excess_dps, fitted.scale_spread_dps
-        if left_dps and spread_dps > 0.1 * after.per_axis[axis].floor_dps:
-            share = min(1.0, (spread_dps / left_dps) ** 2)
-            stdout.print(
-                f"On {axis} the scale differs between power cycles by {mdps(spread_dps, 2)} mdps (one sigma), which "
-                f"no model can foretell: {share:.0%} of the square of the {mdps(left_dps, 2)} mdps that are left there"
-            )
+    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+    part = explained(before.pooled, after.pooled, before.cycles)
+    if part is not None:
+        few = before.cycles < POLICY.few_cycles
+        where = ", within power cycles" if few else ""
+        a, b = (mdps(v.excess_within_dps if few else v.excess_dps, 2) for v in (new, old))
+        stdout.print(f"{part:.1%} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
     stdout.print(headline(after), style="bold")
 
 

@@ -35,6 +35,15 @@ class RunEntry(BaseModel):
     power_on_s: float | None = Field(default=None, ge=0)
 
 
+class Reference(BaseModel):
+    """The table ``[reference]`` of session.toml: the noise of one reading where the data cannot show it."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False, frozen=True)
+
+    ref_noise_dps: float | None = Field(default=None, ge=0)
+    temp_noise_c: float | None = Field(default=None, ge=0)
+
+
 class SessionFile(BaseModel):
     """session.toml."""
 
@@ -52,6 +61,7 @@ class SessionFile(BaseModel):
     line: str | None = None
     made_on: str | datetime.date | None = None
     accept: list[str] | None = None
+    reference: Reference = Reference()
     run: list[RunEntry] = Field(min_length=1)
 
     @model_validator(mode="after")

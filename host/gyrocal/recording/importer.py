@@ -15,6 +15,7 @@ from gyrocal.recording.cut import Cut, Edge, check_names_differ, with_meta
 from gyrocal.recording.header import read_header, write_header
 from gyrocal.recording.session import Array, Run, Session, run_entry
 from gyrocal.recording.source import Source, read_source
+from gyrocal.recording.stamps import goes_back, in_bursts, period_s, regression
 from gyrocal.recording.table import OPTIONAL, REQUIRED, check_table, write_table
 from gyrocal.warning import Warning
 
@@ -67,7 +68,7 @@ def import_recording(
     face = (defaults or {}).get("face", "up")
     cuts = with_meta(list(cuts) or [Cut(f"{number:03d}_{face}")], run_meta, defaults or {})
     check_names_differ(cuts)
-    runs = cut_runs(table, mappings, cuts, scaling.rate_hz, axis)
+    runs = cut_runs(table, mappings, cuts, scaling.rate_hz, axis, warn)
     if existing is not None:
         return _append(folder, existing, runs)
     session = Session(
@@ -101,9 +102,13 @@ def _read(
 
 
 def cut_runs(
-    source: Source, mappings: Sequence[ColumnMap], cuts: Sequence[Cut], rate_hz: float | None, axis: str
-) -> list[Run]:
-    """The cuts as runs, checked; without a mapping of ``t_s``, ``rate_hz`` numbers the samples."""
+    source: Source, mappings: Sequence[ColumnMap], cuts: Sequence[Cut], rate_hz: float | None, axis: str,
+    warn: Callable[[Warning], None] = lambda _: None,
+) -> list[Run]:  # fmt: skip
+    """The cuts as runs, checked; without a mapping of ``t_s``, ``rate_hz`` numbers the samples.
+
+    Times that repeat or come in bursts are replaced by their regression on the sample's number, and ``warn`` is told.
+    """
     height = source.frame.height
     by_target = {m.target: m for m in mappings}
     if "t_s" not in by_target and rate_hz is None:
@@ -120,14 +125,8 @@ def cut_runs(
         if "t_s" not in columns:
             assert rate_hz is not None
             columns["t_s"] = np.arange(end - start) / rate_hz
+        columns["t_s"] = _even(columns["t_s"], source, start, cut, warn)
         frame = pl.DataFrame({name: columns[name] for name in TARGETS if name in columns}).fill_nan(None)
-        step = np.diff(np.rint(columns["t_s"] * 1e6))
-        if (step <= 0).any():
-            row = start + int(np.flatnonzero(step <= 0)[0]) + 1
-            raise InputError(
-                f"{source.label}: row {source.first_row + row}: time repeats or goes back; cut it with --run, "
-                "or number the samples with --rate-hz and no t_s"
-            )
         meta = cut.meta
         face = meta.get("face", "up")
         run = Run(
@@ -141,6 +140,27 @@ def cut_runs(
             )
         runs.append(run)
     return runs
+
+
+def _even(t_s: Array, source: Source, start: int, cut: Cut, warn: Callable[[Warning], None]) -> Array:
+    """The times of a cut [n], s: as they are, or by regression where they repeat or come in bursts."""
+    if not np.isfinite(t_s).all() or not in_bursts(t_s):
+        return t_s
+    if goes_back(t_s) or t_s[-1] <= t_s[0]:
+        row = start + int(np.flatnonzero(np.diff(t_s) <= 0)[0]) + 1
+        raise InputError(
+            f"{source.label}: row {source.first_row + row}: time repeats or goes back; cut it with --run, "
+            "or number the samples with --rate-hz and no t_s"
+        )
+    stamps = regression(t_s)
+    lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
+    warn(Warning(
+        "sample_rate", None, f"{cut.name}.csv",
+        f"the times repeat or come in bursts, {1e3 * stamps.jitter_s:.3g} ms rms off an even course of "
+        f"{1 / stamps.period_s:.5g} samples a second{lost}; they were replaced by their regression on the sample's number. "
+        "Record the sensor's own time if you can",
+    ))  # fmt: skip
+    return stamps.t_s
 
 
 def _row(
@@ -159,7 +179,7 @@ def _row(
 
 
 def _nominal_rate_hz(t_s: Array) -> float:
-    return float(f"{1.0 / np.median(np.diff(t_s)):.5g}")
+    return float(f"{1.0 / period_s(t_s):.5g}")
 
 
 def _append(folder: Path, session: Session, runs: list[Run]) -> Session:

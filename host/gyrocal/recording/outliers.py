@@ -23,23 +23,30 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
     """Rows [k] of readings [n] that stand out, and by how much [k], deg/s; ``step_dps``: one count, 0 = as good as none."""
     from scipy.ndimage import median_filter
-    from scipy.stats import norm
 
     nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
     if y_dps.size < 3 * NEIGHBOURS:
         return nothing
     apart = y_dps - median_filter(y_dps, NEIGHBOURS, mode="nearest")
-    level = y_dps - _between(y_dps)
-    spread = 1.4826 * float(np.median(np.abs(level)))
-    moved = float(np.mean(np.abs(apart) > step_dps / 2))
-    if step_dps > 0 and 0 < moved < 0.5:  # coarse counts: the noise that takes so many over the edge of a count at the least
-        spread = max(spread, step_dps / 2 / float(norm.isf(moved / 2)))
+    level = y_dps - between(y_dps)
+    spread = spread_of(level, apart, step_dps)
     nearer = np.where(np.abs(apart) < np.abs(level), apart, level)  # the one is blind to slopes, the other to steps
     rows = np.flatnonzero(np.abs(nearer) > STANDS_OUT * spread + step_dps) if spread > 0 else nothing[0]
     return (rows, nearer[rows]) if 0 < rows.size <= POLICY.most_outliers * y_dps.size else nothing
 
 
-def _between(y_dps: Array) -> Array:
+def spread_of(level: Array, apart: Array, step_dps: float) -> float:
+    """Standard deviation of the noise about a reading's neighbours, deg/s, whatever the outliers."""
+    from scipy.stats import norm
+
+    spread = 1.4826 * float(np.median(np.abs(level)))
+    moved = float(np.mean(np.abs(apart) > step_dps / 2))
+    if step_dps > 0 and 0 < moved < 0.5:  # coarse counts: the noise that takes so many over the edge of a count at the least
+        spread = max(spread, step_dps / 2 / float(norm.isf(moved / 2)))
+    return spread
+
+
+def between(y_dps: Array) -> Array:
     """Where each reading [n] should be by its neighbours on both sides: the median of three pairs' means, true on a slope."""
     wide = np.pad(y_dps, NEIGHBOURS // 2, mode="edge")
     n, middle = y_dps.size, NEIGHBOURS // 2

@@ -13,12 +13,19 @@ import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
-from gyrocal.recording.header import FORMAT, Axis, Face, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.header import FORMAT, Axis, Face, Reference, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
+from gyrocal.recording.stamps import in_bursts, regression, weights
 from gyrocal.recording.table import check_table, read_table_and_damage, write_table
+from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
 
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
 """Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
+KEPT = (
+    "_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "motion", "_smooth_reference", "smooth_temp",
+)  # fmt: skip
+"""What a run has read or computed and that does not depend on its timing."""
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -47,6 +54,12 @@ class Run:
     """Keys of the run's entry in session.toml that nobody reads."""
     table_rate_se_dps: float | None = None
     """Standard error of ``table_rate_dps``."""
+    reference: Reference = field(default_factory=Reference)
+    """What the session says of its references."""
+    smooth: bool = True
+    """False if noisy columns are taken as they are, sample by sample, as the device takes them."""
+    timing: Timing = SYNCHRONOUS
+    """How the reading follows the reference; ``rate_dps`` is the true rate that the reading shows with this timing."""
 
     @property
     def axis_index(self) -> int:
@@ -80,6 +93,16 @@ class Run:
     def t_s(self) -> Array:
         """Time in the run, shape [n], s, as in the file."""
         return self.table["t_s"].to_numpy()
+
+    @cached_property
+    def sample_s(self) -> Array:
+        """Time of each sample, shape [n], s: as in the file, or by regression on its number where times come in bursts."""
+        return regression(self.t_s).t_s if in_bursts(self.t_s) else self.t_s
+
+    @property
+    def weights(self) -> Array:
+        """The time that each sample stands for over their mean, shape [n]: what makes a mean over samples one over time."""
+        return weights(self.sample_s)
 
     @cached_property
     def t_us(self) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -118,7 +141,7 @@ class Run:
 
     @cached_property
     def rate_dps(self) -> Array:
-        """True rate about the run's axis in the sensor's sign, shape [n], deg/s.
+        """True rate about the run's axis in the sensor's sign, shape [n], deg/s, with the reference's noise.
 
         From ``rate_ref_dps`` where the file has it (cells that are missing lie on the line between those that are there: an
         encoder may be slower than the gyroscope), else the table's rate; for a run known by its angle alone, the mean
@@ -127,11 +150,74 @@ class Run:
         reference = self.column("rate_ref_dps")
         if reference is not None:
             known = np.isfinite(reference)
-            return reference if known.all() else np.interp(self.t_s, self.t_s[known], reference[known])
+            rate_dps = reference if known.all() else np.interp(self.sample_s, self.sample_s[known], reference[known])
+            if self.timing != SYNCHRONOUS and self.motion is not None:
+                rate_dps = rate_dps + self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
+            return rate_dps
         if self.table_rate_dps is not None:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
         assert self.turn_deg is not None
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
+
+    @cached_property
+    def _smooth_reference(self) -> Smoothed | None:
+        """The reference without its noise, whatever the timing; None if the rate is not measured but known."""
+        reference = self.column("rate_ref_dps")
+        if reference is None or not self.smooth:
+            return None
+        known = np.isfinite(reference)
+        found = smoothed(reference[known], self.reference.ref_noise_dps)
+        return found if known.all() else found.at(self.sample_s, self.sample_s[known])
+
+    @cached_property
+    def smooth_rate(self) -> Smoothed | None:
+        """The true rate without the reference's noise (``values`` in deg/s); None if the rate is not measured but known."""
+        found = self._smooth_reference
+        if found is None or self.timing == SYNCHRONOUS or self.motion is None:
+            return found
+        moved = self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
+        return replace(found, values=found.values + moved)
+
+    @cached_property
+    def smooth_temp(self) -> Smoothed | None:
+        """The temperature without the thermometer's noise (``values`` in degC); None without a thermometer."""
+        if self.temp_c is None or not self.smooth:
+            return None
+        known = np.isfinite(self.temp_c)
+        found = smoothed_temperature(self.temp_c[known], self.t_s[known], self.reference.temp_noise_c)
+        return found if known.all() else found.at(self.t_s, self.t_s[known])
+
+    def as_measured(self) -> Run:
+        """The run with every column as the device has it: smoothing needs samples that are not there yet."""
+        return replace(self, frame=self.table, smooth=False)
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """The true rate between the samples of ``rate_ref_dps``; None where the run has fewer than five."""
+        reference = self.column("rate_ref_dps")
+        known = np.zeros(0, dtype=bool) if reference is None else np.isfinite(reference)
+        return None if reference is None or known.sum() < 5 else Motion(self.sample_s[known], reference[known])
+
+    @cached_property
+    def reached(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """False for the samples [n] that show a moment at which no reference was recorded (the first of a delayed run)."""
+        if self.timing == SYNCHRONOUS or self.motion is None:
+            return np.ones(len(self), dtype=bool)
+        return self.motion.reached(self.sample_s, self.timing)
+
+    def timed(self, timing: Timing) -> Run:
+        """The same run with another timing; the run itself where its true rate is constant."""
+        if timing == self.timing or self.motion is None:
+            return self
+        out = replace(self, timing=timing)
+        out.__dict__.update({name: self.__dict__[name] for name in KEPT if name in self.__dict__})
+        return out
+
+    @property
+    def shown_s(self) -> Array:
+        """The moment that each sample shows, shape [n], s; behind a low-pass, that of a slow motion."""
+        start_s, timing = self.sample_s[0], self.timing
+        return np.asarray(start_s + (1 + timing.clock) * (self.sample_s - start_s) - timing.delay_s - timing.filter_s)
 
     @property
     def relative_rate_se(self) -> float:
@@ -146,7 +232,7 @@ class Run:
     @property
     def duration_s(self) -> float:
         """From the first sample to one period past the last, s."""
-        return float(self.t_s[-1] - self.t_s[0]) * len(self) / (len(self) - 1)
+        return float(self.sample_s[-1] - self.sample_s[0]) * len(self) / (len(self) - 1)
 
     def first(self, seconds: float) -> Run | None:
         """The run's first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged), or if they hold
@@ -168,7 +254,7 @@ class Run:
             self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
             self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
-            table_rate_se_dps=self.table_rate_se_dps,
+            table_rate_se_dps=self.table_rate_se_dps, reference=self.reference, smooth=self.smooth,
         )  # fmt: skip
 
 
@@ -188,6 +274,8 @@ class Session:
     """Warnings that the user overrules, each a ``code`` or ``code:axis``."""
     unread: tuple[str, ...] = ()
     """Keys of session.toml that nobody reads."""
+    reference: Reference = field(default_factory=Reference)
+    """The table ``[reference]``: what is known of references and thermometers."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
@@ -204,7 +292,8 @@ class Session:
             latitude_deg=header.latitude_deg,
             path=folder,
             accept=tuple(header.accept or ()),
-            unread=tuple(header.model_extra or ()),
+            unread=(*(header.model_extra or ()), *(f"reference.{key}" for key in header.reference.model_extra or ())),
+            reference=header.reference,
         )
         for run in session.runs:
             if run.path is not None and not run.path.is_file():
@@ -255,7 +344,7 @@ class Session:
         return {
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
-            "accept": list(self.accept) or None,
+            "accept": list(self.accept) or None, "reference": self.reference.model_dump(exclude_none=True) or None,
         }  # fmt: skip
 
 
@@ -273,7 +362,7 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
         entry.day, entry.power_on_s, header.sample_rate_hz, path=folder / entry.file,
         lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg, unread=tuple(entry.model_extra or ()),
-        table_rate_se_dps=entry.table_rate_se_dps,
+        table_rate_se_dps=entry.table_rate_se_dps, reference=header.reference,
     )  # fmt: skip
 
 

@@ -42,6 +42,8 @@ class Planned:
     seconds: float
     axis: Axis = "z"
     swing: Swing | None = None
+    shake_g: float = 0.0
+    """Root mean square of a vibration along each of the sensor's axes, g."""
 
 
 @dataclass(frozen=True)
@@ -103,12 +105,33 @@ def bench_plan(days: int | None, seconds: float | None) -> list[Planned]:
     return plan
 
 
+def shaker_plan(days: int | None, seconds: float | None) -> list[Planned]:
+    """Three days; each run a power cycle; both faces, at rest and at 78 deg/s, the shaker off and at 0.5 and 1 g."""
+    hands = np.random.default_rng(2025)
+    plan: list[Planned] = []
+    for day in _days(days):
+        for face in ("up", "down"):
+            for rate in (0.0, TABLE_RATE_DPS):
+                for shake_g in (0.0, 0.5, 1.0):
+                    number = f"s{len(plan):03d}"
+                    plan.append(Planned(number, day, face, rate, _hand(hands, 3.0), seconds or 30.0, shake_g=shake_g))
+    return plan
+
+
+def chamber_plan(days: int | None, seconds: float | None) -> list[Planned]:
+    """Three days, each a power cycle at rest, face up, through the temperatures of a chamber and back, twice and a half."""
+    hands = np.random.default_rng(2025)
+    return [Planned(f"s{day:03d}", day, "up", 0.0, _hand(hands, 3.0), seconds or 1500.0) for day in _days(days)]
+
+
 CAMPAIGNS = {
     "paper": Campaign("48 power cycles of three days, face up and down at 78 deg/s", paper_plan),
     "table2": Campaign("paper with what makes it err as the paper's Table 2", paper_plan),
     "full": Campaign("rest and three rates, both directions and faces", full_plan),
     "swing": Campaign("the table swings, with an encoder", swing_plan),
     "bench": Campaign("six positions in a chamber at 25 +- 20 degC", bench_plan, chamber_c=20.0),
+    "shaker": Campaign("at rest and turning on a shaker, off and at two levels", shaker_plan),
+    "chamber": Campaign("at rest in a chamber that goes up and down by 20 degC", chamber_plan, chamber_c=20.0),
 }
 
 

@@ -18,6 +18,7 @@ import polars as pl
 
 from gyrocal.effects import base
 from gyrocal.effects.reading_fault import ReadingFault
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
@@ -266,27 +267,33 @@ def simulate_run(
             frame=table, lsb_dps=LSB_DPS,
         )  # fmt: skip
 
+    drawn: list[tuple[base.Effect, base.Values]] = []
     bare = run_of(frame)
-    rate_dps = np.zeros((n, 3))
-    rate_dps[:, axis] = bare.rate_dps
-    y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
-    faults: list[tuple[ReadingFault, base.Values]] = []
+    timing = bare.timing
     for effect_id, given in effects:
         kind = base.effect(effect_id)
         values = shared.get(effect_id) or kind.draw(given, rng)
         if kind.scope_in([bare]) == "session":
             shared[effect_id] = values
+        drawn.append((kind, values))
+        timing = kind.set(timing, values) if isinstance(kind, TimingEffect) else timing
+    seen = bare.timed(timing)  # every other effect is one of the rate that the reading shows
+    rate_dps = np.zeros((n, 3))
+    rate_dps[:, axis] = seen.rate_dps
+    y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
+    faults: list[tuple[ReadingFault, base.Values]] = []
+    for kind, values in drawn:
         fault = kind.fault_of(values)
         if fault is not None:
             faults.append((fault, values))
-            truth.effects.append({"id": effect_id, "axis": "all", **values})
+            truth.effects.append({"id": kind.id, "axis": "all", **values})
             continue
-        axes = kind.axes(bare)
+        axes = kind.axes(seen)
         for on in range(3) if several and axes == (axis,) else axes:
-            term_dps = kind.term(bare, on, values)
-            y_dps[:, on] += term_dps
+            term_dps = kind.term(seen, on, values)
+            y_dps[:, on] += 0.0 if isinstance(kind, TimingEffect) else term_dps
             if on == axis or np.any(term_dps):
-                truth.effects.append({"id": effect_id, "axis": AXES[on], **values})
+                truth.effects.append({"id": kind.id, "axis": AXES[on], **values})
     y_dps += rng.normal(0.0, WHITE_SD_DPS, (n, 3))
     y_dps += sensor.drift.samples(n, 1 / RATE_HZ, 3, rng)
     for fault, values in faults:
@@ -302,7 +309,8 @@ def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.Da
     sign = 1.0 if planned.face == "up" else -1.0
     gravity = np.zeros((n, 3))
     gravity[:, AXES.index(planned.axis)] = sign
-    acc_g = np.round((gravity + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
+    shaken = gravity + rng.normal(0, planned.shake_g, (n, 3)) if planned.shake_g else gravity
+    acc_g = np.round((shaken + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
     temp_c = np.round((day.on(planned.power_on_s + t_s) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
     still = {f"g{a}_dps": np.zeros(n) for a in AXES}
     frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})

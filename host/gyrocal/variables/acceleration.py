@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-
 from gyrocal.effects.quantities import acceleration_g
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import Symbol, Variable
@@ -30,12 +28,6 @@ class Acceleration(Variable):
         return acceleration_g(run)
 
     def shapes(self, axis: int) -> list[Shape]:
-        if not all(r.acc_g is not None and np.all(np.isfinite(r.acc_g)) for r in self.runs):
+        if all(r.acc_g is None for r in self.runs):
             return []
-
-        def columns(run: Run) -> Array:
-            acc_g = acceleration_g(run)
-            assert acc_g is not None
-            return acc_g
-
-        return [Columns(columns, len(AXES))]
+        return [Columns(acceleration_g, len(AXES))]

@@ -13,6 +13,7 @@ from abc import ABC
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -41,6 +42,7 @@ class Variable(ABC):
     """Something that a residual can depend on, in the ``runs`` of one session.
 
     ``self.runs`` leaves out runs whose rate is known only as a mean, because they have no residual within the run.
+    ``self.turns`` has these runs.
     """
 
     name: ClassVar[str]
@@ -69,6 +71,7 @@ class Variable(ABC):
 
     def __init__(self, runs: Sequence[Run]) -> None:
         self.runs = [r for r in runs if not r.rate_is_mean]
+        self.turns = [r for r in runs if r.rate_is_mean]
 
     @classmethod
     def label(cls, component: str = "") -> str:
@@ -90,10 +93,8 @@ class Variable(ABC):
     def steps(self, axis: int, edges: Array) -> list[Shape]:
         """Steps of the variable, and steps times the true rate if the table turns about the axis."""
 
-        def values(run: Run) -> Array:
-            found = self.values(run, axis)
-            assert found is not None
-            return found
+        def values(run: Run) -> Array | None:
+            return self.values(run, axis)
 
         return [Steps(values, edges), *([Steps(values, edges, times_rate=True)] if turns(self.runs, axis) else [])]
 
@@ -104,11 +105,24 @@ class Variable(ABC):
 
 
 def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
-    """Edges of at most ``steps`` steps that hold equally many of the values [n] each and are wider than ``resolution``."""
+    """Edges of at most ``steps`` steps that hold about equally many of the values [n] each and are wider than ``resolution``.
+
+    An edge lies where values are rarest. It never divides a plateau, on which only the noise of the values decides their side.
+    """
     if np.ptp(values) <= 2 * resolution:
         return np.zeros(0)
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, steps + 1)[1:-1]))
-    return edges[np.concatenate([[True], np.diff(edges) > resolution])]
+    bounds = np.quantile(values, (np.arange(steps) + 0.5) / steps)
+    edges = [_rarest(values, low, high, resolution) for low, high in pairwise(bounds) if high - low > resolution]
+    return np.array([edge for edge, before in zip(edges, [-np.inf, *edges], strict=False) if edge - before > resolution])
+
+
+def _rarest(values: Array, low: float, high: float, resolution: float) -> float:
+    """The middle of the widest stretch of rarest values between two bounds that are more than ``resolution`` apart."""
+    count, limits = np.histogram(values, bins=2 * int(np.ceil((high - low) / resolution)), range=(low, high))
+    rare = np.concatenate([[False], count == count.min(), [False]])
+    begin, end = np.flatnonzero(np.diff(rare.astype(int)) > 0), np.flatnonzero(np.diff(rare.astype(int)) < 0)
+    widest = int(np.argmax(end - begin))
+    return float(limits[begin[widest]] + limits[end[widest]]) / 2
 
 
 @cache

@@ -26,10 +26,11 @@ class PowerOnTime(Variable):
         return power_on_time_s(run)
 
     def shapes(self, axis: int) -> list[Shape]:
-        begins_s = [r.power_on_s for r in self.runs if r.power_on_s is not None]
-        if len(begins_s) < len(self.runs) or np.ptp(begins_s) <= LEAST_RANGE_S:
+        known = [r for r in self.runs if r.power_on_s is not None]
+        begins_s = [r.power_on_s for r in known if r.power_on_s is not None]
+        if not known or np.ptp(begins_s) <= LEAST_RANGE_S:
             return []
-        last_s = max(begins_s) + max(r.duration_s for r in self.runs)
+        last_s = max(begins_s) + max(r.duration_s for r in known)
         edges = np.linspace(min(begins_s), last_s, min(MOST_EDGES, self.steps_between_runs + 1))[1:-1]
         return self.steps(axis, edges)
 

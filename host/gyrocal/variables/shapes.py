@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.base import Effect, Role, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.recording.session import Array, Run
+
+Index = np.ndarray[Any, np.dtype[np.intp]]
+
+ALIKE = 0.3
+"""Standard deviation over the runs, as a fraction of the mean, below which sizes count as the same."""
+SAME_PHASE = 0.9
+"""Mean of the runs' waves as a fraction of their mean size, above which they have the same phase."""
 
 
 class Shape(Effect):
@@ -22,8 +31,10 @@ class ShapeOfEachRun(Shape):
     """A shape whose size, sign or phase differs from run to run."""
 
     scope = "run"
-    words: str
-    """A description for a sentence that begins with its amplitude."""
+
+    @abstractmethod
+    def words(self, sizes: Array) -> str:
+        """A description for a sentence that begins with its amplitude, from the coefficients [runs, k] of the runs."""
 
     @staticmethod
     @abstractmethod
@@ -32,43 +43,84 @@ class ShapeOfEachRun(Shape):
 
 
 class Steps(Shape):
-    """Indicator columns of the variable's steps, alone or times the true rate. Bias or scale describe the first step."""
+    """Indicator columns of the variable's steps, alone or times the true rate. Bias or scale describe the first step.
 
-    def __init__(self, values: Callable[[Run], Array], edges: Array, times_rate: bool = False) -> None:
+    A run without the variable belongs to no step.
+    """
+
+    def __init__(self, values: Callable[[Run], Array | None], edges: Array, times_rate: bool = False, name: str = "") -> None:
         self.values = values
+        self.name = name
         self.edges = edges
         self.times_rate = times_rate
+        self.stands_for = Role.SCALE if times_rate else Role.BIAS  # type: ignore[misc]
         self.linear = tuple(f"step_{k}" for k in range(1, edges.size + 1))
 
+    def lacks(self, run: Run) -> bool:
+        return self.values(run) is None
+
+    def of_samples(self, run: Run) -> Index:
+        """The number of the step that each sample belongs to, shape [n], from 0."""
+        found = self.values(run)
+        assert found is not None
+        return np.searchsorted(self.edges, found, side="right")
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        step = np.searchsorted(self.edges, self.values(run), side="right")
+        if run.rate_is_mean:  # no residual within the run
+            return np.zeros((len(run), len(self.linear)))
+        step = self.of_samples(run)
         columns = (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
         if not self.times_rate:
             return columns
-        return columns * run.rate_dps[:, None] if axis == run.axis_index else np.zeros_like(columns)
+        return columns * true_rate_dps(run)[:, None] if axis == run.axis_index else np.zeros_like(columns)
 
 
 class Columns(Shape):
-    """``count`` functions of the variable, shape [n, count]. Each function has its own coefficient."""
+    """``count`` functions of the variable, shape [n, count]. Each function has its own coefficient.
 
-    def __init__(self, of: Callable[[Run], Array], count: int) -> None:
+    ``words`` says between what the residual differs, where the variable's name is not enough.
+    """
+
+    def __init__(self, of: Callable[[Run], Array | None], count: int, words: str = "") -> None:
         self.of = of
+        self.words = words
         self.linear = tuple(f"c{k}" for k in range(count))
 
+    def lacks(self, run: Run) -> bool:
+        return self.of(run) is None
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        return self.of(run)
+        found = self.of(run)
+        return np.zeros((len(run), len(self.linear))) if found is None else found
+
+
+class Waves(Columns):
+    """Waves in the known angle of the table, each order with a cosine and a sine that are the same in all runs."""
+
+    def __init__(self, of: Callable[[Run], Array], orders: Sequence[int]) -> None:
+        super().__init__(of, 2 * len(orders))
+        self.orders = tuple(orders)
+
+
+def per_turn(order: float) -> str:
+    return "once per turn" if order == 1 else f"{order:.4g} per turn"
 
 
 class Transient(ShapeOfEachRun):
     """A start-up transient with its own size and sign in each run."""
 
     linear = ("size",)
-    words = "dying away from the start, of another size"
+
+    def words(self, sizes: Array) -> str:
+        alike = len(sizes) > 1 and float(np.std(sizes)) < ALIKE * abs(float(np.mean(sizes)))
+        return f"dying away from the start, of {'much the same' if alike else 'another'} size in each run"
 
     def __init__(self, tau_s: float) -> None:
         self.tau_s = tau_s
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        if run.rate_is_mean:  # its only block shows an offset and no transient
+            return np.zeros((len(run), 1))
         return np.exp(-elapsed_s(run) / self.tau_s)[:, None]
 
     @staticmethod
@@ -81,9 +133,15 @@ class TableWave(ShapeOfEachRun):
 
     linear = ("a", "b")
 
-    def __init__(self, order: int) -> None:
+    def __init__(self, order: float) -> None:
         self.order = order
-        self.words = f"{order} a turn, of another phase"
+
+    def words(self, sizes: Array) -> str:
+        """With the same phase in each run if the waves hardly cancel in the mean over the runs that turn."""
+        waves = sizes[:, 0] + 1j * sizes[:, 1]
+        waves = waves[waves != 0]
+        alike = waves.size > 1 and abs(waves.sum()) > SAME_PHASE * float(np.abs(waves).sum())
+        return f"{per_turn(self.order)}, of {'the same' if alike else 'another'} phase in each run"
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         angle = self.order * table_angle_rad(run)
@@ -98,6 +156,6 @@ class TableWave(ShapeOfEachRun):
 
     @staticmethod
     def formula(shapes: Sequence[ShapeOfEachRun]) -> list[str]:
-        orders = sorted(s.order for s in shapes if isinstance(s, TableWave))
+        orders = sorted(round(s.order) for s in shapes if isinstance(s, TableWave))
         parts = [f"{name}{k}*{wave}({k}*theta)" for k in orders for name, wave in (("a", "cos"), ("b", "sin"))]
         return [f"{' + '.join(parts)}; each run"]

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from gyrocal.effects.base import table_angle_rad
+from gyrocal.effects.order_tone import spectrum_over_turns
 from gyrocal.effects.quantities import turns
+from gyrocal.noise.orders import OrderSpectrum
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables import terms
 from gyrocal.variables.base import Symbol, Variable
-from gyrocal.variables.shapes import Columns, Shape, TableWave
+from gyrocal.variables.shapes import Shape, TableWave, Waves
 
+FIRST_SIGHT = 0.01
+"""Probability under noise above which a wave on an axis across the table's is not tried."""
 ORDERS = 6
 """Largest number of periods per turn that is tested."""
 
 
 class TableAngle(Variable):
-    """The table's angle, measured or integrated from its rate. It is tested on the axis about which the table turns."""
+    """The table's angle, measured or integrated from its rate. It is tested on every axis."""
 
     name, title, quantity, unit, order = "table_angle", "Table angle", "table angle", "deg", 5
     period = 360.0
@@ -35,11 +40,21 @@ class TableAngle(Variable):
         return np.rad2deg(table_angle_rad(run)) if turned else None
 
     def shapes(self, axis: int) -> list[Shape]:
-        if not turns(self.runs, axis):
+        if not any(turns(self.runs, table_axis) for table_axis in range(3)):
             return []
         if all(r.column("table_angle_deg") is not None for r in self.runs):
-            return [Columns(_waves, 2 * ORDERS)]
-        return [TableWave(k) for k in range(1, ORDERS + 1)]
+            return [Waves(_waves, range(1, ORDERS + 1))]
+        return [TableWave(k) for k in range(1, ORDERS + 1) if turns(self.runs, axis) or self._seen(axis, k)]
+
+    @cached_property
+    def _spectra(self) -> list[OrderSpectrum]:
+        return [spectrum_over_turns(self.runs, axis) for axis in range(3)]
+
+    def _seen(self, axis: int, order: int) -> bool:
+        """False if the spectrum over turns of the readings shows nothing near this order, so that no fit is tried."""
+        found = self._spectra[axis]
+        near = np.abs(found.order - order) < 1 / max(found.turns, 1.0)
+        return not near.any() or float(found.tail[near].min()) < FIRST_SIGHT
 
     def terms(self, symbol: str, values: Array) -> list[str]:
         return terms.of_turns(symbol, "theta")

@@ -23,8 +23,8 @@ class Temperature(Variable):
         return temperature_c(run)
 
     def shapes(self, axis: int) -> list[Shape]:
-        measured_c = [r.temp_c for r in self.runs if r.temp_c is not None and np.all(np.isfinite(r.temp_c))]
-        if len(measured_c) < len(self.runs):
+        measured_c = [temp_c for r in self.runs if (temp_c := temperature_c(r)) is not None]
+        if not measured_c:
             return []
         edges = quantile_edges(np.concatenate(measured_c), RESOLUTION_C, min(MOST_STEPS, self.steps_between_runs))
         return self.steps(axis, edges) if edges.size else []

@@ -155,7 +155,7 @@ class Bench:
         return ExportView(folder, opened.effect_ids, self.verify(network, progress))
 
     def report(
-        self, folder: Path, source: str, toml: str, remark: str, bars: Sequence[Bar], floor_mdps: float,
+        self, folder: Path, source: str, toml: str, bars: Sequence[Bar], floor_mdps: float,
         diagnosis: DiagnosisView | None, calibration: CalibrationView | None, progress: Progress,
     ) -> str:  # fmt: skip
         """Write everything on the screen as one HTML file."""
@@ -163,7 +163,7 @@ class Bench:
         if found is None or found.fit.model.toml() != toml:
             found = compare(session, self._model(source), progress=progress)
         progress("drawing")
-        return page(folder.name, found, remark, bars, floor_mdps, diagnosis, calibration)
+        return page(folder.name, found, bars, floor_mdps, diagnosis, calibration)
 
     # Functions that several of these methods use.
 
@@ -227,7 +227,7 @@ class Bench:
         against = [p.name for p in panels() if any(np.isfinite(points[p.key(axis)]).any() for axis in AXES)]
         return ModelView(
             found.fit.model.toml(), found.to_json(), report.headline(found), report.level_rows(found),
-            _effects(found.fit.model), traces, against, spectra, allan, _remark(found),
+            _effects(found.fit.model), traces, against, spectra, allan,
         )  # fmt: skip
 
 
@@ -235,16 +235,6 @@ def _effects(model: Model) -> list[tuple[str, str, bool]]:
     own = {t.effect_id for t in model.terms if t.own}  # a formula's name is its id
     listed = {line.id: (line.id, line.id if line.id in own else line.kind.title, not line.inherent) for line in model.lines()}
     return list(listed.values())
-
-
-def _remark(c: Comparison) -> str:
-    """The part of the residual that no model can predict, in a sentence."""
-    parts = [
-        f"{f.scale_spread_dps * 1e3:.1f} mdps on {axis}"
-        for axis, f in c.fit.axes.items()
-        if f.scale_spread_dps > 0.1 * c.per_axis[axis].floor_dps
-    ]
-    return f"{', '.join(parts)} of the residual is the scale's own change from one power cycle to the next." if parts else ""
 
 
 def _points(blocks: Sequence[Blocks], means: dict[tuple[int, int], Array]) -> dict[str, Any]:

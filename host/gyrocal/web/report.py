@@ -16,7 +16,7 @@ from gyrocal.web.words import evidence
 
 
 def page(
-    name: str, found: Comparison, remark: str, bars: Sequence[Bar], floor_mdps: float,
+    name: str, found: Comparison, bars: Sequence[Bar], floor_mdps: float,
     diagnosis: DiagnosisView | None, calibration: CalibrationView | None,
 ) -> str:  # fmt: skip
     """The report as HTML text."""
@@ -33,7 +33,7 @@ def page(
     text: str = jinja2.Environment(autoescape=True).from_string(template).render(
         name=name, adequate=found.verdict == "adequate", headline=headline(found),
         warnings=[(w.blocking, line(w)) for w in by_weight(found.warnings)], model=", ".join(compared["model"]),
-        held_out=found.held_out, remark=remark, levels=level_rows(found), where=found.where, pictures=drawn,
+        held_out=found.held_out, levels=level_rows(found), where=found.where, pictures=drawn,
         bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, floor_mdps=floor_mdps, diagnosis=diagnosis,
         calibration=calibration, parameters=compared["parameters"], evidence=evidence, drawn=_drawn, version=__version__,
     )  # fmt: skip

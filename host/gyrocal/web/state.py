@@ -206,7 +206,7 @@ class Workbench:
             if self.session is not None and self.step is not None:
                 text: str = await self.jobs.run(
                     "Writing the report", "report", self.session.path, self.step.source, self.step.view.toml,
-                    self.step.view.remark, self.waterfall(), self.floor_mdps(), self.diagnosed, self.calibration,
+                    self.waterfall(), self.floor_mdps(), self.diagnosed, self.calibration,
                 )  # fmt: skip
                 return text
         return None

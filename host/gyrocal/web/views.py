@@ -58,14 +58,13 @@ class ModelView:
     """The exact output of `gyrocal compare --json`."""
     headline: str
     rows: list[list[str]]
-    """Axis, rms, floor, excess in mdps, as the command line prints them; the last row is all axes."""
+    """Axis, rms, floor, excess, its error, excess within power cycles, as the command line prints them; last all axes."""
     effects: list[tuple[str, str, bool]]
     """(id, title, may be removed)."""
     traces: Path
     against: list[str]
     spectra: dict[str, Curve] = field(repr=False)
     allan: dict[str, Curve] = field(repr=False)
-    remark: str = ""
 
 
 @dataclass(frozen=True)

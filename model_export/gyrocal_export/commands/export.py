@@ -8,24 +8,43 @@ from typing import Annotated, Literal
 
 import typer
 
-from gyrocal.errors import GyrocalError
+from gyrocal.errors import GyrocalError, InputError
 
 Axis = Literal["x", "y", "z"]
 
 
 def run(
     run_folder: Annotated[Path | None, typer.Option("--run", help="Run folder of `gyrocal train`.")] = None,
-    model: Annotated[str | None, typer.Option(help="Error model (name or TOML) to write as calibration.h.")] = None,
+    model: Annotated[str | None, typer.Option(help="Error model (name or TOML) to write.")] = None,
+    target: Annotated[
+        str, typer.Option("--format", metavar="header|kalibr|ros2|px4|ardupilot|json", help="Who reads the model.")
+    ] = "header",
+    rate_hz: Annotated[float | None, typer.Option(help="The sample rate, for noise densities (kalibr, ros2).")] = None,
     axis: Annotated[Axis, typer.Option(help="The sensor's axis that calibration.h is for.")] = "z",
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Write the network as ONNX, quantised ONNX and C header; with --model the error model as C header too.
 
-    Without --run it is the network that ships.
+    Without --run it is the network that ships. With --format, only the model is written, for another program.
     """
-    from gyrocal_export.export import export_run, export_shipped
+    left: dict[str, str] = {}
+    if target == "header":
+        contents = _headers(run_folder, model, axis)
+    else:
+        contents, left = _for_others(target, model, rate_hz)
     from gyrocal_export.files import write_all
+
+    written = [str(path) for path in write_all(out, contents)]
+    if as_json:
+        print(json.dumps({"files": written, "left": [{"effect": effect, "why": why} for effect, why in left.items()]}))
+        return
+    print("\n".join([*written, *(f"left out: {effect} ({why})" for effect, why in left.items())]))
+
+
+def _headers(run_folder: Path | None, model: str | None, axis: Axis) -> dict[str, bytes]:
+    """The network's files and, with a model, ``calibration.h``."""
+    from gyrocal_export.export import export_run, export_shipped
 
     try:
         contents = export_run(run_folder) if run_folder else export_shipped()
@@ -36,5 +55,15 @@ def run(
         from gyrocal.error_model.model import Model
 
         contents["calibration.h"] = header.render(Model.open(model), axis).encode()
-    written = [str(path) for path in write_all(out, contents)]
-    print(json.dumps({"files": written}) if as_json else "\n".join(written))
+    return contents
+
+
+def _for_others(target: str, model: str | None, rate_hz: float | None) -> tuple[dict[str, bytes], dict[str, str]]:
+    """The model's file for another program, and what that program cannot hold."""
+    from gyrocal.calibration.targets.base import render
+    from gyrocal.error_model.model import Model
+
+    if model is None:
+        raise InputError(f"--format {target} writes a model: give it with --model")
+    rendered = render(target, Model.open(model), rate_hz)
+    return {rendered.file: rendered.text.encode()}, dict(rendered.left)

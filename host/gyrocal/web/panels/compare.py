@@ -115,7 +115,7 @@ class ComparePanel:
                             color=None,
                         ).props("flat dense no-caps").classes("finding")
             with ui.element("div").classes("figures"):
-                _, rms, floor, excess = view.rows[-1]
+                _, rms, floor, excess, *_ = view.rows[-1]
                 for name, value, kind in (
                     ("error, mdps rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
                 ):  # fmt: skip

@@ -253,12 +253,10 @@ class DiagnosePanel:
                 ui.label(f"unseen data, over a noise floor of {floor}").classes("dim small")
                 if len(bars) > 1 and bars[0].after > 0:
                     gone = 1 - (bars[-1].after / bars[0].after) ** 2
-                    ui.label(f"{gone:.1%} of it explained").classes(f"badge {'good' if gone > 0 else 'bad'}")
+                    ui.label(f"{gone:.1%} of its square explained").classes(f"badge {'good' if gone > 0 else 'bad'}")
             figures = " ".join(f"{b.after:.2f}" for b in bars)
             chart = ui.echart(charts.waterfall(self.tab.palette, bars)).classes("chart grow")
             chart.props(f'role="img" aria-label="excess error, mdps: {figures}"')
-            if self.bench.step is not None and self.bench.step.view.remark:
-                ui.label(self.bench.step.view.remark).classes("dim small")
 
     def _calibration(self) -> None:
         self.calibration.clear()

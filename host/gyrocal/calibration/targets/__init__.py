@@ -1,0 +1,4 @@
+"""What other programs read: one file for each target, whose ``render`` turns a model into text.
+
+A target lists under ``left`` what it cannot hold. ``gyrocal export --format NAME`` finds the targets in this folder.
+"""

@@ -1,0 +1,96 @@
+"""A rendered target, and what several targets need of a model: noise densities and the bias as a polynomial in temperature."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.effects.quantities import REFERENCE_C
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.recording.session import AXES
+
+RAD = math.pi / 180
+PACKAGE = "gyrocal.calibration.targets"
+ORDERS = 4
+"""Number of coefficients of a cubic."""
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A file for another program. ``left`` maps what it cannot hold to the reason."""
+
+    file: str
+    text: str
+    left: Mapping[str, str]
+
+
+def targets() -> list[str]:
+    """The names of all targets."""
+    folder = importlib.import_module(PACKAGE).__path__
+    return sorted(info.name.rstrip("_") for info in pkgutil.iter_modules(folder) if info.name != "base")
+
+
+def render(name: str, model: Model, rate_hz: float | None = None) -> Rendered:
+    """A model as a target's file. Raises InputError for an unknown target, a model without values, or a missing rate."""
+    if name not in targets():
+        raise InputError(f"--format {name}: there are header, {', '.join(targets())}")
+    if not any(term.values for term in model.terms):
+        raise InputError(f"the model {model.name!r} has no fitted values; make one with `gyrocal explain` or `gyrocal add`")
+    if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0):
+        raise InputError(f"--rate-hz {rate_hz:g}: the sample rate must be positive")
+    module = f"{PACKAGE}.{name}"
+    try:
+        found = importlib.import_module(module)
+    except ModuleNotFoundError:
+        found = importlib.import_module(f"{module}_")
+    rendered: Rendered = found.render(model, rate_hz)
+    return rendered
+
+
+def left_of(model: Model, held: set[str], why: str) -> dict[str, str]:
+    """The ids of the model's effects and noise components that are not in ``held``, each with the reason."""
+    return {i: why for i in model.ids if i not in held}
+
+
+def worst(values: list[float]) -> float:
+    """The largest of three axes, for targets that have one number for all axes."""
+    return max(values, default=0.0)
+
+
+def white_densities(model: Model, rate_hz: float) -> list[float]:
+    """White-noise density of each axis, rad/s/sqrt(Hz): the standard deviation of a sample over the root of the sample rate."""
+    sds = [model.noise_on(axis).white_sd_dps for axis in AXES]
+    return [sd * RAD / math.sqrt(rate_hz) for sd in sds if sd is not None]
+
+
+def random_walks(model: Model) -> list[float]:
+    """Rate random walk of each axis, rad/s^2/sqrt(Hz): an Ornstein-Uhlenbeck drift grows like it for times below tau."""
+    drifts = [model.noise_on(axis).drift for axis in AXES]
+    known = [(d.sd_dps, d.tau_s) for d in drifts if d is not None and d.sd_dps is not None and d.tau_s]
+    return [sd * RAD * math.sqrt(2 / tau_s) for sd, tau_s in known]
+
+
+def bias_dps(model: Model) -> list[float]:
+    """The bias of each axis at 25 degC, deg/s; 0 where the model has none."""
+    return [model.value("bias", axis, "bias_dps") for axis in AXES]
+
+
+def bias_polynomial(model: Model, axis: str, at_c: float) -> list[float]:
+    """Coefficients of the bias over temperature, dps/degC^k for k = 0 to 3, in powers of the temperature above ``at_c``."""
+    names = ("k1_dps_per_c", "k2_dps_per_c2", "k3_dps_per_c3")
+    about_reference = [model.value("bias", axis, "bias_dps"), *(model.value("bias_temperature", axis, n) for n in names)]
+    shifted = np.polynomial.Polynomial(about_reference)(np.polynomial.Polynomial([at_c - REFERENCE_C, 1.0]))
+    return [float(c) for c in np.pad(shifted.coef, (0, ORDERS - shifted.coef.size))]
+
+
+def needs_rate(rate_hz: float | None, target: str) -> float:
+    """The sample rate. Raises InputError if it is not given."""
+    if rate_hz is None:
+        raise InputError(f"--format {target} needs --rate-hz, from which the noise density is computed")
+    return rate_hz

@@ -1,0 +1,196 @@
+"""A model held against the measurements: how much error exceeds the noise, and where it appears.
+
+``rms`` is computed from held-out samples. ``floor`` is the rms that noise alone would leave, ``excess`` the remainder; both are
+computed in :mod:`gyrocal.diagnosis.levels`. A missing effect increases the excess. :func:`measure` runs the tests of the
+residual; :func:`gyrocal.diagnosis.compare.compare` adds what naming an effect finds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from gyrocal import plausibility
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, floor_of, noise_beside, pooled, residuals, white_power
+from gyrocal.diagnosis.misfit import Misfit, find_misfit
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.inference import heldout
+from gyrocal.inference.fit import fit
+from gyrocal.inference.fitted import Fit
+from gyrocal.noise.spectrum import Spectrum, spectrum
+from gyrocal.recording.session import AXES, Session
+from gyrocal.threads import each, one_thread
+from gyrocal.warning import Warning
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A model held against a session. ``fit`` holds the model fitted to all data; levels are in deg/s."""
+
+    fit: Fit
+    pooled: Level
+    per_axis: dict[str, Level]
+    where: list[Finding]
+    held_out: str
+    """The unit that was left out in turn: ``day``, ``scenario``, ``run`` or ``time``; ``none`` if no unit could be left out."""
+    spectra: dict[str, Spectrum] = field(repr=False)
+    white_power: dict[str, float] = field(repr=False)
+    """Mean square of white noise and quantisation by axis, dps^2. This is the fast part of the floor."""
+
+    squares: dict[str, MeanSquares] = field(repr=False)
+    floors: dict[str, Floor] = field(repr=False)
+    nearest: dict[str, Finding] = field(repr=False)
+    """The probe that fits best on each axis, whether it is a finding or not."""
+    note: str = ""
+    """A remark for the user about how this comparison was made; empty if there is none."""
+    warnings: list[Warning] = field(default_factory=list)
+
+    @property
+    def cycles(self) -> int:
+        """The number of power cycles."""
+        return len(self.fit.session.scenarios)
+
+    @property
+    def judged(self) -> list[str]:
+        """The axes without a blocking warning. Only these are judged."""
+        blocked = plausibility.blocked(self.warnings, AXES)
+        return [axis for axis in self.per_axis if axis not in blocked]
+
+    @property
+    def implausible(self) -> bool:
+        """True if a blocking warning applies to the session's own axis."""
+        return any(w.blocks(self.fit.session.axis) for w in self.warnings)
+
+    @property
+    def verdict(self) -> str:
+        if self.implausible:
+            return "implausible"
+        return "misfit" if self.where else "adequate"
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "model": self.fit.model.ids,
+            **self.pooled.to_json(),
+            "per_axis": {axis: level.to_json() for axis, level in self.per_axis.items()},
+            "verdict": self.verdict,
+            "where": [
+                {"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note}
+                for f in self.where
+            ],
+            "held_out": self.held_out,
+            "note": self.note,
+            "parameters": [
+                {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
+                for line in self.fit.model.lines()
+                for name, value in line.values.items()
+            ],
+            "warnings": [w.to_json() for w in self.warnings],
+        }
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """One axis: mean squares of held-out residuals, the residual's spectrum, the power of the white noise (dps^2)."""
+
+    squares: MeanSquares
+    spectrum: Spectrum
+    white_power: float
+
+
+@one_thread
+def measure(
+    session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, progress: Progress | None = None,
+) -> Comparison:  # fmt: skip
+    """Fit a model to a session, judge it on held-out data, and test its residual.
+
+    ``only_day`` restricts the held-out data to one day. Raises InputError if the model has no term on any axis, or if the day
+    cannot be left out.
+    """
+    opened = Model.open(model)
+    warnings = plausibility.check(session, opened)
+    fitted = fit(session, opened, progress=progress)
+    if not fitted.axes:
+        raise InputError("the model has no term on any axis; give it scale and bias at least")
+    folds = heldout.folds(fitted, only_day)
+    if only_day is not None and not folds:
+        days = ", ".join(map(str, session.days)) or "none"
+        raise InputError(f"--heldout-day {only_day}: no such day, or it cannot be left out; the session's days: {days}")
+    if progress is not None:
+        progress("judging on held-out data")
+
+    def measured(axis: str) -> _Measured:
+        by_run = residuals(fitted, axis)
+        lines = spectrum(list(by_run.values()), session.sample_rate_hz)
+        squares = MeanSquares.of(heldout.predictions(fitted.on(axis), folds))
+        return _Measured(squares, lines, white_power(fitted, axis, by_run, lines))
+
+    on = dict(zip(fitted.axes, each(measured, fitted.axes, session.rows), strict=True))
+    spectra = {axis: m.spectrum for axis, m in on.items()}
+    white = {axis: m.white_power for axis, m in on.items()}
+    blocked = plausibility.blocked(warnings, AXES)
+    judged = [a for a in fitted.axes if a not in blocked]
+    misfit = find_misfit(fitted, spectra, judged, progress)
+
+    def floor(axis: str) -> Floor:
+        return floor_of(noise_beside(fitted.axes[axis], axis, misfit.found), folds, white[axis])
+
+    floors = dict(zip(fitted.axes, each(floor, fitted.axes, session.rows), strict=True))
+    squares = {axis: m.squares for axis, m in on.items()}
+    per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
+    where = sorted([*misfit.found, *_left_over(misfit, squares, floors, judged)], key=lambda f: -f.strength)
+    return Comparison(
+        fitted, pooled(squares.values(), floors.values()), per_axis, where, _held_out(session, folds), spectra, white, squares,
+        floors, misfit.nearest, warnings=warnings,
+    )  # fmt: skip
+
+
+def _left_over(
+    misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
+) -> list[Finding]:
+    """An excess that noise does not leave, on axes where no other test finds anything."""
+    out = []
+    for axis in judged:
+        known = any(f.axis == axis for f in misfit.found)
+        if known or not squares[axis].samples or axis not in misfit.nearest:
+            continue
+        finding = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
+        if finding.chance < misfit.share:
+            out.append(finding)
+    return out
+
+
+def of_excess(squares: MeanSquares, floor: Floor, nearest: Finding) -> Finding:
+    """The excess within power cycles as a finding, against the variable that fits best."""
+    from scipy.stats import norm
+
+    level = Level.of(squares, floor)
+    sigma = (squares.within - floor.within) / floor.error_within if floor.error_within > 0 else 0.0
+    excess_dps = level.excess_within_dps or 0.0
+    note = f"{excess_dps * 1e3:.3g} mdps more than noise leaves, in no shape that a test knows"
+    return Finding(
+        nearest.axis, nearest.against, max(0.0, sigma), float(norm.sf(sigma)), excess_dps, note, nearest.shape
+    )  # fmt: skip
+
+
+def _held_out(session: Session, folds: list[heldout.Fold]) -> str:
+    if not folds:
+        return "none"
+    if folds[0].time is not None:
+        return "time"
+    labels = {f.label for f in folds}
+    if labels <= {str(r.day) for r in session.runs}:
+        return "day"
+    return "scenario" if labels <= set(session.scenarios) else "run"
+
+
+def with_floor_of(before: Comparison, after: Comparison) -> Comparison:
+    """The comparison of the poorer model, with its excess computed over the floor of the richer model."""
+    per_axis = {a: Level.of(before.squares[a], after.floors[a]) for a in before.per_axis}
+    together = pooled(before.squares.values(), (after.floors[a] for a in before.squares))
+    return replace(before, pooled=together, per_axis=per_axis, floors={a: after.floors[a] for a in before.floors})

@@ -1,0 +1,79 @@
+"""Size and words of a finding, taken from the residual that a picture draws, so that both say the same.
+
+The residual is that of the model as it stands, in block means. The test of a finding fits its shape together with the model
+instead, and part of that shape may be what the model absorbs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.effects.quantities import true_rate_dps
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.recording.session import Array
+from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, Waves, per_turn
+
+
+def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
+    """Amplitude in deg/s and words of a shape that is the same in all runs. The amplitude is that of a sine of equal power."""
+    residuals = _residuals(current)
+    if isinstance(shape, Steps):
+        return _steps(current, shape, residuals)
+    columns = np.concatenate([b.mean(shape.columns(b.run, current.design.axis, {})) for b in current.design.blocks])
+    shown = np.any(columns != 0, axis=1)
+    columns = columns - columns.mean(axis=0) if shown.all() else columns
+    coefficients = np.linalg.lstsq(columns, np.concatenate(residuals), rcond=None)[0]
+    amplitude = float(np.sqrt(2 * np.mean((columns[shown] @ coefficients) ** 2)))
+    size = f"{amplitude * 1e3:.3g} mdps"
+    if isinstance(shape, Waves):
+        sizes = np.hypot(coefficients[::2], coefficients[1::2])
+        k = int(np.argmax(sizes))
+        wave = f"{sizes[k] * 1e3:.3g} mdps {per_turn(shape.orders[k])}"
+        return amplitude, f"{size} in all; most, {wave}, of the same phase in each run"
+    words = shape.words if isinstance(shape, Columns) else ""
+    return amplitude, f"{size} {words}" if words else f"{size} in all"
+
+
+def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float, str]:
+    """Amplitude in deg/s and words of a shape with its own size in each run: the root mean square over the runs with it."""
+    k = len(shape.linear)
+    runs = range(len(fitted.design.blocks))
+    sizes = np.array([fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)[-k:] for i in runs])
+    squares = np.sum(sizes**2, axis=1)
+    shown = squares > 0
+    amplitude = float(np.sqrt(np.mean(squares[shown]))) if shown.any() else 0.0
+    return amplitude, f"{amplitude * 1e3:.3g} mdps, {shape.words(sizes)}"
+
+
+def _residuals(current: AxisFit) -> list[Array]:
+    """Block means of measured minus modelled rate of each run [m], deg/s, as far as no random offset describes them."""
+    p, out = len(current.design.layout.fixed), []
+    for i in range(len(current.design.blocks)):
+        columns, u = current.design.columns(i), current.run_coefficients(i, current.solution.beta, current.spreads)
+        out.append(np.asarray(columns[0] - current.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]))
+    return out
+
+
+def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[float, str]:
+    """The step whose mean residual (or residual per rate) is farthest from the mean of all."""
+    blocks, residual = current.design.blocks, np.concatenate(residuals)
+    step = np.concatenate([shape.of_samples(b.run)[b.start] for b in blocks])
+    rate_dps = np.concatenate([b.mean(true_rate_dps(b.run)[:, None])[:, 0] for b in blocks])
+    base = rate_dps if shape.times_rate else np.ones_like(residual)
+    count = shape.edges.size + 1
+    weight = np.bincount(step, base**2, count)
+    seen = weight > 0
+    values = np.bincount(step, base * residual, count) / np.where(seen, weight, 1.0)
+    centred = np.where(seen, values - float(np.average(values, weights=weight)), 0.0)
+    amplitude = float(np.sqrt(2 * np.mean((centred[step] * base) ** 2)))
+    k = int(np.argmax(np.abs(centred)))
+    unit, scaled = ("1e-6 of the rate", 1e6) if shape.times_rate else ("mdps", 1e3)
+    most = f"{amplitude * 1e3:.3g} mdps in all; most, {centred[k] * scaled:+.3g} {unit}"
+    return amplitude, f"{most}, {_between(shape, k)}{f' of {shape.name}' if shape.name else ''}"
+
+
+def _between(shape: Steps, k: int) -> str:
+    if k == 0:
+        return f"below {shape.edges[0]:.4g}"
+    low = f"from {shape.edges[k - 1]:.4g}"
+    return f"{low} to {shape.edges[k]:.4g}" if k < shape.edges.size else f"{low} and more"

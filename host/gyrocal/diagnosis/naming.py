@@ -1,0 +1,75 @@
+"""Judge every effect that a model does not have, on every axis, and find those that can be named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+
+import numpy as np
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.decision import decide, with_q_values
+from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.rivals import with_groups
+from gyrocal.effects import base
+from gyrocal.effects.base import Effect
+from gyrocal.threads import each
+from gyrocal.variables.rate import Rate
+
+Progress = Callable[[str], None]
+
+BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
+
+
+def candidates(
+    comparison: Comparison, own: Sequence[Effect] = (), *, unless: float = 1.0, progress: Progress | None = None
+) -> list[Candidate]:
+    """Every effect of the library and every one of ``own`` that the model lacks, judged and decided, best first.
+
+    Those that noise explains with a probability above ``unless`` have no held-out evidence.
+    """
+
+    def on(axis: str) -> list[Candidate]:
+        return _on_axis(Current.of(comparison, axis), own, unless, progress)
+
+    judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
+    judged = with_groups(decide(with_q_values(judged), comparison))
+    return sorted(judged, key=lambda c: (BEST_FIRST.index(c.decision), -(c.gain if c.gain is not None else -np.inf)))
+
+
+def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Finding]:
+    """The candidates with decision ``add`` as findings, each against the variable that fits best on its axis."""
+    from scipy.stats import chi2
+
+    out = []
+    for c in judged:
+        if c.decision != "add":
+            continue
+        nearest = comparison.nearest.get(c.axis)
+        strength = float(np.sqrt(chi2.isf(max(c.chance, 1e-300), 1)))
+        blocks = sum(len(b.run) for b in comparison.fit.blocks)
+        amplitude = 0.0 if c.signal is None else float(np.sqrt(2 * (c.signal @ c.signal) / blocks))
+        note = f"{amplitude * 1e3:.3g} mdps in the shape of {c.effect.id}"
+        against, shape = (Rate.name, None) if nearest is None else (nearest.against, nearest.shape)
+        out.append(Finding(c.axis, against, strength, c.chance, amplitude, note, shape))
+    return sorted(out, key=lambda f: -f.strength)
+
+
+def _on_axis(current: Current, own: Sequence[Effect], unless: float, progress: Progress | None) -> list[Candidate]:
+    """Judge every effect that the model does not have on one axis."""
+    present = {t.effect_id for t in current.fit.terms}
+    out = []
+    for effect in [*base.effects().values(), *own]:
+        if effect.id in present or effect.role is not None:
+            continue
+        if progress is not None:
+            progress(f"trying {effect.id} on {current.axis}")
+        lacking = effect.missing(current.comparison.fit.session.runs, current.index)
+        if lacking is not None:
+            out.append(Candidate(effect, current.axis, "not_measurable", next_measurement=f"needs {lacking}"))
+        else:
+            out.append(judge(current, effect, unless))
+    return out

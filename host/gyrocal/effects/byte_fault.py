@@ -1,0 +1,258 @@
+"""The code of a reading is put together wrongly: a carry is lost between two parts of it, or a part is of another sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
+from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.quantities import grid_dps, rate_about
+from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.recording.outliers import Index
+from gyrocal.recording.session import Array, Run
+
+BITS = range(4, 15)
+BELOW = tuple(k / 8 for k in range(1, 8))
+"""Parts of the range of the low bits that were tried as those after a lost carry."""
+STANDS_OUT = 8.0
+"""Standard deviations of the noise that a step must exceed. Below, noise itself correlates with the bits of a reading."""
+NEAR = 0.05
+"""Fraction by which a fitted step may deviate from a power of two of counts."""
+SMOOTHER = 0.8
+"""Part of the crossings that must become smoother when the step is taken away."""
+LEAST_CROSSINGS, LEAST_RUNS = 20, 3
+MOST_SAMPLES = 40_000
+LEAST_SINGLE = 5
+SIZE_WITHIN, TOLD_APART = 5.0, 20.0
+"""Standard deviations of the noise by which an outlier may miss a bit's value, and that a bit's value must exceed."""
+MOST = 0.9
+"""Part of the outliers that must have the size of one bit."""
+
+
+class ByteFault(Effect):
+    id = "byte_fault"
+    title = "Wrongly assembled codes"
+    cause = (
+        "The driver builds a code from two bytes, or adds a correction to it, and loses the carry from the low to the high "
+        "part. The reading is then too small by a power of two of counts whenever the low bits have just passed zero. If the "
+        "bytes are read at different times, single readings at such a border have one byte of another sample."
+    )
+    equation = "step_dps in a fraction of the readings whose bits below `bit` have just carried, step_dps = -2^bit·lsb_dps"
+    looks_like = (
+        "misalignment or scale_nonlinearity, if there are only a few constant rates; bias_jumps, where single readings stand "
+        "out; a stuck bit"
+    )
+    measure_next = (
+        "turn the table slowly through the border, and plot the residual against the code modulo 2^bit; read both bytes in one "
+        "burst and compare"
+    )
+    parameters = (
+        Parameter("bit", "bit number", (4.0, 12.0), "8 if bytes are joined wrongly; any if words are shifted or added", 7.0),
+        Parameter("step_dps", "dps", (0.1, 40.0), "2^bit counts of 4.375-70 mdps", -1.12, sized=False),
+        Parameter("fraction", "fraction", (0.001, 1.0), "1 if each carry is lost, less if it depends on the time", 1.0),
+        Parameter("below", "fraction", (0.125, 0.875), "part of the low bits' range that follows a carry", 0.5),
+    )
+    linear = ("step_dps",)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if np.isfinite(count_dps_of(runs, axis)) else "readings on a grid of counts, or lsb_dps in session.toml"
+
+    def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
+        """What is planted is a fault of the readings. ``below`` belongs to it only where it is given."""
+        drawn = super().draw(values, rng)
+        return drawn if "below" in values else {name: v for name, v in drawn.items() if name != "below"}
+
+    @property
+    def fault(self) -> ReadingFault:
+        return _SingleReadings()
+
+    def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
+        """A lost carry that was fitted has columns and a step for each reading. All else is a fault of single readings."""
+        return None if "below" in values else self.fault
+
+    def axes(self, run: Run) -> tuple[int, ...]:
+        return (0, 1, 2)
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        return lost_carry(runs, axis) is not None
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        carry = lost_carry(runs, axis) or Carry(7, 0.5, 1.0, 0.0)
+        return [{"bit": float(carry.bit), "below": carry.below, "fraction": carry.fraction, "step_dps": 0.0}]
+
+    def looks(self, runs: Sequence[Run], axis: int) -> int:
+        return len(BITS) * len(BELOW)
+
+    def structure(self, values: Mapping[str, float]) -> Values:
+        return {} if self.fault_of(values) else dict(values)
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        count_dps = count_dps_of([run], axis)
+        if "below" not in values or not np.isfinite(count_dps):
+            return np.zeros((len(run), 1))
+        on = carried(run.gyro_dps[:, axis], count_dps, round(values["bit"]), values["below"])
+        return stack(np.where(on, values["fraction"], 0.0))
+
+
+@dataclass(frozen=True)
+class Carry:
+    """A lost carry: the bit that lacks it, the part of the low bits' range after it, how often, and the step's t value."""
+
+    bit: int
+    below: float
+    fraction: float
+    t: float
+
+    def words(self, step_dps: float) -> str:
+        return f"a carry into bit {self.bit} of the reading is lost, a step of {step_dps:+.3g} dps"
+
+
+def carried(y_dps: Array, count_dps: float, bit: int, below: float) -> Mask:
+    """Mask [n] of the readings whose bits under ``bit`` are in the part ``below`` of their range, so that they have carried."""
+    low = np.mod(np.rint(y_dps / count_dps), 2.0**bit)
+    mask: Mask = low < below * 2**bit
+    return mask
+
+
+def count_dps_of(runs: Sequence[Run], axis: int) -> float:
+    """One count, deg/s: as the session says, else the grid of the readings; infinite if there is none."""
+    stated = [r.lsb_dps for r in runs if r.lsb_dps]
+    if not stated and not runs:
+        return np.inf
+    count_dps = min(stated) if stated else grid_dps([r.gyro_dps[:, axis] for r in runs])
+    return count_dps if count_dps >= 1e-4 else np.inf
+
+
+def _noise_dps(runs: Sequence[Run], axis: int) -> float:
+    """Standard deviation of one sample's noise by the median of successive differences, which faults hardly change, deg/s."""
+    moved = [np.diff(r.gyro_dps[:, axis] - rate_about(r, axis)) for r in runs]
+    return float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2)) or 1e-9
+
+
+def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
+    """The lost carry that the residual shows, regressed on each bit's carry beside the true rates; None if there is none."""
+    if not runs:
+        return None
+    count_dps, noise_dps = count_dps_of(runs, axis), _noise_dps(runs, axis)
+    steady = [r for r in runs if not r.rate_is_mean]
+    if not steady or not np.isfinite(count_dps):
+        return None
+    thin = max(1, sum(map(len, steady)) // MOST_SAMPLES)
+    y_dps = np.concatenate([r.gyro_dps[::thin, axis] for r in steady])
+    rates = [np.concatenate([r.rate_dps[::thin] * (r.axis_index == other) for r in steady]) for other in range(3)]
+    known = np.column_stack([np.ones(y_dps.size), *(w for w in rates if np.any(w))])
+    basis = np.linalg.qr(known)[0]
+    rest_dps = y_dps - basis @ (basis.T @ y_dps)
+    best: Carry | None = None
+    for bit in (b for b in BITS if 2.0**b * count_dps > STANDS_OUT * noise_dps):
+        for below in BELOW:
+            on = carried(y_dps, count_dps, bit, below).astype(float)
+            column = on - basis @ (basis.T @ on)
+            norm = float(column @ column)
+            if norm < 1e-3 * y_dps.size:
+                continue
+            step_dps = float(column @ rest_dps) / norm
+            left = float(np.mean((rest_dps - step_dps * column) ** 2))
+            t = abs(step_dps) / np.sqrt(left / norm)
+            full_dps = -(2.0**bit) * count_dps
+            part = step_dps / full_dps
+            if not STANDS_OUT * noise_dps / abs(full_dps) < part < 1 + NEAR:
+                continue
+            if (best is None or t > best.t) and _confirmed(steady, axis, count_dps, (bit, below), part):
+                best = Carry(bit, below, part if part < 1 - NEAR else 1.0, t)
+    return best
+
+
+def _carries(runs: Sequence[Run], axis: int, carry: Carry) -> float:
+    """The number of readings that lack the carry."""
+    count_dps = count_dps_of(runs, axis)
+    masks = (carried(r.gyro_dps[:, axis], count_dps, carry.bit, carry.below) for r in runs)
+    return carry.fraction * sum(int(np.count_nonzero(mask)) for mask in masks)
+
+
+def _confirmed(runs: Sequence[Run], axis: int, count_dps: float, carry: tuple[int, float], fraction: float) -> bool:
+    """True if the readings become smoother where the carry comes and goes, or if it does so only between runs.
+
+    A motion that the reference does not know correlates with the bits of the reading too, but it crosses them smoothly.
+    """
+    bit, below = carry
+    full_dps = 2.0**bit * count_dps
+    smoother, crossings, states = 0, 0, []
+    for run in runs:
+        y_dps = run.gyro_dps[:, axis]
+        on = carried(y_dps, count_dps, bit, below)
+        states.append(float(on.mean()))
+        rows = np.flatnonzero(on[1:] != on[:-1])
+        if rows.size:
+            rest_dps = y_dps - rate_about(run, axis)
+            moved, mended = np.diff(rest_dps)[rows], np.diff(rest_dps + full_dps * on)[rows]
+            crossings += rows.size
+            smoother += int(np.count_nonzero(np.abs(mended) < np.abs(moved)))
+    if crossings >= LEAST_CROSSINGS:
+        return smoother > SMOOTHER * fraction * crossings
+    between = sum(s > 0.99 for s in states) >= LEAST_RUNS and sum(s < 0.01 for s in states) >= LEAST_RUNS
+    return between and abs(fraction - 1) < NEAR
+
+
+def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
+    """The bit whose value nearly all outliers deviate by, and the number of outliers; None if they have no such size.
+
+    Their low bits must also lie in one half of the range, as those of readings that have just carried do.
+    """
+    count_dps = count_dps_of(runs, axis)
+    found = [(r, *_apart(r, axis)) for r in runs]
+    apart_dps = np.concatenate([np.zeros(0), *(apart for _, _, apart in found)])
+    if apart_dps.size < LEAST_SINGLE or not np.isfinite(count_dps):
+        return None
+    sizes, noise = np.abs(apart_dps) / count_dps, _noise_dps(runs, axis) / count_dps
+    bit = round(float(np.log2(np.median(sizes))))
+    alike = np.abs(sizes - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)
+    if bit not in BITS or TOLD_APART * noise > 2.0**bit or float(np.mean(alike)) < MOST:
+        return None
+    readings = np.concatenate([r.gyro_dps[rows, axis] for r, rows, _ in found])
+    low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit
+    in_half = max(float(np.mean(np.mod(low - start, 1.0) <= 0.5)) for start in low)
+    return (bit, apart_dps.size) if in_half >= MOST else None
+
+
+def _apart(run: Run, axis: int) -> tuple[Index, Array]:
+    if run.rate_is_mean:
+        return np.zeros(0, dtype=np.intp), np.zeros(0)
+    return outliers_of(run, axis, run.gyro_dps[:, axis] - rate_about(run, axis))
+
+
+class _SingleReadings(ReadingFault):
+    """Single readings that are off by a power of two of counts, and what the simulator plants."""
+
+    id, title, cause, equation = ByteFault.id, ByteFault.title, ByteFault.cause, ByteFault.equation
+    looks_like, measure_next, parameters = ByteFault.looks_like, ByteFault.measure_next, ByteFault.parameters
+
+    def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """Detect outliers that all deviate by the value of one bit. By chance, one in ten has such a size."""
+        found = single_power(runs, axis)
+        if found is None:
+            return None
+        bit, number = found
+        carry = lost_carry(runs, axis)
+        if carry is not None and number < 0.5 * _carries(runs, axis, carry):
+            return None  # whole stretches lack the carry, which the step describes
+        values = {"bit": float(bit), "step_dps": 2.0**bit * count_dps_of(runs, axis), "fraction": number / sum(map(len, runs))}
+        return Detected(values, {}, 10.0 ** -min(number, 100))
+
+    def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
+        rows, apart_dps = _apart(run, axis)
+        out = modelled_dps.copy()
+        out[rows] += apart_dps
+        return out
+
+    def distort(self, run: Run, y_dps: Array, values: Mapping[str, float], rng: np.random.Generator) -> Array:
+        """Readings [n, 3] in which a fraction of the carries into ``bit`` is lost on all axes, deg/s."""
+        count_dps = run.lsb_dps or 2.0 ** -values["bit"] * abs(values["step_dps"])
+        on = carried(y_dps, count_dps, round(values["bit"]), values.get("below", 0.5))
+        return y_dps + values["step_dps"] * (on & (rng.random(y_dps.shape) < values["fraction"]))
+
+    def throws_out(self, values: Mapping[str, float]) -> bool:
+        return True

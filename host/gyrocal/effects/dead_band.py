@@ -1,0 +1,115 @@
+"""A dead band: small rates read as zero."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Case, Effect, Parameter, Values, stack
+from gyrocal.effects.quantities import rate_about, white_sd_dps
+from gyrocal.parameter import POSITIVE
+from gyrocal.recording.outliers import Index, outliers
+from gyrocal.recording.session import Array, Run
+
+WIDTHS_DPS = tuple(float(w) for w in np.geomspace(0.03, 10.0, 12))
+FIRST_SIGHT = 5.0
+"""Standard errors that the lost part of small rates must have before a fit is tried."""
+
+
+class DeadBand(Effect):
+    id = "dead_band"
+    title = "Dead band"
+    cause = (
+        "A driver or the chip's own drift compensation sets small rates to zero, or friction and rounding in a loop hold the "
+        "output until the rate exceeds a threshold. Slow turning is lost completely, and integrated angles stop. Faster "
+        "rates are read correctly."
+    )
+    equation = "-depth·w where abs(w) < width_dps, else 0"
+    looks_like = (
+        "bias_jumps, if only the steps at the edges of the band are seen; scale_nonlinearity, which acts on large rates; "
+        "quantization, whose steps are everywhere and not only about zero"
+    )
+    measure_next = "turn the table very slowly through zero, and record its encoder as rate_ref_dps; or steps of 0.1 dps"
+    parameters = (
+        Parameter(
+            "width_dps", "dps", (0.05, 2.0), "drivers and fusion libraries set rates below 0.1-1 dps to zero", 1.0, POSITIVE,
+            search=(0.02, 20.0), sized=False,
+        ),
+        Parameter("depth", "fraction", (0.5, 1.0), "1: small rates read as zero", 1.0),
+    )  # fmt: skip
+    linear = ("depth",)
+    nonlinear = ("width_dps",)
+    fast = True
+    cases = (Case({"width_dps": 2.0}, ("width_dps",), "swing"),)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        rates = (np.abs(r.rate_dps) for r in runs if r.axis_index == axis and not r.rate_is_mean)
+        if any(np.any((w > 0) & (w < WIDTHS_DPS[-1])) for w in rates):
+            return None
+        return "a run about this axis with true rates below 10 dps (swing the table slowly through zero)"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        """The widths at which the lost part of the rate is largest in standard errors."""
+        scores = _scores(runs, axis)
+        best = int(np.argmax(scores))
+        return [{"width_dps": WIDTHS_DPS[k], "depth": 0.0} for k in range(max(0, best - 1), min(len(WIDTHS_DPS), best + 2))]
+
+    def looks(self, runs: Sequence[Run], axis: int) -> int:
+        return len(WIDTHS_DPS)
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        return float(_scores(runs, axis).max()) > FIRST_SIGHT
+
+    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
+        return 0.1
+
+    def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
+        """The edge of the band lies anywhere between the nearest rates below and above it: their distance over sqrt(12)."""
+        width = values["width_dps"]
+        rates = np.concatenate([np.abs(rate_about(r, axis)) for r in runs if not r.rate_is_mean])
+        below, above = rates[rates < width].max(initial=0.0), rates[rates >= width].min(initial=np.inf)
+        return float((above - below) / np.sqrt(12)) if np.isfinite(above) else 0.0
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        """The whole reference is missing inside the band, with its noise: the residual there is minus the reference."""
+        inside = np.abs(rate_about(run, axis)) < values["width_dps"]
+        return stack(np.where(inside, -run.rate_dps if axis == run.axis_index else 0.0, 0.0))
+
+
+def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:
+    """Rows [k] of one run's outliers and their deviations [k], deg/s, without the readings that a dead band set to zero.
+
+    ``y_dps`` [n] is measured minus true or modelled rate about the axis.
+    """
+    rows, apart_dps = outliers(y_dps, run.step_dps[axis])
+    if not rows.size or axis != run.axis_index or run.rate_is_mean:
+        return rows, apart_dps
+    scores = _scores([run], axis)
+    best = int(np.argmax(scores))
+    if scores[best] < FIRST_SIGHT:
+        return rows, apart_dps
+    other = np.abs(run.rate_dps[rows]) > WIDTHS_DPS[min(best + 1, len(WIDTHS_DPS) - 1)]
+    return rows[other], apart_dps[other]
+
+
+def _scores(runs: Sequence[Run], axis: int) -> Array:
+    """The lost part of the rates below each width divided by its standard error, shape [widths].
+
+    Offset and scale of each run are taken from its larger rates, or from all of them if there are no larger ones.
+    """
+    lost, norm = np.zeros(len(WIDTHS_DPS)), np.zeros(len(WIDTHS_DPS))
+    for run in runs:
+        if run.rate_is_mean or run.axis_index != axis or not np.any(run.rate_dps):
+            continue
+        w_dps, y_dps = run.rate_dps, run.gyro_dps[:, axis]
+        for k, width in enumerate(WIDTHS_DPS):
+            inside = np.abs(w_dps) < width
+            if not inside.any() or inside.all():
+                continue
+            known = np.column_stack([np.ones(len(run)), w_dps])
+            fit = np.linalg.lstsq(known[~inside], y_dps[~inside], rcond=None)[0]
+            residual = y_dps[inside] - known[inside] @ fit
+            lost[k] -= float(w_dps[inside] @ residual)
+            norm[k] += float(w_dps[inside] @ w_dps[inside])
+    return np.asarray(lost / (np.sqrt(np.maximum(norm, 1e-300)) * white_sd_dps(runs, axis)))

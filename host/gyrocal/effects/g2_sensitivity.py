@@ -1,0 +1,81 @@
+"""Rectification of vibration: a rate that grows with the square of the acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.quantities import acceleration_g
+from gyrocal.recording.session import Array, Run
+
+TOTAL = "k_dps_per_g2"
+ALONG = {"kx_dps_per_g2": 0, "ky_dps_per_g2": 1, "kz_dps_per_g2": 2}
+ALL = 3
+"""The first argument of the C twin if the acceleration of all three axes counts."""
+LEAST_CHANGE_G2 = 0.05
+PARTS = 10
+
+
+class G2Sensitivity(Effect):
+    id = "g2_sensitivity"
+    title = "Rectified vibration"
+    cause = (
+        "The suspension of the vibrating mass and its electrodes respond to acceleration with a curve instead of a line. "
+        "Vibration averages out in a linear response, but its square does not, so the bias is different while a motor or a "
+        "shaker runs. Gravity alone adds a constant in each pose."
+    )
+    equation = "k_dps_per_g2·(ax^2 + ay^2 + az^2), or kx_dps_per_g2·ax^2 + ky_dps_per_g2·ay^2 + kz_dps_per_g2·az^2"
+    looks_like = (
+        "centripetal, where the table's rate makes the acceleration; bias_jumps, if a motor is switched on within a run; "
+        "g_sensitivity, if the part is only turned over between poses"
+    )
+    measure_next = (
+        "the part at rest on a shaker or beside a running motor at two levels and switched off, with the accelerometer at the "
+        "gyroscope's rate; the error is four times as large at twice the level"
+    )
+    parameters = tuple(
+        Parameter(
+            name, "dps/g^2", (1e-4, 0.01),
+            "ADXRS646 datasheet: vibration rectification of 1e-4 dps/g^2; consumer parts up to 100 times as much", default,
+        )
+        for name, default in ((TOTAL, 0.01), *((name, 0.0) for name in ALONG))
+    )  # fmt: skip
+    linear = (TOTAL, *ALONG)
+    on_device = True
+    law = Law({TOTAL: 0.01, "kx_dps_per_g2": 0.002}, "0.01*(ax**2 + ay**2 + az**2) + 0.002*ax**2")
+    cases = (Case({TOTAL: 0.01}, (TOTAL,), "shaker"),)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        measured = bool(runs) and all(r.acc_g is not None for r in runs)
+        if measured and self._moving(runs):
+            return None
+        return "ax_g, ay_g and az_g columns in every run, and vibration at two levels or poses on different axes"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        """The square of the whole acceleration, or of the components that change."""
+        along = [name for name in self._moving(runs) if name in ALONG]
+        chosen = [(TOTAL,), *((name,) for name in along), *([tuple(along)] if len(along) > 1 else [])]
+        return [dict.fromkeys(names, 0.0) for names in chosen]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        acc_g = acceleration_g(run)
+        if acc_g is None:
+            return np.zeros((len(run), len(self.used(values))))
+        squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1)])
+        return stack(*(squares[:, ALONG.get(name, ALL)] for name in self.used(values)))
+
+    def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
+        return [(float(ALONG.get(name, ALL)),) for name in self.used(values)]
+
+    def _moving(self, runs: Sequence[Run]) -> list[str]:
+        """The names whose mean square over a tenth of a run changes between or within runs."""
+        means = [
+            np.append(part.mean(axis=0), part.sum(axis=1).mean())
+            for r in runs
+            if (a := acceleration_g(r)) is not None
+            for part in np.array_split(a**2, min(PARTS, len(a)))
+        ]
+        moved_g2 = np.ptp(means, axis=0) if means else np.zeros(ALL + 1)
+        return [name for name, i in {TOTAL: ALL, **ALONG}.items() if moved_g2[i] >= LEAST_CHANGE_G2]

@@ -1,0 +1,134 @@
+"""A tone that is fixed to the angle of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyrocal.effects.base import Case, Law, Parameter, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL
+from gyrocal.effects.wave import ONE_RATE, Wave, size_over_rate
+from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum
+from gyrocal.parameter import POSITIVE
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Array, Run
+
+PEAKS = 2
+HARMONIC = 0.3
+"""Amplitude of a harmonic, as a fraction of the strongest line's, from which on the wave is no tone."""
+
+
+def turned_turn(run: Run) -> Array:
+    """The table's angle without jumps from one turn to the next, shape [n], turns."""
+    return np.unwrap(table_angle_rad(run)) / (2 * np.pi)
+
+
+def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
+    """The spectrum over the table's angle of measured minus true rate on one axis, each run without its offset and slope."""
+    turning = [r for r in runs if _turns(r)]
+    return order_spectrum([_rest_dps(r, axis) for r in turning], [turned_turn(r) for r in turning])
+
+
+def _rest_dps(run: Run, axis: int) -> Array:
+    known = np.column_stack([np.ones(len(run)), run.rate_dps, elapsed_s(run)])
+    y_dps = run.gyro_dps[:, axis]
+    return np.asarray(y_dps - known @ np.linalg.lstsq(known, y_dps, rcond=None)[0])
+
+
+def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
+    """The strongest lines over the table's angle, strongest first.
+
+    At one rate these are whole numbers per turn, because any other line is as well a frequency. There is none if the strongest
+    has a strong harmonic: the wave then has another shape, as a sawtooth has.
+    """
+    peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
+    if any(_harmonic(p, peaks[0]) for p in peaks[1:]):
+        return []
+    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in runs if _turns(r)]
+    one_rate = np.ptp(rates_dps) < ONE_RATE * max(rates_dps) if rates_dps else True
+    return [p for p in peaks if not one_rate or p.whole is not None]
+
+
+def _harmonic(peak: OrderPeak, strongest: OrderPeak) -> bool:
+    ratio = peak.order / strongest.order
+    multiple = round(ratio) > 1 and abs(ratio - round(ratio)) * strongest.order < peak.resolution
+    strong = peak.amplitude_dps > HARMONIC * strongest.amplitude_dps and peak.chance < POLICY.name_alarm
+    return multiple and strong
+
+
+def _turns(run: Run) -> bool:
+    return not run.rate_is_mean and bool(np.any(run.rate_dps))
+
+
+class OrderTone(Wave):
+    id = "order_tone"
+    title = "A tone fixed to the table's angle"
+    cause = (
+        "A motor's poles, a gear's teeth, a belt's seam or a bearing's balls pass at a fixed number per turn and shake or tilt "
+        "the table. The size is the same at every rate, but the frequency follows the rate. Gravity on a tilted table and "
+        "magnets beside it are such tones too, on any axis."
+    )
+    equation = "A_dps·sin(order·th + phase), where th is the table's angle"
+    looks_like = (
+        "vibration_tone, if the table turns at one rate only; table_ripple, whose size grows with the rate; g_sensitivity "
+        "on a tilted table, once per turn"
+    )
+    measure_next = (
+        "a second rate of the table: an order keeps its number per turn and its size, a vibration keeps its frequency, and a "
+        "ripple of the table's speed grows with the rate"
+    )
+    parameters = (
+        Parameter(
+            "order", "per turn", (0.5, 64.0), "poles, teeth and balls of tables: one to some tens per turn", 5.0, POSITIVE,
+            search=(0.3, HIGHEST), sized=False,
+        ),
+        Parameter("A_dps", "dps", (0.005, 0.3), "shaking of small turntables, as vibration_tone", 0.03),
+        Parameter("phase_deg", "deg", (-180.0, 180.0), "the table's angle at the start", sized=False),
+    )  # fmt: skip
+    linear = ("A_dps",)
+    nonlinear = ("order",)
+    phases = ("phase_deg",)
+    fast = True
+    same_size = True
+    on_device = True
+    law = Law({"order": 5.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(5*theta)")
+    cases = (Case({"order": 5.0, "A_dps": 0.05}, ("order",), "full"), Case({"order": 2.5, "A_dps": 0.05}, ("order",), "full"))
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        return None if any(map(_turns, runs)) else TURNING_AT_ALL
+
+    def scope_in(self, runs: Sequence[Run]) -> str:
+        known = all(r.column("table_angle_deg") is not None for r in runs)
+        return "session" if known and runs else "run"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        """The strongest lines over the table's angle; a whole number per turn where the runs cannot tell it from one."""
+        peaks = _lines(runs, axis)[:PEAKS]
+        return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
+
+    def looks(self, runs: Sequence[Run], axis: int) -> int:
+        return max(1, int(spectrum_over_turns(runs, axis).order.size))
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        peaks = _lines(runs, axis)
+        return bool(peaks) and peaks[0].chance <= POLICY.false_discovery_rate
+
+    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
+        fastest_dps = max(float(np.abs(r.rate_dps).max()) for r in runs)
+        return any(values["order"] * fastest_dps / 360 > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis))
+
+    def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
+        turned = max((float(np.ptp(turned_turn(r))) for r in runs if _turns(r)), default=1.0)
+        return 0.1 / (values["order"] * max(turned, 0.1))
+
+    def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
+        turning = np.array([_turns(r) for r in runs])
+        return super().holds(runs, sizes[turning]) and (size_over_rate(runs, sizes) or 0.0) < 1.0 / POLICY.one_size
+
+    def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
+        """A sine is a cosine a quarter of a period earlier. A table that rests shows an offset and no wave."""
+        if not _turns(run):
+            return np.zeros(len(run), dtype=complex)
+        return np.asarray(-1j * np.exp(2j * np.pi * values["order"] * turned_turn(run)))

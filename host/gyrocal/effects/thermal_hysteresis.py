@@ -1,0 +1,88 @@
+"""Thermal hysteresis: the reading at one temperature depends on where the temperature came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.quantities import temperature_by_second
+from gyrocal.parameter import POSITIVE
+from gyrocal.recording.session import Array, Run
+
+LEAST_RETURN_C = 1.0
+"""Least way back of the temperature within a run that can show a loop, degC."""
+WIDTHS_C = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+
+
+class ThermalHysteresis(Effect):
+    id = "thermal_hysteresis"
+    title = "Thermal hysteresis"
+    cause = (
+        "Glue, solder and moulding compound creep and stick, so the stress on the structure at one temperature depends on "
+        "whether the part was warmer or colder before. The bias follows one branch while warming and another while cooling. "
+        "After the temperature turns round, the bias moves from one branch to the other over a few degrees, and it stays "
+        "where it is while the temperature rests."
+    )
+    equation = "amplitude_dps·(T - p)/(width_c/2), where p follows T at a distance of width_c/2 at most (play operator)"
+    looks_like = (
+        "thermal_lag, if the temperature always changes at the same speed; drift and colored_noise, if the temperature goes "
+        "up and down only once"
+    )
+    measure_next = (
+        "take the part up and down through the same temperatures twice and at two speeds, and let the temperature rest: a "
+        "hysteresis keeps its size at any speed and stays during the rest, a lag does not"
+    )
+    parameters = (
+        Parameter(
+            "amplitude_dps", "dps", (0.01, 0.3), "half the loop of consumer MEMS gyroscopes over -40 to 85 degC", 0.1
+        ),
+        Parameter(
+            "width_c", "degC", (0.5, 30.0), "from one branch to the other: a part of the temperature range", 5.0, POSITIVE,
+            search=(0.2, 60.0), sized=False,
+        ),
+    )  # fmt: skip
+    linear = ("amplitude_dps",)
+    nonlinear = ("width_c",)
+    law = Law({"amplitude_dps": 0.1, "width_c": 4.0}, None)
+    cases = (Case({"amplitude_dps": 0.1, "width_c": 5.0}, ("amplitude_dps", "width_c"), "chamber"),)
+
+    def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        measured = bool(runs) and all(r.temp_c is not None for r in runs)
+        if measured and any(_way_back_c(temperature_by_second(r)[1]) >= LEAST_RETURN_C for r in runs):
+            return None
+        return "a run in which the temp_c column rises and falls by 1 degC or more"
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        range_c = max(float(np.ptp(temperature_by_second(r)[1])) for r in runs if r.temp_c is not None)
+        return [{"width_c": w, "amplitude_dps": 0.0} for w in WIDTHS_C if w <= max(range_c, WIDTHS_C[0])]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        if run.temp_c is None:
+            return np.zeros((len(run), 1))
+        t_s, temp_c = temperature_by_second(run)
+        half_c = values["width_c"] / 2
+        return stack(np.interp(run.t_s, t_s, (temp_c - play_c(temp_c, half_c)) / half_c))
+
+
+def play_c(temp_c: Array, half_c: float) -> Array:
+    """The play operator: a value that stays until the temperature [n] is further than ``half_c`` away, shape [n], degC.
+
+    It begins at the first temperature, because the history of the part before the run is not known.
+    """
+    out = np.empty_like(temp_c)
+    at = float(temp_c[0])
+    for i, temp in enumerate(temp_c.tolist()):
+        at = min(max(at, temp - half_c), temp + half_c)
+        out[i] = at
+    return out
+
+
+def _way_back_c(temp_c: Array) -> float:
+    """The largest fall after a rise, or rise after a fall, that is matched by the way there, degC."""
+    up = temp_c - np.minimum.accumulate(temp_c)
+    down = np.maximum.accumulate(temp_c) - temp_c
+    rest_up = np.maximum.accumulate(temp_c[::-1])[::-1] - temp_c
+    rest_down = temp_c - np.minimum.accumulate(temp_c[::-1])[::-1]
+    return float(max(np.minimum(up, rest_down).max(), np.minimum(down, rest_up).max()))

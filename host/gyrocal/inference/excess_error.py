@@ -1,0 +1,168 @@
+"""The standard error of the excess: how far held-out power and expected power differ if the residual is noise alone.
+
+Both come from the same data, and the noise is fitted to them, so most of their scatter is common: three power cycles that
+happen to differ much raise the rms and the floor. The noise parameters are efficient estimates. Their errors are therefore
+uncorrelated with what is left of the held-out power q when its regression on the scores is removed,
+
+    var(q - expectation at the estimates) = var(q) - g' I^-1 g,    g = d E[q] / d parameters,
+
+with the information I of restricted maximum likelihood on the variances. The drift's correlation time is often at a bound and
+counts as known. A search that stops short of the maximum adds ``2·SETTLED·g' I^-1 g``. Drift, offsets and columns are taken as
+means over some hundred cells of time for this; a standard error needs no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.inference.blocks import Blocks
+from gyrocal.inference.design import Mask
+from gyrocal.inference.expected import UNDETERMINED, of_cycle
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.heldout import EVERYTHING, Fold, time_masks
+from gyrocal.recording.session import Array
+
+CELLS = 120
+"""Number of cells of time of all runs together, or one for each run where there are more runs."""
+
+SETTLED = 0.02
+"""Log-likelihood by which a search for the noise typically stops short of the maximum."""
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Cells of time of all runs: ``run`` and ``cycle`` [k], ``n`` [k] samples, mean times, rates and columns [k, c]."""
+
+    run: Array
+    cycle: Array
+    n: Array
+    t_s: Array
+    cycle_columns: Array
+    columns: Array
+    blocks: int
+
+
+def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, float]:
+    """Standard errors, dps^2, of the sum of squares (times samples) over its expectation: of all, and within power cycles."""
+    cells = _cells(axis)
+    covariance, derivatives = _covariance(axis, cells)
+    residual, held = _residual(axis, cells, covariance, folds)
+    weight, cycle = cells.n[held], cells.cycle[held]
+    all_power = residual.T @ (weight[:, None] * residual)
+    taken = np.zeros_like(all_power)
+    for label in np.unique(cycle):
+        mine = cycle == label
+        o = cells.cycle_columns[held[mine]]
+        o = o / np.sqrt(np.maximum(np.mean(o**2, axis=0), 1e-300))
+        sums = (o * weight[mine][:, None]).T @ residual[mine]
+        norm = (o * weight[mine][:, None]).T @ o
+        taken += sums.T @ np.linalg.pinv(norm, rcond=UNDETERMINED, hermitian=True) @ sums
+    p = len(axis.design.layout.fixed)
+    information = _information(cells.columns[:, :p], covariance, derivatives)
+    rest = max(0, cells.blocks - cells.n.size)  # blocks within a cell, which are white
+    white = axis.noise.white_sd_dps**2
+    information[0, 0] += rest / 2
+    out = []
+    for form in (all_power, all_power - taken):
+        of_data = form @ covariance
+        slope = np.array([float(np.sum(form * d)) for d in derivatives])
+        slope[0] += rest * white
+        common = slope @ np.linalg.pinv(information, rcond=1e-10, hermitian=True) @ slope
+        variance = 2 * float(np.sum(of_data * of_data.T)) + 2 * rest * white**2
+        out.append(float(np.sqrt(max(variance - (1 - 2 * SETTLED) * common, 0.0))))
+    return out[0], out[1]
+
+
+def _cells(axis: AxisFit) -> _Cells:
+    design = axis.design
+    usable = [i for i, b in enumerate(design.blocks) if b.t_s.size]
+    total = sum(design.blocks[i].t_s.size for i in usable)
+    run, cycle, n, t_s, rate, columns = [], [], [], [], [], []
+    for i in usable:
+        b = design.blocks[i]
+        count = min(b.t_s.size, max(1, round(CELLS * b.t_s.size / total)))
+        start = np.linspace(0, b.t_s.size, count, endpoint=False).astype(np.intp)
+        samples = np.add.reduceat(b.n, start)
+        run.append(np.full(count, i))
+        cycle.append(np.full(count, b.scenario))
+        n.append(samples)
+        t_s.append(np.add.reduceat(b.t_s * b.n, start) / samples)
+        rate.append(np.add.reduceat(_rate(b, design.axis) * b.n, start) / samples)
+        columns.append((np.add.reduceat(design.columns(i)[1:] * b.n, start, axis=1) / samples).T)
+    of_cycles = of_cycle(np.concatenate(rate))
+    return _Cells(
+        np.concatenate(run), np.concatenate(cycle), np.concatenate(n), np.concatenate(t_s), of_cycles, np.vstack(columns), total
+    )  # fmt: skip
+
+
+def _rate(b: Blocks, axis: int) -> Array:
+    return b.mean(b.run.rate_dps[:, None])[:, 0] if b.run.axis_index == axis else np.zeros(b.t_s.size)
+
+
+def _covariance(axis: AxisFit, cells: _Cells) -> tuple[Array, list[Array]]:
+    """Covariance [k, k] of the cells' means, and its derivatives by the logarithm of each variance, white noise first."""
+    noise, layout = axis.noise, axis.design.layout
+    p = len(layout.fixed)
+    parts = [np.diag(noise.white_sd_dps**2 / cells.n)]
+    if noise.ou_sd_dps > 0:
+        apart = np.abs(cells.t_s[:, None] - cells.t_s) / noise.ou_tau_s
+        parts.append(noise.ou_sd_dps**2 * np.exp(-apart) * (cells.run[:, None] == cells.run))
+    same_run, same_cycle = cells.run[:, None] == cells.run, cells.cycle[:, None] == cells.cycle
+    for j, sd in zip(layout.scenario, axis.spreads.scenario, strict=True):
+        x = cells.columns[:, j]
+        parts.append(sd**2 * np.outer(x, x) * same_cycle)
+    for group in range(layout.n_groups):
+        z = cells.columns[:, [p + j for j, g in enumerate(layout.run_group) if g == group]]
+        parts.append(axis.spreads.run[group] ** 2 * (z @ z.T) * same_run)
+    return np.asarray(np.sum(parts, axis=0)), parts
+
+
+def _residual(axis: AxisFit, cells: _Cells, covariance: Array, folds: Sequence[Fold]) -> tuple[Array, Array]:
+    """The held-out residual [h, k] as a linear function of the cells' means, and the cells [h] that it belongs to.
+
+    The error of a run's own coefficients is left out.
+    """
+    p = len(axis.design.layout.fixed)
+    x = cells.columns[:, :p]
+    rows, held_cells = [], []
+    for fold in folds or [EVERYTHING]:
+        inside, near = _masks(axis, cells, fold)
+        used = np.flatnonzero(~inside & ~near) if folds else np.arange(cells.n.size)
+        held = np.flatnonzero(inside)
+        if not used.size or not held.size:
+            continue
+        whitened = np.linalg.solve(covariance[np.ix_(used, used)], x[used])
+        beta = np.zeros((p, cells.n.size))
+        beta[:, used] = np.linalg.pinv(x[used].T @ whitened, hermitian=True) @ whitened.T
+        rows.append(np.eye(cells.n.size)[held] - x[held] @ beta)
+        held_cells.append(held)
+    if not rows:
+        return np.zeros((0, cells.n.size)), np.zeros(0, dtype=np.intp)
+    return np.vstack(rows), np.concatenate(held_cells)
+
+
+def _masks(axis: AxisFit, cells: _Cells, fold: Fold) -> tuple[Mask, Mask]:
+    """Masks [k] of the cells that a fold leaves out, and of those beside them."""
+    judged = np.array([not b.run.rate_is_mean for b in axis.design.blocks])[cells.run]
+    if fold.time is None:
+        inside = np.isin(cells.run, fold.runs) if fold is not EVERYTHING else np.ones(cells.n.size, dtype=bool)
+        return inside & judged, inside & ~judged
+    inside, near = np.zeros((2, cells.n.size), dtype=bool)
+    for i in np.unique(cells.run):
+        b = axis.design.blocks[i]
+        mine = np.flatnonzero(cells.run == i)
+        at = np.searchsorted(b.t_s, cells.t_s[mine]).clip(0, b.t_s.size - 1)
+        inside[mine], near[mine] = (mask[at] for mask in time_masks(b, fold))
+    return inside, near
+
+
+def _information(x: Array, covariance: Array, derivatives: list[Array]) -> Array:
+    """Information of restricted maximum likelihood on the parameters by which the covariance has these derivatives."""
+    inverse = np.linalg.inv(covariance)
+    whitened = inverse @ x
+    projector = inverse - whitened @ np.linalg.pinv(x.T @ whitened, hermitian=True) @ whitened.T
+    parts = [projector @ d for d in derivatives]
+    return np.array([[0.5 * float(np.sum(a * b.T)) for b in parts] for a in parts])

@@ -1,0 +1,102 @@
+"""Spectrum of residuals over the angle of a table: lines at a fixed number of periods per turn (orders)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.recording.session import Array
+
+HIGHEST = 64.0
+"""Highest order. The poles and gears of tables have up to some tens per turn."""
+BINS = 512
+"""Bins of the angle per turn: an angle is rounded to a small part of the shortest period."""
+LEAST_TURNS = 2.0
+PAD = 2
+MOST_TURNS = 512
+NEIGHBOURS = 61
+"""Values of the spectrum of which the median is the level between lines."""
+
+
+@dataclass(frozen=True)
+class OrderPeak:
+    """The strongest line. ``chance`` is the probability that noise produces such a line anywhere in the spectrum."""
+
+    order: float
+    amplitude_dps: float
+    chance: float
+    resolution: float
+    """Orders that are closer than this cannot be told apart."""
+
+    @property
+    def whole(self) -> int | None:
+        """The whole number of periods per turn that the order is equal to; None if there is none."""
+        nearest = round(self.order)
+        return nearest if nearest > 0 and abs(self.order - nearest) < self.resolution / 2 else None
+
+    def words(self) -> str:
+        return f"{self.order:.4g} per turn" if self.whole is None else f"exactly {self.whole} per turn"
+
+
+@dataclass(frozen=True)
+class OrderSpectrum:
+    """Periodograms over the angle, averaged over ``runs`` runs.
+
+    ``power`` [f] is the square of the amplitude (dps^2) at each order, and ``tail`` [f] is the probability that noise alone
+    reaches it. ``turns`` is the length of the longest run.
+    """
+
+    order: Array
+    power: Array
+    tail: Array
+    turns: float
+
+    def peaks(self, count: int) -> list[OrderPeak]:
+        """The strongest lines, strongest first, at most ``count``."""
+        if not self.order.size:
+            return []
+        tops = np.flatnonzero((self.power >= np.roll(self.power, 1)) & (self.power >= np.roll(self.power, -1)))
+        best = tops[np.lexsort((-self.power[tops], self.tail[tops]))[:count]]
+        return [
+            OrderPeak(
+                float(self.order[k]), float(np.sqrt(self.power[k])), min(1.0, float(self.tail[k]) * self.order.size),
+                1.0 / self.turns,
+            )
+            for k in best
+        ]  # fmt: skip
+
+
+NOTHING = OrderSpectrum(np.zeros(0), np.zeros(0), np.zeros(0), 0.0)
+
+
+def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> OrderSpectrum:
+    """Average periodogram of residuals [n] (deg/s) over unwrapped angles [n] (turns), one of each for a run.
+
+    Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains.
+    """
+    from scipy.ndimage import median_filter
+    from scipy.stats import gamma
+
+    pairs = [(y - y.mean(), a - a.min()) for y, a in zip(residuals, angles_turn, strict=True) if np.ptp(a) >= LEAST_TURNS]
+    if not pairs:
+        return NOTHING
+    turns = min(float(MOST_TURNS), max(float(a.max()) for _, a in pairs))
+    length = 1 << int(np.ceil(np.log2(PAD * turns * BINS)))
+    order = np.arange(length // 2 + 1) * BINS / length
+    reach = min(HIGHEST, *(0.5 / float(np.median(np.abs(np.diff(a)))) for _, a in pairs if np.any(np.diff(a))))
+    use = (order >= max(0.5, LEAST_TURNS / turns)) & (order <= reach)
+    if np.count_nonzero(use) < NEIGHBOURS:
+        return NOTHING
+    power = np.zeros(int(np.count_nonzero(use)))
+    for y, angle in pairs:
+        inside = angle < turns
+        bins = np.minimum((angle[inside] * BINS).astype(np.intp), length - 1)
+        line = np.fft.rfft(np.bincount(bins, y[inside], minlength=length)[:length])[use]
+        power += np.abs(2 * line / np.count_nonzero(inside)) ** 2
+    power /= len(pairs)
+    level = median_filter(power, NEIGHBOURS, mode="reflect") / (gamma.ppf(0.5, len(pairs)) / len(pairs))
+    tail = gamma.sf(power / np.maximum(level, np.finfo(np.float64).tiny) * len(pairs), len(pairs))
+    shortest = max(LEAST_TURNS, min(turns, *(float(a.max()) for _, a in pairs)))
+    return OrderSpectrum(order[use], power, np.asarray(tail), max(turns, shortest))

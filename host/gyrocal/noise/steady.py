@@ -1,0 +1,91 @@
+"""Noise whose level changes: the level of each short window of a recording, shrunk to the common one.
+
+Windows of equal noise differ only as a chi-square variable does. What they differ by beyond that is a change of the level
+(empirical Bayes; Efron and Morris, J. Am. Stat. Assoc. 68 (1973) 117).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.recording.session import Array
+
+WINDOW = 64
+"""Samples of a window. Interference of a second and less is seen at 100 Hz, and a window still knows its level to a tenth."""
+LEAST_WINDOWS = 6
+ENOUGH = 1 << 13
+"""Samples of a recording that show its autocorrelation."""
+SURE = 4.0
+"""Standard errors by which windows must differ more than equal ones do."""
+
+
+def shrunk(values: Array, variance: float) -> Array:
+    """Values [k] about zero, each known with the same ``variance``, shrunk by what they do not differ beyond it."""
+    k = values.size
+    if k < 2:
+        return np.zeros_like(values)
+    scatter = float(values @ values) / (k - 1)
+    beyond = scatter - variance
+    if beyond < SURE * variance * float(np.sqrt(2 / (k - 1))):
+        return np.zeros_like(values)
+    return values * beyond / scatter
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Relative level of the noise at every sample of each residual [n]; None if it does not change."""
+
+    of_residual: tuple[Array, ...] | None
+
+    @property
+    def change(self) -> bool:
+        return self.of_residual is not None
+
+    def steadied(self, residuals: Sequence[Array]) -> Sequence[Array]:
+        """The residuals, each sample divided by the relative level of its time."""
+        if self.of_residual is None:
+            return residuals
+        return [r / level for r, level in zip(residuals, self.of_residual, strict=True)]
+
+
+def relative_levels(residuals: Sequence[Array], window: int = WINDOW) -> Levels:
+    """The relative level of the noise over time, from the scatter of neighbours in windows. Its geometric mean is one."""
+    counts = [max(0, (r.size - 1) // window) for r in residuals]
+    if sum(counts) < LEAST_WINDOWS:
+        return Levels(None)
+    squares = [np.diff(r)[: c * window].reshape(c, window) ** 2 for r, c in zip(residuals, counts, strict=True)]
+    power = np.concatenate([s.mean(axis=1) for s in squares])
+    if not power.any():
+        return Levels(None)
+    log_power = np.log(np.maximum(power, 0.01 * float(power.mean())))
+    known = _variance(residuals, window)
+    log_power -= log_power.mean()
+    own = shrunk(log_power, known)
+    if not own.any():
+        return Levels(None)
+    out, first = [], 0
+    for r, c in zip(residuals, counts, strict=True):
+        centre = (np.arange(c) + 0.5) * window
+        level = np.interp(np.arange(r.size), centre, np.exp(own[first : first + c] / 2)) if c else np.ones(r.size)
+        out.append(level)
+        first += c
+    return Levels(tuple(out))
+
+
+def _variance(residuals: Sequence[Array], window: int) -> float:
+    """Variance of the logarithm of a window's mean square of differences, if the noise is Gaussian and its level constant.
+
+    It is ``2 / window * sum of rho^2`` with the autocorrelation rho of the differences, which a low-pass filter lengthens.
+    """
+    total, square = 0.0, np.zeros(window // 2)
+    for r in residuals:
+        d = np.diff(r[:ENOUGH])
+        if d.size > 2 * window:
+            spectrum = np.abs(np.fft.rfft(d, 2 * ENOUGH)) ** 2
+            square += np.fft.irfft(spectrum)[: square.size]
+            total += 1
+    rho = square / max(square[0], 1e-300) if total else np.eye(1, square.size)[0]
+    return float(2 / window * (1 + 2 * float(rho[1:] @ rho[1:])))

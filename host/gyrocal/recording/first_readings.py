@@ -1,0 +1,28 @@
+"""First readings of a run that are off what follows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.recording.session import Array
+
+FIRST, FOLLOWING = 3, 30
+"""Readings at the beginning of a run that are held against a line, and those through which the line goes."""
+STANDS_OFF, STANDS_OFF_STEPS = 10.0, 3.0
+
+
+def first_apart(y_dps: Array, step_dps: float, least_dps: float = 0.0) -> Array:
+    """How far each of the first readings is off the line through those that follow, shape [FIRST], deg/s.
+
+    All are 0 unless the very first one stands off by ``STANDS_OFF`` times the noise and ``least_dps``: a register that was not
+    yet filled, or a filter that has not settled.
+    """
+    nothing = np.zeros(min(FIRST, y_dps.size))
+    if y_dps.size < FIRST + FOLLOWING:
+        return nothing
+    index = np.arange(FIRST + FOLLOWING, dtype=float)
+    line = np.polynomial.Polynomial.fit(index[FIRST:], y_dps[FIRST : index.size], 1)
+    left = y_dps[: index.size] - line(index)
+    noise = float(np.sqrt(np.mean(left[FIRST:] ** 2)))
+    least = STANDS_OFF * noise + STANDS_OFF_STEPS * step_dps + least_dps
+    return np.where(np.abs(left[:FIRST]) > least, left[:FIRST], 0.0) if noise > 0 and abs(left[0]) > least else nothing

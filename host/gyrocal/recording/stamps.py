@@ -1,0 +1,172 @@
+"""Times of samples from time stamps that a host gave in bursts: by regression on the number of the sample.
+
+A sensor samples evenly, but a logger may stamp samples when they arrive: several at once, after a wait. Their mean interval is
+right and their single intervals are not. A lost sample shifts the numbers of all that follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+Index = np.ndarray[Any, np.dtype[np.intp]]
+
+BURST = 0.2
+"""Of the mean interval: no sampler takes two samples in less."""
+GAPS = 0.005
+"""Fraction of the intervals that may be gaps of any length."""
+LEAST_BURSTS = 0.001
+"""Fraction of such intervals above which stamps come in bursts. Below it they are exact but for a few."""
+WINDOW = 64
+"""Fewest samples that a lost sample is judged by, on either side."""
+PART_BURSTS = 16
+"""Bursts in a part of which the slope is taken."""
+ROUNDS = 3
+"""Numbers and the interval are found in turn."""
+LOST = 0.7
+"""Of an interval: a shift of all later stamps by more is a lost sample."""
+KNOT_S = 60.0
+"""The interval may change slowly: the regression is a chain of lines between moments this far apart, s."""
+LATEST_S = 5.0
+"""Stamps that go back by more are those of another recording, s."""
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """Times ``t_s`` [n], s, that run forward; the mean interval ``period_s``; how far the stamps were off, rms, ``jitter_s``.
+
+    ``number`` [n] is the number of each sample, in which lost samples are counted.
+    """
+
+    t_s: Array
+    period_s: float
+    number: Index
+    jitter_s: float
+
+    @property
+    def lost(self) -> int:
+        """Samples that are missing between the first and the last."""
+        return int(self.number[-1]) + 1 - self.number.size
+
+
+def in_bursts(t_s: Array) -> bool:
+    """True if stamps [n], s, repeat, go back, or come in bursts that no sampler makes."""
+    steps = np.diff(t_s)
+    short = steps < BURST * _mean_step_s(steps)
+    return bool(np.any(steps <= 0)) or (steps.size >= WINDOW and float(np.mean(short)) > LEAST_BURSTS)
+
+
+def goes_back(t_s: Array) -> bool:
+    """True if stamps [n], s, go back by more than a late arrival explains."""
+    return bool(np.any(np.maximum.accumulate(t_s) - t_s > LATEST_S))
+
+
+def weights(t_s: Array) -> Array:
+    """The time from half way before each sample to half way after it, over the mean of that, shape [n]."""
+    steps = np.diff(t_s)
+    spans = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
+    return np.asarray(spans / spans.mean())
+
+
+def typical_step_s(t_s: Array) -> float:
+    """The mean step of increasing times [n], s, without gaps: those of three median steps and more."""
+    steps = np.diff(t_s)
+    return float(np.mean(steps[steps < 3 * np.median(steps)]))
+
+
+def period_s(t_s: Array) -> float:
+    """The sampling interval of stamps [n], s, which may jitter, come in bursts, or have lost some samples between them."""
+    return regression(t_s).period_s
+
+
+def regression(t_s: Array) -> Stamps:
+    """The regression of stamps [n], s, on the numbers of their samples."""
+    n = t_s.size
+    if n < 3:
+        return Stamps(t_s, float(t_s[-1] - t_s[0]) / max(1, n - 1), np.arange(n), 0.0)
+    burst = _longest_burst(t_s)
+    size = min(max(WINDOW, 4 * burst), n)
+    interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
+    for _ in range(ROUNDS):
+        number = (np.arange(n) + _lost(t_s, interval_s, size, 2 * burst)).astype(np.intp)
+        interval_s = float(np.polyfit(number - number.mean(), t_s - t_s[0], 1)[0])
+    fitted = _chain(number, t_s, max(2, round((t_s[-1] - t_s[0]) / KNOT_S) + 1))
+    return Stamps(fitted, interval_s, number, float(np.sqrt(np.mean((t_s - fitted) ** 2))))
+
+
+def _mean_step_s(steps_s: Array) -> float:
+    """The mean of steps [n], s, without the longest, which may be gaps."""
+    kept = max(1, int(steps_s.size * (1 - GAPS)))
+    return float(np.mean(np.partition(steps_s, kept - 1)[:kept]))
+
+
+def _first_interval_s(t_s: Array, size: int, burst: int) -> float:
+    """The interval before lost samples are known: the mean, or the median slope of parts where that is surely shorter.
+
+    Bursts in step with the parts move all slopes alike, by the squared number of bursts in a part at most.
+    """
+    steps = np.diff(t_s)
+    first = np.concatenate([[0], np.flatnonzero(steps > _mean_step_s(steps) / 2) + 1])  # of each burst
+    number = first - first.mean()
+    mean_s = float(number @ (t_s[first] - t_s[0])) / float(number @ number)
+    parts = t_s[: t_s.size // size * size].reshape(-1, size)
+    centred = np.arange(size) - (size - 1) / 2
+    slopes = parts @ centred / float(centred @ centred)
+    middle_s, scatter_s = float(np.median(slopes)), 1.25 * float(np.std(slopes)) / len(slopes) ** 0.5
+    in_step_s = mean_s * (burst / size) ** 2 if burst > 1 else 0.0
+    return middle_s if mean_s - middle_s > max(3 * scatter_s, in_step_s) else mean_s
+
+
+def _longest_burst(t_s: Array) -> int:
+    """Most samples that share one arrival."""
+    steps = np.diff(t_s)
+    short = steps < BURST * _mean_step_s(steps)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], short.astype(np.int8), [0]])))
+    return int(np.max(edges[1::2] - edges[::2], initial=0)) + 1
+
+
+def _lost(t_s: Array, interval_s: float, size: int, least: int) -> Index:
+    """The number of samples lost before each sample [n].
+
+    A late arrival is followed by others that catch up, and a loss is not. The earliest stamp but one, relative to an even
+    course, of the ``size`` samples after a long step is compared with that of the samples before it. (A single stamp may
+    be too early.) A step with fewer than ``least`` samples after it cannot be judged.
+    """
+
+    def earliest_s(part: Array) -> float:
+        return float(np.partition(part, 1)[1]) if part.size > 2 else float(part.min())
+
+    late_s = t_s - t_s[0] - interval_s * np.arange(t_s.size)
+    lost = np.zeros(t_s.size, dtype=np.intp)
+    since = 0
+    for i in np.flatnonzero(np.diff(t_s)[: -least or None] > 1.5 * interval_s).tolist():
+        i += 1
+        shift_s = earliest_s(late_s[i : i + size]) - earliest_s(late_s[max(since, i - size) : i])
+        count = round(shift_s / interval_s + 0.5 - LOST)
+        if count > 0:
+            lost[i] = count
+            late_s[i:] -= count * interval_s
+            since = i
+    return np.cumsum(lost)
+
+
+def _chain(number: Index, t_s: Array, knots: int) -> Array:
+    """Least squares of times on numbers by a line with bends at ``knots`` moments, evenly spaced."""
+    from scipy.linalg import solveh_banded
+
+    x = (number - number[0]) / max(1, int(number[-1] - number[0])) * (knots - 1)
+    piece = np.minimum(x.astype(np.intp), knots - 2)
+    right = x - piece
+    left = 1 - right
+    bands = np.zeros((2, knots))
+    bands[1] = np.bincount(piece, left**2, knots) + np.bincount(piece + 1, right**2, knots)
+    bands[0, 1:] = np.bincount(piece, left * right, knots)[:-1]
+    bands[1] += 1e-9 * bands[1].max()  # a stretch without samples
+    line_s = np.polyval(np.polyfit(x, t_s - t_s[0], 1), x) + t_s[0]
+    off_s = t_s - line_s
+    bend_s = solveh_banded(bands, np.bincount(piece, left * off_s, knots) + np.bincount(piece + 1, right * off_s, knots))
+    bent_s = line_s + left * bend_s[piece] + right * bend_s[piece + 1]
+    return np.asarray(bent_s if np.all(np.diff(bent_s) > 0) else line_s)

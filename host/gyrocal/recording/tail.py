@@ -1,0 +1,79 @@
+"""The tail of the noise: how probable it is that outliers are ordinary noise of a heavy-tailed kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gyrocal.policy import POLICY
+from gyrocal.recording.outliers import NEIGHBOURS, STANDS_OUT, between, outliers, spread_of
+from gyrocal.recording.session import Array
+
+ROBUST = 1.4826
+"""Standard deviation over median absolute deviation of a normal distribution."""
+EDGES = np.linspace(0.0, STANDS_OUT, 161)
+FREEDOMS = np.array([1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 40.0, 100.0, 1e6])
+LEVELS = 5
+"""Sizes at which outliers are counted, each twice the one before."""
+BESIDE = np.array([-3, -2, -1, 1, 2, 3])
+"""Neighbours within the reach of the filters that find outliers."""
+
+
+def chance_of(residuals: Sequence[Array], step_dps: float) -> float:
+    """Probability that the noise of these residuals [n] itself, with the tail that it has, produces their outliers.
+
+    Noise is Student's t, and what it has beyond ``STANDS_OUT`` spreads is expected from what it has below: the likelihood of a
+    t distribution truncated there gives the degrees of freedom, of which the fewest that the data allow count. An outlier
+    beside other large deviations belongs to a burst of interference and does not count.
+    """
+    from scipy.ndimage import median_filter
+    from scipy.stats import poisson, t
+
+    histogram, samples, large, sizes = np.zeros(EDGES.size - 1), 0, 0, []
+    for y_dps in residuals:
+        if y_dps.size < 3 * NEIGHBOURS:
+            continue
+        level = y_dps - between(y_dps)
+        spread = spread_of(level, y_dps - median_filter(y_dps, NEIGHBOURS, mode="nearest"), step_dps)
+        if spread <= 0:
+            continue
+        samples += y_dps.size
+        z = np.abs(level) / spread
+        large += int(np.count_nonzero((z > POLICY.large_spreads) & (z < STANDS_OUT)))
+        if step_dps < spread:  # coarser counts hide the shape of the noise
+            histogram += np.histogram(z, EDGES)[0]
+        rows, apart_dps = outliers(y_dps, step_dps)
+        near = np.clip(rows[:, None] + BESIDE, 0, y_dps.size - 1)
+        alone = (z[near] < POLICY.disturbed_spreads).all(axis=1)
+        sizes.append((np.abs(apart_dps[alone]) - step_dps) / spread)
+    found = np.concatenate(sizes) if sizes else np.zeros(0)
+    if not found.size:
+        return 1.0
+    freedom = _freedom(histogram)
+    tail = float(t.sf(POLICY.large_spreads / _unit(freedom), freedom))
+    beyond = max(samples * 2 * tail, large + 2 * np.sqrt(large))  # expected beyond POLICY.large_spreads
+    chances = []
+    for least in STANDS_OUT * 2.0 ** np.arange(LEVELS):
+        expected = beyond * float(t.sf(least / _unit(freedom), freedom)) / tail
+        chances.append(float(poisson.sf(int(np.count_nonzero(found > least)) - 1, expected)))
+    return min(1.0, LEVELS * min(chances))
+
+
+def _unit(freedom: Array | float) -> Array | float:
+    """Scale of t distributions whose median absolute deviation is that of a standard normal one."""
+    from scipy.stats import t
+
+    return 1 / (ROBUST * t.ppf(0.75, freedom))
+
+
+def _freedom(histogram: Array) -> float:
+    """The fewest degrees of freedom that the histogram of deviations below ``STANDS_OUT`` spreads allows."""
+    from scipy.stats import t
+
+    if not histogram.any():
+        return float(FREEDOMS[-1])
+    cdf = t.cdf(EDGES[:, None] / _unit(FREEDOMS), FREEDOMS)
+    inside = np.diff(cdf, axis=0) / (cdf[-1] - cdf[0])
+    loglik = histogram @ np.log(np.maximum(inside, 1e-300))
+    return float(FREEDOMS[int(np.argmax(loglik > loglik.max() - POLICY.tail_loss))])

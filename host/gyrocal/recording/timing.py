@@ -1,0 +1,186 @@
+"""How a reading follows the true rate in time: late, filtered, or by a clock that runs fast or slow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+REACH = 1.5
+"""Mean steps of the reference. A moment that is further from every sample of the reference has no true rate."""
+FORGOTTEN = 1e-5
+"""Of the motion: a filter's memory of what was before the first sample has faded to less."""
+WIDTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
+"""Bandwidths of the spline that smooths the reference, in steps of it."""
+NEGLIGIBLE_NOISE = 2e-3
+"""Noise of the reference that needs no smoothing, as a fraction of the motion's change from sample to sample."""
+STEP = 0.01
+"""Relative step of the numerical derivative by the filter's time constant."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """A reading at time t, counted from the run's first sample, shows the rate of the time ``(1 + clock) t - delay_s``.
+
+    That rate has passed a first-order low-pass with the time constant ``filter_s`` (s); 0 = none.
+    """
+
+    delay_s: float = 0.0
+    filter_s: float = 0.0
+    clock: float = 0.0
+
+
+SYNCHRONOUS = Timing()
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The true rate between the samples of its reference: a cubic spline through the smoothed samples.
+
+    ``known_s`` [k] and ``known_dps`` [k] are the times (s) and values (deg/s) of the reference.
+    """
+
+    known_s: Array
+    known_dps: Array
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.known_s, smooth(self.known_s, self.known_dps))
+
+    @property
+    def _reach_s(self) -> float:
+        return REACH * float(self.known_s[-1] - self.known_s[0]) / (self.known_s.size - 1)
+
+    def _moment_s(self, t_s: Array, timing: Timing) -> Array:
+        start = t_s[0]
+        return np.asarray(start + (1 + timing.clock) * (t_s - start) - timing.delay_s)
+
+    def _moment_within_s(self, t_s: Array, timing: Timing) -> Array:
+        return np.clip(
+            self._moment_s(t_s, timing), self.known_s[0] - self._reach_s, self.known_s[-1] + self._reach_s
+        )
+
+    def reached(self, t_s: Array, timing: Timing) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """True for the samples at ``t_s`` [n] that show a moment at which the reference was recorded."""
+        at_s = self._moment_s(t_s, timing)
+        after = np.clip(np.searchsorted(self.known_s, at_s), 1, self.known_s.size - 1)
+        nearest_s = np.minimum(np.abs(at_s - self.known_s[after - 1]), np.abs(at_s - self.known_s[after]))
+        recorded = nearest_s <= self._reach_s
+        return recorded & (at_s >= self.known_s[0] + self._forgotten_s(timing.filter_s)) if timing.filter_s > 0 else recorded
+
+    def _forgotten_s(self, tau_s: float) -> float:
+        """The time after which a low-pass has forgotten the unknown motion before the first sample, s."""
+        third = 6 * self._spline.c[0]
+        unknown = tau_s**3 * float(np.sqrt(np.mean(third**2)))
+        return tau_s * max(0.0, float(np.log(unknown / (FORGOTTEN * float(np.std(self.known_dps)) + 1e-300) + 1e-300)))
+
+    def rate_dps(self, t_s: Array, timing: Timing = SYNCHRONOUS) -> Array:
+        """The rate that samples at ``t_s`` [n] show, deg/s. The nearest recorded moment stands for one without a reference."""
+        at_s = self._moment_within_s(t_s, timing)
+        return self._filtered_dps(at_s, timing.filter_s) if timing.filter_s > 0 else np.asarray(self._spline(at_s))
+
+    def by_delay(self, t_s: Array, timing: Timing) -> Array:
+        """Derivative of :meth:`rate_dps` by ``delay_s``, deg/s^2."""
+        at_s = self._moment_within_s(t_s, timing)
+        if timing.filter_s > 0:
+            return np.asarray((self._filtered_dps(at_s, timing.filter_s) - self._spline(at_s)) / timing.filter_s)
+        return np.asarray(-self._spline(at_s, 1))
+
+    def by_clock(self, t_s: Array, timing: Timing) -> Array:
+        """Derivative of :meth:`rate_dps` by ``clock``, deg/s."""
+        return -(t_s - t_s[0]) * self.by_delay(t_s, timing)
+
+    def by_filter(self, t_s: Array, timing: Timing) -> Array:
+        """Derivative of :meth:`rate_dps` by ``filter_s``, deg/s^2."""
+        step_s = STEP * max(timing.filter_s, self._reach_s)
+        low_s, high_s = max(timing.filter_s - step_s, 0.0), timing.filter_s + step_s
+        at_s = self._moment_within_s(t_s, timing)
+        low_dps = self._filtered_dps(at_s, low_s) if low_s > 0 else self._spline(at_s)
+        return np.asarray((self._filtered_dps(at_s, high_s) - low_dps) / (high_s - low_s))
+
+    def _filtered_dps(self, at_s: Array, tau_s: float) -> Array:
+        """The rate behind a first-order low-pass, exact for the spline.
+
+        In each piece of the spline the solution of ``x + tau x' = w`` is a cubic polynomial plus a decaying exponential.
+        Before the first sample the filter is taken to follow the first piece.
+        """
+        from scipy.linalg import solve_banded
+
+        pieces = max(1, int(np.searchsorted(self.known_s[1:-1], at_s.max(), side="right")) + 1)
+        jump = 6 * tau_s**3 * np.diff(self._spline.c[0, :pieces])  # of the third derivative from piece to piece
+        decay = np.exp(-np.diff(self.known_s[: pieces + 1]) / tau_s)
+        size = decay.size
+        bands = np.zeros((2, size))
+        bands[0], bands[1, :-1] = 1.0, -decay[:-1]
+        excess = solve_banded((1, 0), bands, np.concatenate([[0.0], jump]))
+        piece = np.clip(np.searchsorted(self.known_s, at_s, side="right") - 1, 0, size - 1)
+        since_s = at_s - self.known_s[piece]
+        third = self._spline(at_s, 3)
+        steady = self._spline(at_s) - tau_s * (self._spline(at_s, 1) - tau_s * (self._spline(at_s, 2) - tau_s * third))
+        fading = np.where(since_s >= 0, np.exp(-np.maximum(since_s, 0.0) / tau_s), 1.0)
+        return np.asarray(steady + excess[piece] * fading)
+
+
+def smooth(t_s: Array, values: Array) -> Array:
+    """A noisy reference [n] at times [n], s, smoothed by a cubic smoothing spline; the times may be uneven.
+
+    The bandwidth is the one with the least expected error by Mallows' criterion, ``mean square of the residual + 2 sd^2 c``,
+    where c is a sample's weight in its own smoothed value and sd the noise (:func:`noise_sd`). A reference whose noise is far
+    below what the motion does from sample to sample is left as it is.
+    """
+    step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    sd = noise_sd(t_s, values)
+    if sd <= NEGLIGIBLE_NOISE * float(np.std(np.diff(values))):
+        return values
+    best, least = values, 2 * sd**2
+    for width in WIDTHS:
+        trial = smoothing_spline(t_s, values, (width * step_s) ** 4 / step_s)
+        risk = float(np.mean((values - trial) ** 2)) + 2 * sd**2 / (8**0.5 * width)  # c is that of the equivalent kernel
+        if risk < least:
+            best, least = trial, risk
+    return np.asarray(best)
+
+
+def smoothing_spline(t_s: Array, values: Array, penalty: float) -> Array:
+    """The cubic spline with the least ``sum of squared residuals + penalty * integral of the squared second derivative``, [n].
+
+    Source: Reinsch, Numer. Math. 10 (1967) 177. The second derivatives solve an equation of five bands.
+    """
+    from scipy.linalg import solveh_banded
+
+    steps = np.diff(t_s)
+    before, after = 1 / steps[:-1], 1 / steps[1:]
+    bands = np.zeros((3, steps.size - 1))
+    bands[2] = (steps[:-1] + steps[1:]) / 3 + penalty * (before**2 + (before + after) ** 2 + after**2)
+    bands[1, 1:] = steps[1:-1] / 6 - penalty * before[1:] * (before[:-1] + 2 * before[1:] + after[1:])
+    bands[0, 2:] = penalty * after[:-2] * before[2:]
+    curvature = solveh_banded(bands, np.diff(np.diff(values) / steps))
+    pulled = np.zeros(values.size)
+    pulled[:-2] += before * curvature
+    pulled[1:-1] -= (before + after) * curvature
+    pulled[2:] += after * curvature
+    return np.asarray(values - penalty * pulled)
+
+
+def noise_sd(t_s: Array, values: Array) -> float:
+    """The white noise of samples [n] of a smooth motion at times [n], s: how far each is off its six neighbours' polynomial."""
+    n = values.size
+    around = (-3, -2, -1, 1, 2, 3)
+    if n < 2 * len(around):
+        return 0.0
+    middle = slice(3, n - 3)
+    times = [t_s[3 + k : n - 3 + k] for k in around]
+    weights = [
+        np.prod([(t_s[middle] - other) / (mine - other) for other in times if other is not mine], axis=0) for mine in times
+    ]
+    off = values[middle] - sum(w * values[3 + k : n - 3 + k] for w, k in zip(weights, around, strict=True))
+    return float(np.sqrt(np.mean(off**2 / (1 + np.sum(np.square(weights), axis=0)))))

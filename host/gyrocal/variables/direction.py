@@ -1,0 +1,46 @@
+"""The direction in which the table turns, or in which the temperature moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.effects.quantities import temperature_by_second, temperature_slope_c_s
+from gyrocal.effects.thermal_hysteresis import ThermalHysteresis
+from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import Variable
+from gyrocal.variables.shapes import Columns, Shape, Steps
+
+BOTH_WAYS = np.array([0.0])
+
+
+class Direction(Variable):
+    """+1 or -1: the sign of the temperature's change if the temperature returns within a run, else that of the table's rate."""
+
+    name, title, quantity, unit, order = "direction", "Direction", "direction", "±1", 9
+    no_formula = "it has two values only; a formula in the rate or the temperature describes a difference between directions"
+
+    def values(self, run: Run, axis: int) -> Array | None:
+        return warming_or_cooling(run) if self._returns else np.sign(run.rate_dps * run.face_sign)
+
+    def shapes(self, axis: int) -> list[Shape]:
+        shapes: list[Shape] = []
+        if self._returns:
+            shapes.append(Columns(lambda run: warming_or_cooling(run)[:, None], 1, "between warming and cooling"))
+        if {-1.0, 1.0} <= {float(np.sign(np.mean(r.rate_dps)) * r.face_sign) for r in self.runs}:
+            turning = Steps(lambda run: np.sign(run.rate_dps * run.face_sign), BOTH_WAYS, name="the table's direction")
+            shapes.append(turning)
+        return shapes
+
+    @property
+    def _returns(self) -> bool:
+        """True if the temperature rises and falls within a run."""
+        return ThermalHysteresis().missing(self.runs, 0) is None
+
+
+def warming_or_cooling(run: Run) -> Array:
+    """The sign of the temperature's change, shape [n]; 0 where it rests."""
+    if run.temp_c is None:
+        return np.zeros(len(run))
+    slope_c_s = temperature_slope_c_s(run)
+    resting = 0.05 * float(np.ptp(temperature_by_second(run)[1])) / max(run.duration_s, 1.0)
+    return np.where(np.abs(slope_c_s) > resting, np.sign(slope_c_s), 0.0)

@@ -1,0 +1,31 @@
+"""The size of the rate, without its direction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.effects.quantities import rate_about, rate_varies
+from gyrocal.recording.session import Array, Run
+from gyrocal.variables.base import Variable
+from gyrocal.variables.shapes import Shape, Steps
+
+EDGES_DPS = (0.3, 1.0, 3.0, 10.0, 30.0)
+"""Small rates may be lost (a dead band), so that the steps are narrow towards zero, deg/s."""
+
+
+class Level(Variable):
+    """The size of the true rate about the axis. Small and large rates are tested for a scale of their own."""
+
+    name, title, quantity, unit, order = "level", "Level", "size of the true rate", "deg/s", 11
+    of_axis = True
+    no_formula = "the scale differs between small and large rates; search against the rate"
+
+    def values(self, run: Run, axis: int) -> Array:
+        return np.abs(rate_about(run, axis))
+
+    def shapes(self, axis: int) -> list[Shape]:
+        if not rate_varies(self.runs, axis):
+            return []
+        largest_dps = max(float(self.values(r, axis).max(initial=0.0)) for r in self.runs)
+        edges = np.array([e for e in EDGES_DPS if e < 0.5 * largest_dps])
+        return [Steps(lambda run: self.values(run, axis), edges, times_rate=True)] if edges.size else []

@@ -1,0 +1,101 @@
+"""What is fixed to the table's angle is told in orders, on every axis, and named where several rates show that it is."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.levels import residuals
+from gyrocal.effects.base import table_angle_rad
+from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.simulation.simulate import simulate
+
+Planted = dict[str, Array]
+
+
+def with_terms(session: Session, terms: Callable[[Run], Planted]) -> Session:
+    """The session with further terms in deg/s by axis."""
+
+    def run_of(run: Run) -> Run:
+        columns = {f"g{a}_dps": pl.Series(run.gyro_dps[:, AXES.index(a)] + term) for a, term in terms(run).items()}
+        return replace(run, frame=run.table.with_columns(**columns))
+
+    return session.with_runs(map(run_of, session.runs))
+
+
+def paper(*effects: str, seed: int = 4) -> Session:
+    return simulate(None, "paper", effects, seed, scenarios=6, seconds=20.0)[0]
+
+
+def full(*effects: str, seed: int = 3) -> Session:
+    return simulate(None, "full", effects, seed, scenarios=2, seconds=15.0)[0]
+
+
+def test_a_wave_once_per_turn_across_the_table_is_told_by_its_angle() -> None:
+    """It was told as 90.2 mdps between 0.25 and 0.41 Hz. Its size and its common phase are those of the residual."""
+    waves = {"x": 0.0, "y": np.pi / 2}
+    session = with_terms(paper(), lambda r: {a: 0.156 * np.cos(table_angle_rad(r) - p) for a, p in waves.items()})
+    comparison = compare(session)
+    for axis in "xy":
+        first = next(f for f in comparison.where if f.axis == axis)
+        assert first.against == "table_angle"
+        assert first.amplitude_dps == pytest.approx(0.156, rel=0.2)
+        assert first.note.endswith("once per turn, of the same phase in each run")
+        assert not [f for f in comparison.where if f.axis == axis and f.against == "frequency"]
+        of_runs = residuals(comparison.fit, axis)
+        seen = np.array([2 * np.mean(of_runs[r.index] * np.exp(1j * table_angle_rad(r))) for r in session.runs])
+        assert first.amplitude_dps == pytest.approx(float(np.sqrt(np.mean(np.abs(seen) ** 2))), rel=0.2)
+        assert abs(seen.sum()) > 0.9 * np.abs(seen).sum()
+
+
+def test_waves_that_begin_anywhere_are_of_another_phase() -> None:
+    comparison = compare(paper("table_ripple"))
+    first = comparison.where[0]
+    assert first.note.endswith("once per turn, of another phase in each run")
+    of_runs = residuals(comparison.fit, "z")
+    seen = np.array([2 * np.mean(of_runs[b.run.index] * np.exp(1j * table_angle_rad(b.run))) for b in comparison.fit.blocks])
+    assert abs(seen.sum()) < 0.9 * np.abs(seen).sum()
+    assert first.amplitude_dps == pytest.approx(float(np.sqrt(np.mean(np.abs(seen) ** 2))), rel=0.2)
+
+
+def test_a_sawtooth_once_per_turn_is_told_per_turn_and_not_in_hertz() -> None:
+    """Its fifth harmonic was called a vibration's tone of 1.08301 Hz, which is 5 times 78/360."""
+    session = with_terms(paper(), lambda r: {"z": 0.06 * ((table_angle_rad(r) / (2 * np.pi)) % 1.0 - 0.5)})
+    found = diagnose(session)
+    assert {f.against for f in found.comparison.where if "Hz" in f.note} == set()
+    assert any("once per turn" in f.note for f in found.comparison.where)
+    named = {c.effect.id for c in found.candidates if c.decision == "add"}
+    assert "vibration_tone" not in named
+    assert found.best is not None
+
+
+@pytest.mark.parametrize("order", [5.0, 8.5])
+def test_an_order_tone_is_named_at_several_rates(order: float) -> None:
+    session = full(f"order_tone:order={order},A_dps=0.05")
+    found = diagnose(session)
+    assert found.best is not None
+    assert (found.best.effect.id, found.best.axis, found.best.group) == ("order_tone", "z", ("order_tone",))
+    assert found.best.values["order"] == pytest.approx(order, abs=0.01)
+    assert found.best.values["A_dps"] == pytest.approx(0.05, rel=0.1)
+    assert next(f for f in found.comparison.where if f.axis == "z").against == ("table_angle" if order == 5.0 else "order")
+    before, after, _ = add(session, None, "order_tone")
+    assert after.per_axis["z"].excess_dps < 0.7 * before.per_axis["z"].excess_dps
+
+
+def test_at_one_rate_an_order_and_a_vibration_are_one_group() -> None:
+    found = diagnose(paper("order_tone:order=5,A_dps=0.05"))
+    assert found.best is not None
+    assert found.verdict == "ambiguous"
+    assert set(found.best.group) == {"order_tone", "vibration_tone"}
+
+
+def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
+    """A ripple of the speed grows with the rate, a tone of the angle does not."""
+    for effect_id, spec in (("table_ripple", "table_ripple"), ("order_tone", "order_tone:order=2,A_dps=0.05")):
+        named = {c.effect.id for c in diagnose(full(spec)).candidates if c.decision == "add" and c.axis == "z"}
+        assert named == {effect_id}

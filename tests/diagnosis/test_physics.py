@@ -1,0 +1,131 @@
+"""Effects with a memory, a threshold or a code: each is named where a session shows it, and its error falls."""
+
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.levels import residuals
+from gyrocal.plausibility import check
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
+from make_runs import make_run, make_session
+
+SIZES = {"shaker": (2, 15.0), "swing": (2, 30.0), "chamber": (2, 700.0), "full": (2, 15.0)}
+
+
+def session_of(campaign: str, *effects: str, seed: int = 3) -> Session:
+    scenarios, seconds = SIZES[campaign]
+    return simulate(None, campaign, effects, seed, scenarios=scenarios, seconds=seconds)[0]
+
+
+@pytest.mark.parametrize(
+    ("campaign", "spec", "name", "value"),
+    [
+        ("shaker", "g2_sensitivity:k_dps_per_g2=0.01", "k_dps_per_g2", 0.01),
+        ("shaker", "g2_sensitivity:k_dps_per_g2=0,kz_dps_per_g2=0.03", "kz_dps_per_g2", 0.03),
+        ("swing", "dead_band:width_dps=0.5", "width_dps", 0.5),
+        ("swing", "dead_band:width_dps=1", "width_dps", 1.0),
+        ("chamber", "thermal_hysteresis:amplitude_dps=0.1,width_c=5", "amplitude_dps", 0.1),
+        ("chamber", "thermal_hysteresis:amplitude_dps=-0.05,width_c=10", "amplitude_dps", -0.05),
+        ("swing", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),
+        ("full", "byte_fault:bit=7,step_dps=-1.12", "step_dps", -1.12),
+    ],
+)
+def test_what_is_planted_is_named_and_its_error_falls(campaign: str, spec: str, name: str, value: float) -> None:
+    session, effect_id = session_of(campaign, spec), spec.partition(":")[0]
+    found = diagnose(session)
+    named = [c for c in found.candidates if c.decision == "add" and c.axis == "z"]
+    assert named[0].effect.id == effect_id
+    assert named[0].values[name] == pytest.approx(value, rel=0.1)
+    before, after, _ = add(session, None, effect_id)
+    assert after.per_axis["z"].excess_dps < 0.5 * before.per_axis["z"].excess_dps
+
+
+def test_single_readings_that_lack_a_carry_are_no_jumps() -> None:
+    found = diagnose(session_of("swing", "byte_fault:bit=7,step_dps=-1.12,fraction=0.02"))
+    assert found.best is not None
+    assert {c.effect.id for c in found.candidates if c.decision == "add"} == {"byte_fault"}
+    assert found.best.values["bit"] == 7
+    note = next(f.note for f in found.comparison.where if f.axis == "z")
+    assert note.endswith("each by 128 counts: bit 7 lacks a carry or is of another sample")
+
+
+@pytest.mark.parametrize("campaign", ["shaker", "swing", "chamber"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_sessions_without_an_effect_are_quiet(campaign: str, seed: int) -> None:
+    found = diagnose(session_of(campaign, seed=seed))
+    assert found.verdict == "adequate", (found.unknown, [c.effect.id for c in found.candidates if c.decision == "add"])
+
+
+def test_vibration_at_rest_contradicts_nothing() -> None:
+    assert check(session_of("shaker")) == []
+
+
+def test_a_first_bad_reading_is_a_warning_and_no_effect() -> None:
+    """It made three findings in time and a decay of 0.1 s."""
+    session = session_of("full", seed=1)
+
+    def begins_badly(run):  # type: ignore[no-untyped-def]
+        gx = run.gyro_dps[:, 0].copy()
+        gx[0] += 1.3
+        return replace(run, frame=run.table.with_columns(gx_dps=pl.Series(gx)))
+
+    spoiled = session.with_runs(map(begins_badly, session.runs))
+    assert [(w.code, w.axis) for w in check(spoiled)] == [("first_sample", "x")]
+    found = diagnose(spoiled)
+    assert [f for f in found.comparison.where if f.axis == "x"] == []
+    assert [c.effect.id for c in found.candidates if c.axis == "x" and c.decision in ("add", "suggest")] == []
+
+
+def turned_by_hand(leak: float) -> Session:
+    """Six power cycles: a turn of 360 deg about each axis and a rest; z reads a part of the rate about x."""
+    rng = np.random.default_rng(8)
+    t_s = np.arange(1500) / 100
+    runs = []
+    for cycle in range(6):
+        bias_dps = rng.normal(0.1, 0.01, 3)
+        for axis in ("x", "y", "z", None):
+            profile = np.sin(np.pi * np.clip(t_s * rng.uniform(0.08, 0.12), 0, 1)) ** 2
+            rate_dps = 0.0 * t_s if axis is None else 360 * profile / np.trapezoid(profile, t_s)
+            gyro = rng.normal(0, 0.04, (t_s.size, 3)) + bias_dps
+            gyro[:, "xyz".index(axis or "z")] += rate_dps
+            gyro[:, 2] += leak * rate_dps * (axis == "x")
+            turn_deg = None if axis is None else 360.0
+            runs.append(make_run(t_s, gyro, table_rate_dps=0.0, turn_deg=turn_deg, axis=axis or "z", scenario=f"s{cycle}"))
+    return make_session(*runs)
+
+
+def test_turns_of_known_angle_show_misalignment_and_no_transient() -> None:
+    found = diagnose(turned_by_hand(0.01))
+    assert found.best is not None
+    assert (found.best.effect.id, found.best.axis) == ("misalignment", "z")
+    values = found.best.values
+    assert values.get("m_x", values.get("m")) == pytest.approx(0.01, rel=0.05)
+    assert {f.against for f in found.comparison.where} == {"rate"}
+    assert diagnose(turned_by_hand(0.0)).verdict == "adequate"
+
+
+def test_a_step_is_as_large_in_words_as_in_the_residual() -> None:
+    """The mean residual of the step that is told, against the mean of all, within a fifth."""
+    rng = np.random.default_rng(4)
+    t_s = np.arange(4350) / 145
+    runs = []
+    for cycle in range(6):
+        gyro = rng.normal(0, 0.04, (t_s.size, 3))
+        gyro[:, 0] += np.where(t_s > 20, 0.03, 0.0)
+        runs.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{cycle}"))
+    comparison = compare(make_session(*runs))
+    first = next(f for f in comparison.where if f.axis == "x" and "most" in f.note)
+    words = first.note.split("most, ")[1].split()
+    told_mdps, low = float(words[0]), float(words[words.index("from") + 1]) if "from" in words else 0.0
+    high = float(words[words.index("to") + 1]) if "to" in words else np.inf
+    drawn = np.concatenate(list(residuals(comparison.fit, "x").values())) * 1e3
+    t_all = np.tile(t_s, len(runs))
+    inside = (t_all >= low) & (t_all < high)
+    assert told_mdps == pytest.approx(drawn[inside].mean() - drawn.mean(), rel=0.2)
+    assert first.amplitude_dps * 1e3 == pytest.approx(np.sqrt(2) * np.std(np.where(t_all > 20, 30.0, 0.0)), rel=0.2)

@@ -1,0 +1,120 @@
+"""Laws of effects that no formula expresses: a dead band, a hysteresis, and codes that are put together wrongly."""
+
+import numpy as np
+import pytest
+
+from gyrocal.effects.base import effect
+from gyrocal.effects.byte_fault import carried, lost_carry, single_power
+from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.thermal_hysteresis import play_c
+from gyrocal.recording.session import Run
+
+from .conftest import Array, MakeRun
+
+LSB_DPS = 0.00875
+
+
+def swinging(make_run: MakeRun, reading: Array, w_dps: Array) -> Run:
+    gyro = np.zeros((w_dps.size, 3))
+    gyro[:, 2] = reading
+    return make_run(np.arange(w_dps.size) / 100, gyro, rate_ref_dps=w_dps)
+
+
+def test_rates_in_the_dead_band_read_as_zero_and_others_as_they_are(make_run: MakeRun) -> None:
+    w_dps = np.linspace(-3.0, 3.0, 601)
+    run = swinging(make_run, w_dps, w_dps)
+    reads = w_dps + effect("dead_band").term(run, 2, {"width_dps": 0.995, "depth": 1.0})
+    np.testing.assert_allclose(reads, np.where(np.abs(w_dps) < 0.995, 0.0, w_dps))
+    assert not np.any(effect("dead_band").term(run, 0, {"width_dps": 0.995, "depth": 1.0}))
+
+
+def test_what_a_dead_band_swallows_is_no_outlier(make_run: MakeRun) -> None:
+    """The table passes quickly through zero, so that a few readings at a time are lost. A reading lost at a high rate stays."""
+    rng = np.random.default_rng(3)
+    w_dps = 60 * np.sin(2 * np.pi * 0.3 * np.arange(6000) / 100)
+    lost = np.where(np.abs(w_dps) < 1.5, 0.0, w_dps) + rng.normal(0, 0.03, w_dps.size)
+    lost[40] += 5.0
+    run = swinging(make_run, lost, w_dps)
+    assert outliers_of(run, 2, lost - w_dps)[0].tolist() == [40]
+
+
+def test_the_two_branches_of_a_hysteresis_are_its_width_apart(make_run: MakeRun) -> None:
+    """Warming reads +A, cooling -A, whatever the speed. After a turn, the way to the other branch is the width."""
+    amplitude, width_c = 0.1, 4.0
+    for period_s in (600.0, 1800.0):
+        t_s = np.arange(0.0, 2 * period_s, 0.1)
+        temp_c = 25 + 20 * np.sin(2 * np.pi * t_s / period_s)
+        values = {"amplitude_dps": amplitude, "width_c": width_c}
+        term = effect("thermal_hysteresis").term(make_run(t_s, temp_c=temp_c), 2, values)
+        down, up = np.searchsorted(t_s, [1.5 * period_s, 2.0 * period_s - 0.2])
+        np.testing.assert_allclose([term[up], term[down]], [amplitude, -amplitude], rtol=1e-6)
+        top = int(np.argmax(temp_c[: t_s.size // 2]))
+        crossed = top + int(np.argmax(term[top:] <= -0.99 * amplitude))
+        assert temp_c[top] - temp_c[crossed] == pytest.approx(width_c, rel=0.05)
+
+
+def test_a_hysteresis_stays_while_the_temperature_rests(make_run: MakeRun) -> None:
+    t_s = np.arange(0.0, 300.0, 0.1)
+    temp_c = 20 + np.clip(0.2 * t_s, 0.0, 20.0)
+    term = effect("thermal_hysteresis").term(make_run(t_s, temp_c=temp_c), 2, {"amplitude_dps": -0.05, "width_c": 3.0})
+    np.testing.assert_allclose(term[t_s > 50], -0.05, rtol=1e-6)
+    assert term[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_play_follows_at_its_distance() -> None:
+    np.testing.assert_allclose(play_c(np.array([0.0, 1.0, 3.0, 2.5, -2.0, -1.0]), 1.0), [0.0, 0.0, 2.0, 2.0, -1.0, -1.0])
+
+
+def test_a_table_at_rest_has_no_order_tone(make_run: MakeRun) -> None:
+    kind, values = effect("order_tone"), {"order": 3.0, "A_dps": 0.1, "phase_deg": 40.0}
+    assert not np.any(kind.term(make_run(np.arange(100) / 10, table_rate_dps=0.0), 2, values))
+    run = make_run(np.arange(3600) / 100, table_rate_dps=20.0)  # two turns
+    term = kind.term(run, 0, values)
+    assert term[0] == pytest.approx(0.1 * np.sin(np.deg2rad(40.0)))
+    np.testing.assert_allclose(term[:1800], term[1800:], atol=1e-12)
+    assert np.count_nonzero(np.diff(np.sign(term[:1800]))) == 6
+
+
+def broken(make_run: MakeRun, w_dps: Array, bit: int, fraction: float, seed: int = 0) -> Run:
+    rng = np.random.default_rng(seed)
+    bare = swinging(make_run, np.zeros_like(w_dps), w_dps)
+    sound = np.round((bare.gyro_dps + rng.normal(0, 0.03, (w_dps.size, 3)) + np.outer(w_dps, [0, 0, 1])) / LSB_DPS) * LSB_DPS
+    kind = effect("byte_fault")
+    values = kind.draw({"bit": bit, "step_dps": -(2**bit) * LSB_DPS, "fraction": fraction}, rng)
+    fault = kind.fault_of(values)
+    assert fault is not None
+    return swinging(make_run, fault.distort(bare, sound, values, rng)[:, 2], w_dps)
+
+
+@pytest.mark.parametrize("bit", [6, 7, 8])
+def test_a_lost_carry_is_found_at_its_bit(make_run: MakeRun, bit: int) -> None:
+    w_dps = 12 * np.sin(2 * np.pi * 0.05 * np.arange(6000) / 100)
+    run = broken(make_run, w_dps, bit, 1.0)
+    carry = lost_carry([run], 2)
+    assert carry is not None
+    assert (carry.bit, carry.below, carry.fraction) == (bit, 0.5, 1.0)
+    term = effect("byte_fault").columns(run, 2, {"bit": float(bit), "below": 0.5, "fraction": 1.0})[:, 0] * -(2**bit) * LSB_DPS
+    assert np.std(run.gyro_dps[:, 2] - term - w_dps) < 0.04
+
+
+def test_single_readings_without_a_carry_are_told_from_other_outliers(make_run: MakeRun) -> None:
+    w_dps = 12 * np.sin(2 * np.pi * 0.05 * np.arange(6000) / 100)
+    found = single_power([broken(make_run, w_dps, 7, 0.01)], 2)
+    assert found is not None
+    assert found[0] == 7
+    rng = np.random.default_rng(2)
+    spikes = w_dps + rng.normal(0, 0.03, w_dps.size)
+    spikes[rng.integers(0, w_dps.size, 30)] += rng.choice((-1.0, 1.0), 30) * rng.uniform(0.7, 1.6, 30)
+    assert single_power([swinging(make_run, np.round(spikes / LSB_DPS) * LSB_DPS, w_dps)], 2) is None
+
+
+def test_a_motion_that_nobody_recorded_is_no_lost_carry(make_run: MakeRun) -> None:
+    """The sign bits of the code follow the motion, but the readings cross every border smoothly."""
+    t_s = np.arange(6000) / 100
+    hidden = 2.0 * np.sin(2 * np.pi * 0.7 * t_s) + np.random.default_rng(1).normal(0, 0.03, t_s.size)
+    assert lost_carry([swinging(make_run, np.round(hidden / LSB_DPS) * LSB_DPS, 0.0 * t_s)], 2) is None
+
+
+def test_carries_are_counted_from_zero_up() -> None:
+    codes = np.array([0, 63, 64, 127, 128, -1, -128]) * LSB_DPS
+    assert carried(codes, LSB_DPS, 7, 0.5).tolist() == [True, True, False, False, True, False, True]

@@ -1,0 +1,67 @@
+"""Noise of the reference and of the thermometer neither attenuates an estimate nor hides in its standard error."""
+
+import numpy as np
+import pytest
+
+from gyrocal.error_model.model import Model
+from gyrocal.inference.fit import fit
+from make_runs import make_run, make_session
+
+RATE_HZ = 50.0
+SCALE, REFERENCE_SD, GYRO_SD = 0.02, 0.1, 0.02
+
+
+def weak_swing(seed, scale=SCALE, runs=4):
+    """A swing of 1 deg/s at 3 Hz, which leaves no band to smooth in, with an encoder of 0.1 deg/s noise."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for i in range(runs):
+        t_s = np.arange(round(60 * RATE_HZ)) / RATE_HZ
+        rate = np.sin(2 * np.pi * 3 * t_s + rng.uniform(0, 6))
+        gyro = rng.normal(0, GYRO_SD, (t_s.size, 3)) - 0.05
+        gyro[:, 2] += (1 + scale) * rate
+        reference = rate + rng.normal(0, REFERENCE_SD, t_s.size)
+        made.append(make_run(t_s, gyro, rate_ref_dps=reference, scenario=f"s{i}", rate_hz=RATE_HZ))
+    return make_session(*made)
+
+
+def scale_of(session):
+    fitted = fit(session, Model.open("paper"), axes="z").model
+    line = next(line for line in fitted.lines() if line.axis == "z" and line.id == "scale")
+    return line.values["scale"], line.se["scale"]
+
+
+def deming(session):
+    """Total least squares of one line with known ratio of the noises (Deming 1943), minus one."""
+    y = np.concatenate([run.gyro_dps[:, 2] for run in session.runs])
+    x = np.concatenate([run.rate_dps for run in session.runs])
+    ratio = (GYRO_SD / REFERENCE_SD) ** 2
+    (sxx, sxy), (_, syy) = np.cov(x, y)
+    return (syy - ratio * sxx + np.hypot(syy - ratio * sxx, 2 * ratio**0.5 * sxy)) / (2 * sxy) - 1
+
+
+def test_the_scale_of_a_weak_swing_is_not_attenuated():
+    estimates = np.array([scale_of(weak_swing(seed)) for seed in range(12)])
+    z = (estimates[:, 0] - SCALE) / estimates[:, 1]
+    attenuation = REFERENCE_SD**2 / 0.5  # what least squares would lose: 2 %, twelve standard errors
+    assert attenuation > 10 * estimates[:, 1].mean()
+    assert abs(z.mean()) < 3 / 12**0.5
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.5
+
+
+def test_the_estimate_is_that_of_total_least_squares():
+    for seed in range(3):
+        session = weak_swing(seed)
+        value, se = scale_of(session)
+        assert value == pytest.approx(deming(session), abs=1.5 * se)
+
+
+def test_a_reference_that_only_shows_noise_gives_no_scale():
+    rng = np.random.default_rng(5)
+    t_s = np.arange(6000) / 100.0
+    runs = [
+        make_run(t_s, rng.normal(0, 0.04, (t_s.size, 3)), rate_ref_dps=rng.normal(0, 0.05, t_s.size), scenario=f"s{i}")
+        for i in range(4)
+    ]
+    fitted = fit(make_session(*runs), Model.open("paper"), axes="z").model
+    assert all("scale" not in line.values for line in fitted.lines() if line.id == "scale")

@@ -1,0 +1,132 @@
+"""Delays, low-passes and clock errors of any size in the joint fit, against planted truth and against scipy's least squares."""
+
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.fit import fit
+from gyrocal.inference.heldout import fitted as in_sample
+from gyrocal.recording.session import Session
+
+
+def benchmark() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("time_errors", Path(__file__).parents[2] / "benchmarks/time_errors.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["time_errors"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+BENCHMARK = benchmark()
+CELLS = {c.name: c for c in BENCHMARK.CELLS}
+
+
+@pytest.mark.parametrize("name", [
+    "delay 1 ms", "delay 20 ms", "delay 300 ms", "low-pass 50 ms", "clock 0.0001", "clock -0.02", "clock 0.001, delay 12 ms",
+    "delay 12 ms, reference noise 0.05 dps",
+])  # fmt: skip
+def test_errors_are_those_that_the_standard_errors_say(name: str) -> None:
+    z = np.array([e[0] for seed in range(100, 103) for e in BENCHMARK.errors(CELLS[name], seed).values()])
+    assert np.max(np.abs(z)) < 4
+    assert np.sqrt(np.mean(z**2)) < 2.2
+
+
+def with_lag_and_clock(session: Session, *effect_ids: str) -> Model:
+    model = Model.builtin("paper")
+    for effect_id in effect_ids:
+        model = model.with_term(Term(effect_id, "z"))
+    return fit(session, model, axes="z").model
+
+
+def test_the_fit_is_scipy_s_least_squares_of_the_exact_model() -> None:
+    """The reference in closed form, samples and not blocks, all parameters at once by another optimiser."""
+    rng = np.random.default_rng(8)
+    cell = CELLS["clock -0.02, delay 100 ms"]
+    session = BENCHMARK.session(cell, 8)
+    (run,) = session.runs
+    t_s, y_dps = run.t_s, run.gyro_dps[:, 2]
+    # the sines of the reference, which was recorded without noise
+    spectrum = np.abs(np.fft.rfft(run.rate_dps * np.hanning(len(run))))
+    start_hz = np.fft.rfftfreq(len(run), 1 / 20.0)[[np.argmax(np.where(own, spectrum, 0)) for own in bands(len(run))]]
+
+    def motion_dps(x: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+        return np.sum([x[k] * np.sin(2 * np.pi * x[k + 3] * at_s) + x[k + 6] * np.cos(2 * np.pi * x[k + 3] * at_s)
+                       for k in range(3)], axis=0)  # fmt: skip
+
+    sines = np.concatenate([[60, 30, 12], start_hz, rng.normal(0, 1, 3)])
+    motion = least_squares(lambda x: motion_dps(x, t_s) - run.rate_dps, sines, x_scale=[9, 9, 9, 1e-4, 1e-4, 1e-4, 9, 9, 9]).x
+    assert np.max(np.abs(motion_dps(motion, t_s) - run.rate_dps)) < 1e-3
+    used = (t_s > 0.2) & (t_s < 1199)
+
+    def left(x: np.ndarray) -> np.ndarray:
+        scale, bias_dps, tau_s, e = x
+        return ((1 + scale) * motion_dps(motion, (1 + e) * t_s - tau_s) + bias_dps - y_dps)[used]
+
+    exact = least_squares(left, [0.0, 0.0, 0.1, -0.02], x_scale=[1e-4, 1e-3, 1e-5, 1e-8]).x
+    model = with_lag_and_clock(session, "lag", "clock_error")
+    found = [model.value(*of) for of in (
+        ("scale", "z", "scale"), ("bias", "z", "bias_dps"), ("lag", "z", "tau_s"), ("clock_error", "z", "e")
+    )]  # fmt: skip
+    lines = [model.line(i, "z") for i in ("scale", "bias", "lag", "clock_error")]
+    errors = [next(iter(line.se.values())) for line in lines if line is not None]
+    np.testing.assert_array_less(np.abs(np.subtract(found, exact)), 0.5 * np.array(errors))
+
+
+def bands(samples: int) -> list[np.ndarray]:
+    hz = np.fft.rfftfreq(samples, 1 / 20.0)
+    return [(hz > low) & (hz < high) for low, high in ((0.1, 0.2), (0.3, 0.6), (0.8, 1.3))]
+
+
+def test_the_shape_of_the_lag_is_the_likelier_one() -> None:
+    for name, order in (("delay 20 ms", 0.0), ("low-pass 50 ms", 1.0), ("low-pass 300 ms", 1.0)):
+        model = with_lag_and_clock(BENCHMARK.session(CELLS[name], 3), "lag")
+        assert model.value("lag", "z", "order", -1.0) == order
+
+
+def test_the_scale_is_right_beside_a_large_delay_and_the_rest_is_noise() -> None:
+    session = BENCHMARK.session(CELLS["delay 300 ms"], 5)
+    found = fit(session, Model.builtin("default").with_term(Term("lag", "z")), axes="z")
+    scale = found.model.term("scale", "z")
+    assert scale is not None
+    assert abs(scale.values["scale"] - BENCHMARK.SCALE) < 4 * scale.se["scale"]
+    left = np.concatenate([p.residual_dps - p.residual_dps.mean() for p in in_sample(found)])
+    assert np.std(left) == pytest.approx(BENCHMARK.WHITE_DPS, rel=0.03)
+
+
+def test_a_fitted_model_is_the_start_of_another_session_of_another_delay() -> None:
+    model = with_lag_and_clock(BENCHMARK.session(CELLS["delay 300 ms"], 1), "lag")
+    again = fit(BENCHMARK.session(CELLS["delay 5 ms"], 1), model, axes="z").model
+    assert again.value("lag", "z", "tau_s") == pytest.approx(0.005, abs=3e-5)
+
+
+def test_a_calibration_by_a_model_with_a_delay_has_the_scale() -> None:
+    """Runs of a swinging table that is read late: the delay is the model's, the scale these runs' own."""
+    cell = replace(CELLS["delay 100 ms"], runs=6)
+    session = BENCHMARK.session(cell, 6)
+    model = fit(session, Model.builtin("default").with_term(Term("lag", "z"))).model
+    for found in calibrate(session, methods=["model"], model=model):
+        assert abs(found.scale - BENCHMARK.SCALE) < 4 * found.scale_se
+        assert found.scale_se < 1e-3
+
+
+@pytest.mark.parametrize(("name", "effect_id"), [("delay 100 ms", "lag"), ("clock 0.001", "clock_error")])
+def test_a_large_error_of_time_is_named_and_nothing_else(name: str, effect_id: str) -> None:
+    found = diagnose(BENCHMARK.session(CELLS[name], 2))
+    assert found.best is not None
+    assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", effect_id, "z")
+
+
+def test_without_an_error_of_time_none_is_found() -> None:
+    session = BENCHMARK.session(BENCHMARK.Cell("none"), 4)
+    assert diagnose(session).verdict == "adequate"

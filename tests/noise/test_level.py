@@ -1,0 +1,87 @@
+"""The level of a spectrum against closed forms, and the chances of lines, on noise as sensors have it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.signal import butter, freqz, lfilter
+from scipy.stats import kstest
+
+from gyrocal.noise.spectrum import PAD, spectrum
+from gyrocal.noise.steady import relative_levels
+
+WHITE_DPS = 0.044
+
+
+def low_passed(rng: np.random.Generator, n: int, rate_hz: float, cutoff_hz: float) -> np.ndarray:
+    settling = round(10 * rate_hz / cutoff_hz)
+    return lfilter(*butter(2, cutoff_hz, fs=rate_hz), rng.normal(0, WHITE_DPS, n + settling))[settling:]
+
+
+@pytest.mark.parametrize(("rate_hz", "cutoff_hz"), [(50.0, 5.0), (104.0, 12.0), (104.0, 33.0), (1000.0, 42.0)])
+def test_the_level_behind_a_low_pass_is_that_of_its_frequency_response(rate_hz: float, cutoff_hz: float) -> None:
+    rng = np.random.default_rng(1)
+    found = spectrum([low_passed(rng, round(60 * rate_hz), rate_hz, cutoff_hz) for _ in range(12)], rate_hz)
+    _, response = freqz(*butter(2, cutoff_hz, fs=rate_hz), found.frequency_hz, fs=rate_hz)
+    expected = WHITE_DPS**2 / (rate_hz / 2) * np.abs(response) ** 2
+    inside = np.abs(response) ** 2 > 1e-3  # far below, the window's leakage shows
+    off = np.log(found.level[inside] / expected[inside])
+    assert abs(np.mean(off)) < 0.03
+    assert np.std(off) < 0.06
+    assert np.max(np.abs(off)) < 0.35  # at the lowest frequencies, of which there are few
+
+
+def _bursts(rng: np.random.Generator) -> np.ndarray:
+    y = rng.normal(0, WHITE_DPS, 2080)
+    for start in rng.integers(0, 2000, 2):
+        y[start : start + 60] *= 6.0
+    return y
+
+
+NOISES: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
+    "white": lambda g: g.normal(0, WHITE_DPS, 2080),
+    "low-pass": lambda g: low_passed(g, 2080, 104.0, 12.0),
+    "level of each run": lambda g: g.normal(0, WHITE_DPS, 2080) * np.exp(g.normal(0, 0.5)),
+    "bursts": _bursts,
+    "t5": lambda g: g.standard_t(5, 2080) * WHITE_DPS,
+}
+
+
+@pytest.mark.parametrize("kind", NOISES)
+def test_chances_of_noise_are_uniform(kind: str) -> None:
+    """The values at distant frequencies of several spectra, each by itself, and the strongest line of each."""
+    chances, strongest = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        found = spectrum([NOISES[kind](rng) for _ in range(8)], 104.0)
+        chances.append(found.tail[:: 4 * PAD])
+        peak = found.peak()
+        assert peak is not None
+        strongest.append(peak.chance)
+        assert found.bump() is None or found.bump().chance > 1e-3
+    assert kstest(np.concatenate(chances), "uniform").pvalue > 1e-3
+    assert min(strongest) > 0.01 / len(strongest)
+
+
+def test_a_knee_is_no_bump_and_a_band_above_a_falling_level_is_one() -> None:
+    rng = np.random.default_rng(3)
+    knee = [low_passed(rng, 6240, 208.0, 20.0) for _ in range(10)]
+    found = spectrum(knee, 208.0).bump()
+    assert found is None or found.chance > 1e-3
+    t_s = np.arange(6240) / 208.0
+    sweep = 0.012 * np.sin(2 * np.pi * (35 + 4 * t_s / t_s[-1]) * t_s)  # 35 to 43 Hz, in the filter's slope
+    bump = spectrum([y + sweep for y in knee], 208.0).bump()
+    assert bump is not None
+    assert bump.chance < 1e-6
+    assert (bump.low_hz, bump.high_hz) == pytest.approx((35, 43), abs=3)
+
+
+def test_a_constant_level_is_constant_and_a_changing_one_is_followed() -> None:
+    rng = np.random.default_rng(5)
+    steady = [low_passed(rng, 3000, 104.0, 12.0) for _ in range(8)]
+    assert relative_levels(steady).of_residual is None
+    truth = np.where(np.arange(3000) < 1500, 1.0, 3.0)
+    levels = relative_levels([y * truth for y in steady]).of_residual
+    assert levels is not None
+    ratio = [level[1700:].mean() / level[:1300].mean() for level in levels]
+    np.testing.assert_allclose(ratio, 3.0, rtol=0.2)

@@ -1,0 +1,84 @@
+"""Noise of a measured column is estimated above the band of the motion and taken out; the motion stays."""
+
+import numpy as np
+import pytest
+
+from gyrocal.recording.smoothing import noise_level, smoothed, smoothed_temperature
+
+RATE_HZ = 100.0
+
+
+def seconds(length_s: float, rate_hz: float = RATE_HZ) -> np.ndarray:
+    return np.arange(round(length_s * rate_hz)) / rate_hz
+
+
+@pytest.mark.parametrize("frequency_hz", [0.2, 1.0, 3.0, 10.0])
+@pytest.mark.parametrize("sd", [0.02, 0.05])
+def test_a_swing_keeps_its_amplitude_and_the_noise_is_estimated(frequency_hz, sd):
+    t_s = seconds(60)
+    wave = np.sin(2 * np.pi * frequency_hz * t_s)
+    found = smoothed(30 * wave + np.random.default_rng(0).normal(0, sd, t_s.size))
+    assert found.noise.estimated
+    assert found.noise.sd == pytest.approx(sd, rel=0.2)
+    assert found.values @ wave / (wave @ wave) == pytest.approx(30.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("count_dps", [0.0, 0.01, 0.05])
+def test_plateaus_are_averaged_and_their_edges_stay(count_dps):
+    rng = np.random.default_rng(1)
+    steps = np.repeat([0.0, 30.0, -30.0, 78.0, 10.0], 1000)
+    measured = steps + rng.normal(0, 0.05, steps.size)
+    if count_dps:
+        measured = np.round(measured / count_dps) * count_dps
+    found = smoothed(measured)
+    error = found.values - steps
+    assert np.std(error) < 0.25 * 0.05
+    assert np.mean(error**2) == pytest.approx(np.mean(found.error), rel=0.6)
+    assert np.abs(error).max() < 5 * 0.05
+
+
+def test_the_variance_told_is_that_of_the_error():
+    t_s = seconds(60)
+    truth = 20 * np.sin(2 * np.pi * 0.5 * t_s)
+    errors, told = [], []
+    for seed in range(20):
+        found = smoothed(truth + np.random.default_rng(seed).normal(0, 0.05, t_s.size))
+        errors.append(np.mean((found.values - truth) ** 2))
+        told.append(np.mean(found.error))
+    assert np.mean(told) == pytest.approx(np.mean(errors), rel=0.35)
+
+
+def test_a_column_without_noise_is_left_as_it_is():
+    constant = np.full(500, 78.0)
+    assert np.array_equal(smoothed(constant).values, constant)
+    swing = 50 * np.sin(2 * np.pi * 0.7 * seconds(20))
+    assert np.abs(smoothed(swing).values - swing).max() < 1e-3
+
+
+def test_motion_up_to_half_the_sampling_rate_leaves_only_a_bound():
+    rng = np.random.default_rng(2)
+    walk = np.cumsum(rng.normal(0, 1.0, 20_000))
+    level = noise_level(walk)
+    assert not level.estimated
+    assert smoothed(walk, stated_sd=0.03).noise.sd == 0.03
+    assert smoothed(np.zeros(1000) + rng.normal(0, 0.1, 1000), stated_sd=0.03).noise.sd == pytest.approx(0.1, rel=0.2)
+
+
+def test_held_readings_count_once():
+    rng = np.random.default_rng(3)
+    slow = 10 * np.sin(2 * np.pi * 0.1 * seconds(60, 10.0)) + rng.normal(0, 0.05, 600)
+    held = smoothed(np.repeat(slow, 10))
+    assert held.noise.sd == pytest.approx(0.05, rel=0.25)
+    assert np.array_equal(held.values, np.repeat(smoothed(slow).values, 10))
+
+
+@pytest.mark.parametrize(("sd_c", "count_c"), [(0.03, 0.0), (0.02, 1 / 256), (0.0, 0.125), (0.03, 0.125)])
+def test_a_thermometer_on_a_ramp(sd_c, count_c):
+    t_s = seconds(60)
+    truth = 25 + 2 * t_s / 60
+    measured = truth + np.random.default_rng(4).normal(0, sd_c, t_s.size)
+    if count_c:
+        measured = np.round(measured / count_c) * count_c
+    found = smoothed_temperature(measured, t_s)
+    assert np.std(found.values - truth) < 0.004
+    assert np.std(measured - truth) > 0.015

@@ -1,0 +1,116 @@
+"""Time stamps in bursts: the true times come back, lost samples are counted, true uneven times are left alone."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.effects.base import table_angle_rad
+from gyrocal.inference.blocks import reduce_run
+from gyrocal.plausibility import check
+from gyrocal.recording.importer import import_recording
+from gyrocal.recording.stamps import goes_back, in_bursts, period_s, regression
+from gyrocal.warning import Warning
+from make_runs import make_run
+
+PERIOD_S = 0.01
+
+
+def true_times(lost: int, n: int = 20_000, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    kept = np.ones(n, dtype=bool)
+    kept[rng.choice(np.arange(200, n - 200), lost, replace=False)] = False
+    return np.arange(n)[kept] * PERIOD_S
+
+
+def in_packets(true_s: np.ndarray, packet_s: float) -> np.ndarray:
+    """Each sample is stamped when the packet that holds it arrives."""
+    return np.ceil(true_s / packet_s) * packet_s
+
+
+@pytest.mark.parametrize("lost", [0, 40])
+@pytest.mark.parametrize("packet_s", [0.025, 0.047])
+def test_bursts_are_undone_and_lost_samples_counted(packet_s: float, lost: int) -> None:
+    true_s = true_times(lost)
+    stamps_s = in_packets(true_s, packet_s)
+    assert in_bursts(stamps_s)
+    assert np.median(np.diff(stamps_s)) < 0.1 * PERIOD_S  # what the median step makes of such a log
+    found = regression(stamps_s)
+    assert np.std(found.t_s - true_s) < 0.15 * packet_s / 12**0.5
+    assert np.diff(found.t_s).min() > 0
+    assert found.period_s == pytest.approx(PERIOD_S, rel=3e-4)
+    assert found.lost == pytest.approx(lost, abs=8)
+    assert found.jitter_s == pytest.approx(np.std(stamps_s - true_s), rel=0.1)
+
+
+def test_the_median_step_is_not_the_interval() -> None:
+    """Stamps of 1 ms resolution and a clock of 998.4 samples in ten seconds: 1 / median step is 0.16 % wrong."""
+    stamps_s = np.floor(np.arange(30_000) / 99.84 * 1e3) / 1e3
+    assert abs(np.median(np.diff(stamps_s)) * 99.84 - 1) > 1.5e-3
+    assert period_s(stamps_s) == pytest.approx(1 / 99.84, rel=1e-6)
+
+
+def test_a_lost_sample_shifts_the_numbers_of_all_that_follow() -> None:
+    t_s = np.delete(np.arange(4000) * PERIOD_S, [1000, 2000, 2001, 3000])
+    assert regression(t_s).lost == 4
+    assert period_s(t_s) == pytest.approx(PERIOD_S, rel=1e-9)
+
+
+def test_true_uneven_times_are_no_bursts() -> None:
+    rng = np.random.default_rng(1)
+    for t_s in (
+        np.sort(np.arange(3000) / 145 + rng.uniform(0, 0.003, 3000)),  # a poll that waits
+        np.cumsum(rng.uniform(0.004, 0.016, 3000)),
+        np.delete(np.arange(3000) / 100, rng.choice(3000, 300, replace=False)),
+    ):
+        assert not in_bursts(t_s)
+        assert make_run(t_s).sample_s is not None
+        np.testing.assert_array_equal(make_run(t_s).sample_s, t_s)
+
+
+def test_a_log_that_starts_again_is_not_repaired() -> None:
+    once = np.arange(1000) * PERIOD_S
+    assert goes_back(np.concatenate([once, once]))
+    assert not goes_back(in_packets(once, 0.05))
+
+
+def test_angle_and_blocks_of_a_bursty_run_are_those_of_its_true_times() -> None:
+    true_s = true_times(0, 3000)
+    rate_dps = 80 * np.sin(2 * np.pi * 0.5 * true_s)
+    stamps_s = in_packets(true_s, 0.047) + 2e-6 * np.arange(true_s.size)  # each stamp later than the one before
+    bursty, even = (make_run(t, rate_ref_dps=rate_dps, rate_hz=100.0) for t in (stamps_s, true_s))
+    angles = [np.rad2deg(table_angle_rad(run)) for run in (bursty, even)]
+    assert np.max(np.abs(angles[0] - angles[1])) < 0.05
+    blocks, want = reduce_run(bursty, 0), reduce_run(even, 0)
+    assert blocks.start.size == want.start.size
+    np.testing.assert_allclose(np.diff(blocks.t_s), 0.1, atol=1e-3)
+
+
+def test_a_turn_in_uneven_times_has_the_mean_over_time() -> None:
+    """A logger that is slow while the table turns: the mean over samples is 17 % off, the mean over time is the turn's."""
+    steps = np.where((np.arange(2000) > 500) & (np.arange(2000) < 900), 0.02, 0.01)
+    t_s = np.cumsum(steps)
+    rate_dps = 90 * np.exp(-(((t_s - 9.0) / 1.5) ** 2))
+    run = make_run(t_s, np.column_stack([0 * t_s, 0 * t_s, rate_dps]), turn_deg=float(90 * 1.5 * np.pi**0.5))
+    left = reduce_run(run, 0).y_dps[0, 2]
+    assert abs(left) < 1e-3 * rate_dps.mean()
+    assert abs(rate_dps.mean() / run.rate_dps[0] - 1) > 0.1
+
+
+def test_import_repairs_repeated_times_and_tells(tmp_path: Path) -> None:
+    true_s = true_times(3, 2000)
+    z_dps = 78.0 + 0.01 * np.sin(np.arange(true_s.size))
+    frame = pl.DataFrame({"t": in_packets(true_s, 0.047), "x": 0.0, "y": 0.0, "z": z_dps})
+    frame.write_csv(tmp_path / "log.csv")
+    told: list[Warning] = []
+    maps = ["t_s=t", *(f"g{a}_dps={a}" for a in "xyz")]
+    session = import_recording(
+        tmp_path / "log.csv", tmp_path / "out", maps, defaults={"table_rate_dps": 78.0}, warn=told.append
+    )
+    assert session.sample_rate_hz == pytest.approx(100, rel=2e-3)
+    assert [w.code for w in told] == ["sample_rate"]
+    assert "ms rms" in told[0].text
+    assert "samples are missing" in told[0].text
+    assert np.std(session.runs[0].t_s - true_s) < 3e-3
+    assert not [w for w in check(session) if w.code == "sample_rate"]
