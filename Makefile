@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test docs lint typecheck clean
+.PHONY: demo test docs coverage lint typecheck clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -17,6 +17,9 @@ test: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed
 	$(BIN)/python -m gyrocal.present.effect_pages build/docs/effects
+
+coverage: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/core_coverage.py
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("gyrocal needs Python 3.11 or newer; set PYTHON=/path/to/python3.11") if sys.version_info < (3, 11) else None'

@@ -1,6 +1,7 @@
 """The core, the simulated device and small C programs of this folder, built with address and UB sanitizers."""
 
 import binascii
+import os
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,10 @@ from gyrocal_firmware import CORE, INCLUDE, SIM
 
 HERE = Path(__file__).parent
 WARNINGS = ["-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wmissing-prototypes", "-pedantic"]
-FLAGS = ["-std=c99", "-O1", "-g", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+COVERAGE = os.environ.get("GYROCAL_CORE_COVERAGE")
+"""A folder for objects that count what is executed, for benchmarks/core_coverage.py."""
+SANITIZERS = ["-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+FLAGS = ["-std=c99", "-g", "-ffp-contract=off", *(SANITIZERS if COVERAGE is None else ["-O0", "--coverage"])]
 LSB_DPS = 0.00875
 
 Build = Callable[..., Path]
@@ -27,7 +31,7 @@ def cc(require_tool: Callable[[str], str]) -> str:
 @pytest.fixture(scope="session")
 def objects(cc: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one object a source of the core and of the emulator."""
-    folder = tmp_path_factory.mktemp("objects")
+    folder = tmp_path_factory.mktemp("objects") if COVERAGE is None else Path(COVERAGE)
     sources = [*sorted(CORE.rglob("*.c")), *sorted(p for p in SIM.glob("*.c") if p.name != "main.c")]
     subprocess.run([cc, *FLAGS, "-c", f"-I{CORE}", f"-I{INCLUDE}", *map(str, sources)], cwd=folder, check=True)
     return folder

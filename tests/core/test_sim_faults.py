@@ -49,7 +49,7 @@ FAULTS = {
 def test_each_fault_is_reported_by_its_own_code(sim: Sim, build: Build, tmp_path: Path) -> None:
     rows = write_rows(tmp_path / "a.rows", make_pair(np.random.default_rng(11)))
     listed = run(build(SIM / "main.c"), "", "--fault", "list").splitlines()
-    assert [line.split("\t")[0] for line in listed] == list(FAULTS)
+    assert [line.split("\t")[0] for line in listed][: len(FAULTS)] == list(FAULTS)  # the others: test_faults.py
     assert not sentences(sim(rows), "ERR")
     for fault, name in FAULTS.items():
         if fault == "bad_tags":  # of the FIFO, which keeps to the sensor's own rates

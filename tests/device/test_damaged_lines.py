@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections import Counter
 from collections.abc import Callable
@@ -11,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gyrocal.device import simulated as device
@@ -257,6 +258,34 @@ def heal(lines: list[bytes], harms: list[tuple[str, float, int]]) -> list[bytes]
     return out
 
 
+@pytest.mark.parametrize("heard", ["first sample", "state", "end"])
+def test_what_is_heard_after_a_long_silence_is_not_taken_for_the_run_before_it(heard: str, said: Said, tmp_path: Path) -> None:
+    """Of a run face up its start alone is heard, or a few samples; the next word is one of the run face down."""
+    starts = [i for i, line in enumerate(said.lines) if line.startswith(b"$RUN")][::2]
+    up, down = starts[:2]
+    end = next(i for i, line in enumerate(said.lines) if i > down and line.startswith(b"$RUN"))
+    state = state_instead_of(said.lines[down + 60])
+    lines = {
+        "first sample": [said.lines[up], *said.lines[down + 1 : end]],
+        "state": [*said.lines[up + 20 : up + 30], state, *said.lines[down + 61 : end]],
+        "end": [*said.lines[up + 20 : up + 30], *said.lines[end:]],
+    }[heard]
+    with Link("lines", opener=lambda name, baud: Lines([*said.lines[: up - 4], *lines])) as link:
+        recorder = Recorder(link, tmp_path / "out", wanted=None)
+        with contextlib.suppress(DeviceError):
+            recorder.record()
+    assert "run_unannounced" in codes(recorder.report)
+    if (tmp_path / "out" / "session.toml").exists():
+        check_faces(tmp_path / "out")
+
+
+def state_instead_of(sample: bytes) -> bytes:
+    """The answer to `status` that the device would have given in place of this sample."""
+    _, seq, t_us, imu, number, *_ = sample.decode().split(",")
+    fields = {"state": "recording", "face": "down", "n": int(number)}
+    return wire.encode("STA", int(seq), int(t_us), int(imu), fields)[:-1]
+
+
 HARMS = st.lists(
     st.tuples(
         st.sampled_from(["spoil", "drop", "repeat"]),
@@ -270,6 +299,7 @@ RUN_HARMS = st.lists(st.tuples(st.sampled_from(["spoil", "drop", "repeat"]), st.
 
 @settings(max_examples=150, deadline=None)
 @given(harms=HARMS, run_harms=RUN_HARMS)
+@example(harms=[("spoil", 0.0, 54), ("spoil", 0.125, 58)], run_harms=[("spoil", 0)])
 def test_any_damage_keeps_faces_apart_and_counts(
     said: Said, harms: list[tuple[str, float, int]], run_harms: list[tuple[str, int]]
 ) -> None:

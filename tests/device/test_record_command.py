@@ -2,10 +2,12 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -70,6 +72,30 @@ def test_a_second_recorder_is_turned_away_at_once(tcp: str | None, tmp_path: Pat
     assert len(error.splitlines()) == 1
     assert not (tmp_path / "second").exists()
     assert [(r["samples"], r["lost"]) for r in report["runs"]] == [(len(run), 0) for run in session.runs]
+
+
+@pytest.mark.parametrize("room", [30, 1_000, 20_000, 60_000])
+def test_a_full_disk_leaves_whole_rows_and_a_report(room: int, tmp_path: Path, require_tool: Callable[[str], str]) -> None:
+    """No file may grow beyond `room` bytes: the write that goes beyond comes back short, and the next one fails."""
+    require_tool("cc")
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "gyrocal", "record", str(out), "--follow", "--json"]
+    with device.SimulatedDevice(two_faces(seconds=7.0)) as simulated:
+        done = subprocess.run(
+            [*command, "--port", simulated.port], capture_output=True, text=True, check=False,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "File too large" in done.stderr
+    assert "make room" in done.stderr
+    assert "device_gone" not in done.stdout
+    report = json.loads(done.stdout)
+    kept = Session.open(out).runs if (out / "session.toml").exists() else []
+    assert [len(run) for run in kept] == [run["samples"] for run in report["runs"]]
+    assert kept or room < 60_000  # what came in one piece with the row that found no room is left out
+    for file in out.glob("*.csv"):
+        assert file.read_text().endswith("\n")
 
 
 def test_the_object_is_printed_at_exit_3_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

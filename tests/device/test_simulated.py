@@ -193,13 +193,14 @@ def test_what_a_session_lacks_is_made_up_as_documented() -> None:
     ],
 )
 def test_the_device_reports_its_sensors_faults(session: Session, fault: str, name: str) -> None:
-    assert f"name={name}" in ",".join(told(device.replay(session, fault=fault), "ERR"))
+    assert f"name={name}" in ",".join(told(device.replay(session, faults=[fault]), "ERR"))
 
 
 def test_bad_options_are_refused(session: Session, tmp_path: Path) -> None:
     taken = tmp_path / "taken"
     taken.write_text("")
-    for options in ({"fault": "oops"}, {"speed": "fast"}, {"speed": -1}, {"tcp": "nowhere"}, {"symlink": taken}):
+    faults = [{"faults": [text]} for text in ("oops", "nack@", "bad_tags")]
+    for options in (*faults, {"speed": "fast"}, {"speed": -1}, {"tcp": "nowhere"}, {"symlink": taken}):
         with pytest.raises(InputError):
             device.SimulatedDevice(session, **options)
     assert taken.read_text() == ""
@@ -225,6 +226,11 @@ def test_the_command_refuses_in_one_line(tmp_path: Path, capsys: pytest.CaptureF
         ["--session", str(tmp_path), "--effect", "table_ripple"],
         ["--stream", "loud"],
         ["--effect", "no_such_effect"],
+        ["--fault", "nack@x"],
+        ["--fault", "nack", "--fault", "smoke"],
+        ["--fault", "bad_tags"],
+        ["--faults", "random:x"],
+        ["--faults", "nack"],
     ):
         assert main(["device", *arguments]) == 2
         assert len(capsys.readouterr().err.strip().splitlines()) == 1

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gyrocal.device.outlet import TcpOutlet
+from gyrocal.device.outlet import Outlet, TcpOutlet
 from gyrocal.device.simulated import SimulatedDevice, replay, simulated_scenario
 from gyrocal.device.wire import PROTOCOL, encode
 from gyrocal.recording.session import Session
@@ -93,6 +93,24 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     page.get_by_role("button", name="Connect", exact=True).wait_for()
 
 
+class Gate:
+    """An outlet that takes no more once both sensors' first runs have begun, until it is opened: the device waits so long."""
+
+    def __init__(self, outlet: Outlet) -> None:
+        self._outlet, self._starts, self.is_open = outlet, 0, False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._outlet, name)
+
+    def write(self, data: bytes) -> int:
+        if self._starts >= 2 and not self.is_open:
+            return 0
+        line = data[: data.find(b"\n") + 1]
+        written = self._outlet.write(line)
+        self._starts += written == len(line) and b"state=start" in line
+        return written
+
+
 def test_each_sensor_of_a_board_has_its_own(
     serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path, require_tool: Callable[[str], str]
 ) -> None:
@@ -101,13 +119,18 @@ def test_each_sensor_of_a_board_has_its_own(
     link = tmp_path / "board"
     page = look(f"{serve(tmp_path, '--port', str(link)).url}live")
     board, second = page.locator("[aria-label='sensors of the board']"), re.compile("sensor 1: ")
-    with SimulatedDevice(parts, 2.0, symlink=link):
+    device = SimulatedDevice(parts, 2.0, symlink=link)
+    device._outlet = gate = Gate(device._outlet)
+    with device:
         board.get_by_role("button", name=re.compile("sensor 0: "), pressed=True).wait_for()
         board.get_by_role("button", name=re.compile("sensor 1: recording up")).wait_for()
         board.get_by_role("button", name=second).click()
         board.get_by_role("button", name=second, pressed=True).wait_for()
         page.get_by_role("button", name="Record", exact=True).click()
+        page.get_by_text("waiting for a run").wait_for()
+        gate.is_open = True
         page.get_by_text("Unplugged: waiting for it to come back").wait_for()
+        page.get_by_text(re.compile(r"\d recordings, \d+ s, are in recorded")).wait_for()  # the recorder is done
         shown = [row.split("\t") for row in page.locator("[aria-label=results] tbody tr").all_inner_texts()]
     said = [s for s in replay(parts[1]) if s.tag == "CAL" and s.fields["method"] == "baseline"]
     assert [row[3] for row in shown if row[1] == "baseline"] == [f"{100 * (s.real('scale') or 0):.4f}" for s in said]

@@ -68,6 +68,47 @@ def test_no_file_can_be_fetched(local: str, path: str) -> None:
     assert answer.status_code == 404 or "root:" not in answer.text
 
 
+@pytest.mark.parametrize(("path", "status"), [("", 200), ("compare", 200), ("nothing", 404), ("static/x", 404)])
+def test_every_response_forbids_frames_and_foreign_content(local: str, path: str, status: int) -> None:
+    refused = httpx.get(local + path, headers={"host": "evil.example"})
+    answer = httpx.get(local + path)
+    assert (answer.status_code, refused.status_code) == (status, 403)
+    for headers in (answer.headers, refused.headers):
+        assert headers.get_list("x-frame-options") == ["DENY"]
+        assert headers.get_list("x-content-type-options") == ["nosniff"]
+        assert headers.get_list("referrer-policy") == ["no-referrer"]
+        (policy,) = headers.get_list("content-security-policy")
+        parts = dict(part.split(" ", 1) for part in policy.split("; "))
+        assert parts["frame-ancestors"] == "'none'"
+        assert parts["default-src"] == "'self'"
+        assert not any("*" in part or "http" in part for part in parts.values())
+
+
+def test_no_page_can_frame_it(local: str, chromium: Any) -> None:
+    page = chromium.new_page()
+    said: list[str] = []
+    page.on("console", lambda message: said.append(message.text))
+    page.set_content(f"<iframe src='{local}'></iframe>")
+    while not any("frame" in text.lower() for text in said):
+        page.wait_for_timeout(50)
+    assert "gyrocal" not in (page.frames[1].content() if len(page.frames) > 1 else "")
+    page.close()
+
+
+def test_the_page_reaches_no_other_server(local: str, chromium: Any) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        address = f"http://127.0.0.1:{other.getsockname()[1]}/"
+        page = chromium.new_page()
+        page.goto(local)
+        page.evaluate("address => fetch(address).catch(() => 0)", address)
+        image = "address => new Promise(done => { const image = new Image(); image.onerror = done; image.src = address; })"
+        page.evaluate(image, address)
+        page.close()
+        other.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            other.accept()
+
+
 def test_beyond_this_machine_a_token_is_asked_for(shared: str) -> None:
     here = shared.replace(shared.split("/")[2].rsplit(":", 1)[0], "127.0.0.1")
     base, token = here.split("?token=")

@@ -3,9 +3,11 @@
 
 #include "calibration.h"
 #include "emul.h"
+#include "flash.h"
 #include "gc_device.h"
 #include "gc_error.h"
 #include "gc_format.h"
+#include "options.h"
 #include "part.h"
 #include "rows.h"
 #include "weights.h"
@@ -14,6 +16,7 @@
 #include <fcntl.h>
 #include <math.h>
 #include <poll.h>
+#include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,33 +24,11 @@
 #include <unistd.h>
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
-#define FAULT_FROM_US 1000000u /* after the first sample of the first run */
+#define FLASH_US 5000u /* that a write takes */
 #define FASTEST_SINGLE_HZ 833.0f
-#define USAGE "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--fault NAME|list] [--hold]"
-
-static const struct {
-    const char *name;
-    const char *means;
-    uint64_t lasts_us; /* 0: from power-on, for good */
-} faults[] = {
-    {"nack", "the sensor does not answer for 0.2 s", 200000},
-    {"wrong_id", "another part answers", 0},
-    {"stale", "no new samples for 0.3 s", 300000},
-    {"brownout", "the registers fall back to their defaults", 1},
-    {"stuck_bit", "bit 2 of the rates is always 1", 0},
-    {"reset_timeout", "the part does not come out of reset", 0},
-    {"bad_tags", "the FIFO's words come damaged for 0.3 s", 300000},
-    {"busy", "the board does something else for 3 s", 3000000},
-};
-#define FAULTS (sizeof faults / sizeof faults[0])
 
 typedef struct {
-    /* options */
-    double speed; /* virtual seconds a second; 0 = as fast as the reader takes it */
-    int fault;    /* -1 none */
-    unsigned fifo;
-    bool hold;
-
+    options_t options;
     rows_t rows;
     uint64_t now_us; /* since power-on: moves only through waits and the bus */
     emul_t chip;
@@ -57,8 +38,15 @@ typedef struct {
     const rows_row_t *row, *rows_end;
     uint64_t base_us;
     unsigned long missed; /* rows that nobody read, the sensor being set up */
-    uint64_t fault_us;    /* when it begins; 0 = not yet known */
-    bool fault_over;
+
+    uint64_t past_us;      /* in power cycles before this one */
+    bool begun;            /* the first run has: */
+    uint64_t begun_us;     /* in all, from the first power-on */
+    uint64_t jumped_us;    /* by which the board's clock is ahead */
+    flash_t flash;
+    jmp_buf power_lost;
+    uint32_t run;          /* the one that is replayed */
+    bool replaying, is_off;
 
     uint64_t paced_us; /* virtual time and */
     double wall_s;     /* real time that belong together */
@@ -93,23 +81,47 @@ static void pace_from_here(sim_t *sim) {
 
 static void move_to(sim_t *sim, uint64_t t_us);
 
+/* Since the first sample of the first run. */
+static double fault_s(const sim_t *sim) {
+    return sim->begun ? 1e-6 * ((double)(sim->past_us + sim->now_us) - (double)sim->begun_us) : -INFINITY;
+}
+
+static bool is_on(const sim_t *sim, fault_kind_t kind) {
+    return faults_on(&sim->options.faults, kind, fault_s(sim));
+}
+
+static bool begins(sim_t *sim, fault_kind_t kind, double *length_s) {
+    return faults_begins(&sim->options.faults, kind, fault_s(sim), length_s);
+}
+
 static void misbehave(sim_t *sim) {
-    if (sim->fault < 0 || faults[sim->fault].lasts_us == 0 || sim->fault_us == 0 || sim->now_us < sim->fault_us) {
-        return;
-    }
-    const char *name = faults[sim->fault].name;
-    const bool on = sim->now_us < sim->fault_us + faults[sim->fault].lasts_us;
-    sim->chip.nack = on && strcmp(name, "nack") == 0;
-    sim->chip.stale = on && strcmp(name, "stale") == 0;
-    sim->chip.bad_tags = on && strcmp(name, "bad_tags") == 0;
-    if (!sim->fault_over && strcmp(name, "brownout") == 0) {
+    double length_s = 0.0;
+    sim->chip.nack = is_on(sim, FAULT_NACK);
+    sim->chip.stale = is_on(sim, FAULT_STALE);
+    sim->chip.bad_tags = is_on(sim, FAULT_BAD_TAGS);
+    sim->chip.wrong_id = is_on(sim, FAULT_WRONG_ID);
+    sim->chip.stuck_bit = is_on(sim, FAULT_STUCK_BIT);
+    sim->chip.stuck_reset = is_on(sim, FAULT_RESET_TIMEOUT);
+    if (begins(sim, FAULT_BROWNOUT, &length_s)) {
         emul_brown_out(&sim->chip);
     }
-    if (!sim->fault_over && strcmp(name, "busy") == 0) {
-        sim->fault_over = true;
-        move_to(sim, sim->fault_us + faults[sim->fault].lasts_us);
+    if (begins(sim, FAULT_EARLY_FLIP, &length_s)) {
+        sim->options.faults.turned_over = true;
     }
-    sim->fault_over = true;
+    if (begins(sim, FAULT_CLOCK_JUMP, &length_s)) {
+        sim->jumped_us += (uint64_t)(1e6 * length_s);
+    }
+    if (begins(sim, FAULT_BUSY, &length_s)) {
+        move_to(sim, sim->now_us + (uint64_t)(1e6 * length_s));
+    }
+}
+
+/* What the sensor has to measure in a row's place. */
+static void feed(sim_t *sim, uint64_t t_us, const int16_t row[EMUL_WORDS]) {
+    int16_t world[EMUL_WORDS];
+    memcpy(world, row, sizeof world);
+    faults_change_reading(&sim->options.faults, fault_s(sim), sim->rows.runs[sim->run].axis, world);
+    emul_feed(&sim->chip, t_us, world);
 }
 
 static bool in_run(const sim_t *sim) {
@@ -121,7 +133,7 @@ static uint64_t next_row_us(const sim_t *sim) {
 }
 
 static void feed_row(sim_t *sim) {
-    emul_feed(&sim->chip, next_row_us(sim), sim->row->world);
+    feed(sim, next_row_us(sim), sim->row->world);
     sim->row++;
 }
 
@@ -135,15 +147,20 @@ static void feed_fifo(sim_t *sim) {
 static void move_to(sim_t *sim, uint64_t t_us) {
     if (t_us > sim->now_us) {
         sim->now_us = t_us;
-        pace(sim, sim->speed);
+        pace(sim, sim->options.speed);
     }
     misbehave(sim);
     feed_fifo(sim);
     emul_advance(&sim->chip, sim->now_us);
 }
 
+/* The board's clock may be ahead. */
+static uint64_t of_board(const sim_t *sim, uint64_t t_us) {
+    return t_us > sim->jumped_us ? t_us - sim->jumped_us : 0u;
+}
+
 static void wait_until_us(void *context, uint64_t t_us) {
-    move_to(context, t_us);
+    move_to(context, of_board(context, t_us));
 }
 
 static void skip_missed_rows(sim_t *sim) {
@@ -157,6 +174,7 @@ static void skip_missed_rows(sim_t *sim) {
    the FIFO a batch is due when the device says so, but not after the last row. */
 static void wait_sample_us(void *context, uint64_t due_us) {
     sim_t *sim = context;
+    due_us = of_board(sim, due_us);
     if (emul_batches(&sim->chip)) {
         const uint64_t last_us = in_run(sim) ? sim->base_us + sim->rows_end[-1].t_us : due_us;
         move_to(sim, due_us < last_us ? due_us : last_us);
@@ -174,7 +192,8 @@ static void wait_sample_us(void *context, uint64_t due_us) {
 }
 
 static uint64_t now_us(void *context) {
-    return ((sim_t *)context)->now_us;
+    const sim_t *sim = context;
+    return sim->now_us + sim->jumped_us;
 }
 
 /* A transfer takes its time on the bus, but never the time of the next row. */
@@ -188,14 +207,25 @@ static void spend_bus_time(sim_t *sim, size_t bytes) {
 
 static int bus_write(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n) {
     sim_t *sim = context;
-    const int taken = address == PART_ADDRESS ? emul_write(&sim->chip, sim->now_us, reg, data, n) : -1;
+    int taken = -1;
+    if (is_on(sim, FAULT_STUCK_BUS)) {
+        taken = (int)n;
+    } else if (address == PART_ADDRESS) {
+        taken = emul_write(&sim->chip, sim->now_us, reg, data, n);
+    }
     spend_bus_time(sim, n + 2u);
     return taken;
 }
 
 static int bus_read(void *context, uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     sim_t *sim = context;
-    const int given = address == PART_ADDRESS ? emul_read(&sim->chip, sim->now_us, reg, data, n) : -1;
+    int given = address == PART_ADDRESS ? emul_read(&sim->chip, sim->now_us, reg, data, n) : -1;
+    if (is_on(sim, FAULT_STUCK_BUS)) {
+        memset(data, 0, n);
+        given = (int)n;
+    } else if (given > 0 && is_on(sim, FAULT_SHORT_READ)) {
+        given--;
+    }
     spend_bus_time(sim, n + 3u);
     return given;
 }
@@ -220,6 +250,15 @@ static size_t write_some(const char *data, size_t n) {
 /* In real time stdout does not block: a sentence that finds no room at all is dropped whole, by the device's count. */
 static int send(void *context, const char *data, size_t n) {
     sim_t *sim = context;
+    char line[GC_WIRE_MAX];
+    if (is_on(sim, FAULT_BUFFER_FULL)) {
+        return 0;
+    }
+    if (is_on(sim, FAULT_GARBLED) && n <= sizeof line) {
+        memcpy(line, data, n);
+        faults_garble(&sim->options.faults, line, n);
+        data = line;
+    }
     if (sim->rest_n > 0) {
         const size_t done = write_some(sim->rest, sim->rest_n);
         sim->rest_n -= done;
@@ -235,6 +274,25 @@ static int send(void *context, const char *data, size_t n) {
     sim->rest_n = n - done;
     memcpy(sim->rest, data + done, sim->rest_n);
     return (int)n;
+}
+
+/* ---- flash ---- */
+
+/* Where the power goes, half of the bytes are written and the board's program does not go on. */
+static int store(void *context, const char *key, const void *data, size_t n) {
+    sim_t *sim = context;
+    double length_s;
+    sim->now_us += FLASH_US;
+    const bool lost = begins(sim, FAULT_POWER_LOSS, &length_s);
+    const int error = flash_write(&sim->flash, key, data, lost ? n / 2u : n);
+    if (lost) {
+        longjmp(sim->power_lost, 1);
+    }
+    return error;
+}
+
+static int load(void *context, const char *key, void *data, size_t n) {
+    return flash_read(&((sim_t *)context)->flash, key, data, n);
 }
 
 static void hear(sim_t *sim) {
@@ -275,7 +333,7 @@ static void command_set(sim_t *sim, const char *name, float value, const char *i
 static void stand_still(sim_t *sim, const rows_run_t *run) {
     rows_row_t row = sim->rows.rows[run->first_row];
     row.world[1] = row.world[2] = row.world[3] = 0;
-    emul_feed(&sim->chip, sim->now_us, row.world);
+    feed(sim, sim->now_us, row.world);
 }
 
 /* A part whose own clock makes its nominal output data rate the rows' true one. */
@@ -283,29 +341,26 @@ static double clock_of(double rate_hz) {
     return gc_part_odr_for(&PART, rate_hz) == rate_hz ? emul_clock_for(rate_hz) : 1.0;
 }
 
-static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run, bool stream) {
-    sim->now_us = 0;
-    sim->fault_us = sim->fault_us == 0 ? 0 : UINT64_MAX; /* a passing fault passes once */
+static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run) {
+    sim->past_us += sim->now_us;
+    sim->now_us = sim->jumped_us = 0;
+    sim->options.faults.turned_over = false;
     pace_from_here(sim);
     sim->chip.clock = clock_of((double)sim->rows.sample_rate_hz);
     emul_power_on(&sim->chip, 0, (double)sim->rows.full_scale_dps);
-    if (sim->fault >= 0 && faults[sim->fault].lasts_us == 0) {
-        const char *name = faults[sim->fault].name;
-        sim->chip.wrong_id = strcmp(name, "wrong_id") == 0;
-        sim->chip.stuck_bit = strcmp(name, "stuck_bit") == 0;
-        sim->chip.stuck_reset = strcmp(name, "reset_timeout") == 0;
-    }
+    misbehave(sim);
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
-    const bool fast = sim->fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ; /* refused before the FIFO is in use */
+    /* Refused before the FIFO is in use. */
+    const bool fast = sim->options.fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ;
     command_set(sim, "rate_hz", fast ? FASTEST_SINGLE_HZ : sim->rows.sample_rate_hz, "");
-    command_set(sim, "fifo", (float)sim->fifo, "");
+    command_set(sim, "fifo", (float)sim->options.fifo, "");
     if (fast) {
         command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
     }
     command(sim, "hello"); /* the one at boot came before these */
-    if (stream) {
+    if (sim->options.stream) {
         command(sim, "stream raw");
     }
 }
@@ -317,8 +372,9 @@ static void replay(sim_t *sim, const rows_run_t *run) {
         start_us = (uint64_t)llrint((double)run->power_on_s * 1e6);
     }
     stand_still(sim, run);
-    if (sim->speed > 0.0 || sim->fifo > 0u) { /* someone may be watching, the FIFO fills: the device goes on, idle */
-        while (sim->now_us + (uint64_t)((2.0 + sim->fifo) * 1e6 / (double)sim->rows.sample_rate_hz) < start_us) {
+    /* Someone may be watching, the FIFO fills: the device goes on, idle. */
+    if (sim->options.speed > 0.0 || sim->options.fifo > 0u) {
+        while (sim->now_us + (uint64_t)((2.0 + sim->options.fifo) * 1e6 / (double)sim->rows.sample_rate_hz) < start_us) {
             hear(sim);
             gc_device_step(&sim->device);
         }
@@ -328,6 +384,7 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     command(sim, set_axis[run->axis]);
     command_set(sim, "table_dps", run->table_dps, "none");
     command_set(sim, "turn_deg", run->turn_deg, "0");
+    sim->options.faults.turned_over = false;
     sim->chip.fed_only = emul_batches(&sim->chip);
     command(sim, run->face > 0 ? "start up" : "start down");
 
@@ -336,8 +393,9 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     sim->base_us = start_us - first->t_us;
     sim->row = first;
     sim->rows_end = first + run->n_rows;
-    if (sim->fault_us == 0) {
-        sim->fault_us = start_us + FAULT_FROM_US;
+    if (!sim->begun) {
+        sim->begun = true;
+        sim->begun_us = sim->past_us + start_us;
     }
     while (in_run(sim)) {
         hear(sim);
@@ -348,27 +406,37 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     sim->chip.fed_only = false;
 }
 
-static void replay_all(sim_t *sim, const gc_device_config_t *config, bool stream) {
-    for (uint32_t i = 0; i < sim->rows.n_runs; i++) {
-        const rows_run_t *run = &sim->rows.runs[i];
-        if (i == 0 || run->power_cycle != run[-1].power_cycle) {
-            power_on(sim, config, run, stream);
-        }
-        replay(sim, run);
+/* After a loss of power the board starts anew, and the run that went on is over. */
+static void replay_all(sim_t *sim, const gc_device_config_t *config) {
+    sim->is_off = true;
+    if (setjmp(sim->power_lost) != 0) {
+        sim->is_off = true;
+        sim->run += sim->replaying ? 1u : 0u;
+        sim->replaying = false;
     }
-    if (sim->hold) {
-        sim->speed = sim->speed > 0.0 ? sim->speed : 1.0;
+    if (sim->run == sim->rows.n_runs) {
+        sim->run--;
+        power_on(sim, config, &sim->rows.runs[sim->run]);
+        sim->run++;
+    }
+    for (; sim->run < sim->rows.n_runs; sim->run++) {
+        const rows_run_t *run = &sim->rows.runs[sim->run];
+        if (sim->is_off || run->power_cycle != run[-1].power_cycle) {
+            power_on(sim, config, run);
+        }
+        sim->is_off = false;
+        sim->replaying = true;
+        replay(sim, run);
+        sim->replaying = false;
+    }
+    if (sim->options.hold) {
+        sim->options.speed = sim->options.speed > 0.0 ? sim->options.speed : 1.0;
         pace_from_here(sim);
         while (sim->stdin_open) {
             hear(sim);
             gc_device_step(&sim->device);
         }
     }
-}
-
-static int usage(const char *wrong) {
-    fprintf(stderr, "gyrocal-sim: %s; %s\n", wrong, USAGE);
-    return 2;
 }
 
 static int stdout_flags;
@@ -379,76 +447,25 @@ static void restore_stdout(void) {
 
 int main(int argc, char **argv) {
     static sim_t sim;
-    const char *path = NULL;
-    bool stream = false;
-    unsigned imu = 0;
-    sim.speed = 1.0;
-    sim.fault = -1;
-    sim.stdin_open = true;
-    for (int i = 1; i < argc; i++) {
-        const char *option = argv[i];
-        if (strcmp(option, "--hold") == 0) {
-            sim.hold = true;
-            continue;
-        }
-        if (option[0] != '-') {
-            if (path != NULL) {
-                return usage("more than one ROWS file");
-            }
-            path = option;
-            continue;
-        }
-        const char *value = ++i < argc ? argv[i] : "";
-        uint64_t number;
-        if (strcmp(option, "--speed") == 0) {
-            sim.speed = 0.0;
-            if (strcmp(value, "max") != 0 &&
-                (gc_parse_real(value, strlen(value), &sim.speed) != GC_OK || !(sim.speed > 0.0))) {
-                return usage("--speed takes a positive number or max");
-            }
-        } else if (strcmp(option, "--imu") == 0) {
-            if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > 255) {
-                return usage("--imu takes a number within 0 and 255");
-            }
-            imu = (unsigned)number;
-        } else if (strcmp(option, "--stream") == 0) {
-            stream = strcmp(value, "raw") == 0;
-            if (!stream && strcmp(value, "off") != 0) {
-                return usage("--stream takes raw or off");
-            }
-        } else if (strcmp(option, "--fifo") == 0) {
-            if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > GC_BATCH_MAX) {
-                return usage("--fifo takes a number of samples, 128 at most");
-            }
-            sim.fifo = (unsigned)number;
-        } else if (strcmp(option, "--fault") == 0) {
-            for (size_t k = 0; k < FAULTS; k++) {
-                if (strcmp(value, "list") == 0) {
-                    printf("%s\t%s\n", faults[k].name, faults[k].means);
-                } else if (strcmp(value, faults[k].name) == 0) {
-                    sim.fault = (int)k;
-                }
-            }
-            if (strcmp(value, "list") == 0) {
-                return 0;
-            }
-            if (sim.fault < 0) {
-                return usage("no such fault, see --fault list");
-            }
-        } else {
-            return usage("no such option");
-        }
-    }
-    if (path == NULL) {
-        return usage("no ROWS file");
-    }
-    const char *wrong = rows_load(&sim.rows, path);
+    const options_t *options = &sim.options;
+    const char *wrong = options_parse(&sim.options, argc, argv);
     if (wrong != NULL) {
-        fprintf(stderr, "gyrocal-sim: %s: %s\n", path, wrong);
+        fprintf(stderr, "gyrocal-sim: %s; %s\n", wrong, OPTIONS_USAGE);
+        return 2;
+    }
+    if (options->list) {
+        faults_list(stdout);
+        return 0;
+    }
+    sim.stdin_open = true;
+    wrong = rows_load(&sim.rows, options->path);
+    if (wrong != NULL) {
+        fprintf(stderr, "gyrocal-sim: %s: %s\n", options->path, wrong);
         return 2;
     }
     stdout_flags = fcntl(STDOUT_FILENO, F_GETFL);
-    if (sim.speed > 0.0 && sim.speed <= 1.0 && stdout_flags >= 0) { /* faster than real time waits for its reader */
+    /* Faster than real time waits for its reader. */
+    if (options->speed > 0.0 && options->speed <= 1.0 && stdout_flags >= 0) {
         fcntl(STDOUT_FILENO, F_SETFL, stdout_flags | O_NONBLOCK);
         atexit(restore_stdout);
     }
@@ -461,16 +478,19 @@ int main(int argc, char **argv) {
         .wait_until_us = wait_until_us,
         .wait_sample_us = wait_sample_us,
         .send = send,
+        /* Else each power cycle begins with nothing kept. */
+        .store = faults_has(&sim.options.faults, FAULT_POWER_LOSS) ? store : NULL,
+        .load = load,
     };
     const gc_device_config_t config = {
         .port = &port,
         .part = &PART,
         .address = PART_ADDRESS,
-        .imu = imu,
+        .imu = options->imu,
         .calibration = &gc_calibration,
         .net = &gc_net,
     };
-    replay_all(&sim, &config, stream);
+    replay_all(&sim, &config);
     if (sim.missed > 0) {
         fprintf(stderr, "gyrocal-sim: %lu rows were not read: the sensor was being set up or the board was busy\n", sim.missed);
     }

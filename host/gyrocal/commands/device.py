@@ -20,7 +20,15 @@ def run(
     ] = 1,
     speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
     stream: Annotated[str, typer.Option(help="raw or off: what it sends until told otherwise.")] = "raw",
-    fault: Annotated[str | None, typer.Option(help="Make the sensor misbehave; `list` names the faults.")] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[@T][:LENGTH][*TIMES]", help="Make it misbehave, T s into the first run; `list` names the faults."
+        ),
+    ] = None,
+    faults: Annotated[
+        str | None, typer.Option(metavar="random:SEED", help="Some faults at random times, the same ones for a seed.")
+    ] = None,
     fifo: Annotated[
         int, typer.Option(min=0, max=128, help="Samples taken at once out of the sensor's FIFO; 0: each as it comes.")
     ] = 0,
@@ -34,15 +42,14 @@ def run(
     read. It starts and stops its runs by itself: `gyrocal record` takes them as they come.
     """
     import contextlib
-    import signal
 
     from gyrocal.device import simulated as device
-    from gyrocal.device.simulator import faults
+    from gyrocal.device.faults import faults as listed
     from gyrocal.errors import InputError
     from gyrocal.recording.session import Session
 
-    if fault == "list":
-        print(faults(), end="")
+    if "list" in (fault or []):
+        print(listed(), end="")
         return
     if session is not None and effects:
         raise InputError("--effect is for a simulated scenario; it does not go with --session")
@@ -52,10 +59,30 @@ def run(
         source = [Session.open(session)] * sensors
     else:
         source = [device.simulated_scenario(effects or (), seed + k) for k in range(sensors)]
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.default_int_handler)
-    simulated = device.SimulatedDevice(source, speed, stream=stream, fault=fault, fifo=fifo, tcp=tcp, symlink=link, hold=hold)
+    _end_by_signals()
+    wanted = _wanted(fault, faults, fifo)
+    simulated = device.SimulatedDevice(source, speed, stream=stream, faults=wanted, fifo=fifo, tcp=tcp, symlink=link, hold=hold)
     with contextlib.suppress(KeyboardInterrupt), simulated:
         print(simulated.port, flush=True)
         simulated.wait()
+
+
+def _wanted(fault: list[str] | None, faults: str | None, fifo: int) -> list[str]:
+    """The faults that were asked for, with those drawn by ``--faults``, which are printed."""
+    import sys
+
+    from gyrocal.device.faults import random_faults
+
+    drawn = [] if faults is None else random_faults(faults, fifo)
+    if drawn:
+        print("faults: " + " ".join(drawn), file=sys.stderr)
+    return [*(fault or []), *drawn]
+
+
+def _end_by_signals() -> None:
+    """Let SIGTERM and SIGHUP end the device as Ctrl-C does."""
+    import signal
+
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)

@@ -29,13 +29,13 @@ def run(
     """Record a run from a device into a session folder.
 
     What was received is on disk at once. Ctrl-C, SIGTERM and SIGHUP end the recording; if the device goes away, what came is
-    kept, and the report is printed all the same (exit 3).
+    kept, and the report is printed all the same (exit 3; exit 1 where the disk is full).
     """
     from rich.console import Console
 
     from gyrocal.device import record
     from gyrocal.device.port import Link
-    from gyrocal.errors import DeviceError
+    from gyrocal.errors import DeviceError, GyrocalError, InputError
     from gyrocal.warning import Warning
 
     wanted = None if follow else record.wanted(face, rate, seconds, turn_deg, axis)
@@ -57,8 +57,10 @@ def run(
             report = recorder.report
             with recorder.stopped_by_signals():
                 recorder.record()
-    except DeviceError as failure:
-        if not any(warning.code == "device_gone" for warning in report.warnings):
+    except InputError:
+        raise
+    except GyrocalError as failure:
+        if isinstance(failure, DeviceError) and not any(warning.code == "device_gone" for warning in report.warnings):
             report.warnings.append(Warning("device_gone", None, None, str(failure)))
         _finish(report, as_json)
         raise

@@ -16,7 +16,7 @@ from gyrocal.device.port import Link, PortGone, describe_error
 from gyrocal.device.run_stream import Begun, Ended, Ending, HeardRun, Part, Restarted, Rows, RunStream, Setting, Told
 from gyrocal.device.run_writer import Recorded, RunWriter, SessionFolder, same
 from gyrocal.device.wire import Sentence, parse_value
-from gyrocal.errors import DeviceError, InputError
+from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.recording.session import AXES
 from gyrocal.warning import Warning
 
@@ -108,9 +108,18 @@ class Recorder:
         Raises:
             DeviceError: the device refused, restarted, went away or fell silent; the samples until then are kept.
             InputError: the folder holds something else, or a session with another sample rate.
+            GyrocalError: the folder cannot be written, for example because the disk is full; whole rows until then are kept.
         """
         self._hello = self.link.greet()
         self._folder.settle(self._hello)
+        try:
+            self._record()
+        except OSError as error:
+            what = f"{error.filename or self._folder.path}: cannot be written ({error.strerror or error})"
+            raise GyrocalError(f"{what}; the samples until then are kept; make room and record the rest") from None
+        return self.report
+
+    def _record(self) -> None:
         try:
             if self._wanted is None or self.link.replays:
                 self._join()
@@ -127,7 +136,6 @@ class Recorder:
         finally:
             self._end_run()
             self._count_damage()
-        return self.report
 
     @contextlib.contextmanager
     def stopped_by_signals(self) -> Iterator[None]:
@@ -293,7 +301,7 @@ class Recorder:
         if writer is None:
             return
         heard = writer.heard
-        by_gravity = not writer.settled and self._settle_by_gravity(writer)
+        by_gravity = not writer.settled and writer.settle_by_gravity()
         writer.end(self._until_s, cut=cut)
         run = writer.run
         file = run.file if run.samples >= 2 else None
@@ -316,18 +324,6 @@ class Recorder:
         if unheard and (run.samples or run.lost):
             source = "; its face is that of the accelerometer, its rate the one last told: check both" if by_gravity else ""
             self.report.warn("run_unannounced", f"the {' and the '.join(unheard)} of a run did not arrive{source}", file)
-
-    def _settle_by_gravity(self, writer: RunWriter) -> bool:
-        """Take the face of a run from gravity if no sentence gave it."""
-        settings = writer.heard.settings or {}
-        axis = settings.get("axis", "")
-        face = writer.face_by_gravity(axis) if axis in AXES else ""
-        if not face:
-            return False
-        setting = Setting.of(settings, face)
-        if setting.has_rate:
-            writer.settle(setting)
-        return setting.has_rate
 
     def _count_damage(self) -> None:
         reader, report = self.link.reader, self.report

@@ -1,8 +1,8 @@
 """Divide the sentences of one sensor into runs, even if some of them are damaged, missing or repeated.
 
-A sample belongs to the run in progress only if nothing contradicts it: its number and its time continue those of the last
-sample, the sentences missing in between are too few to contain the start of another run, and gravity has not changed sides.
-Otherwise a new run begins. Its face is unknown until a sentence gives it.
+A sentence belongs to the run in progress only if nothing contradicts it. The number and the time of a sample continue those of
+the last sample, gravity has not changed sides, and the sentences missing since the last one of this run are too few to contain
+the start of another run. Otherwise a new run begins. Its face is unknown until a sentence gives it.
 """
 
 from __future__ import annotations
@@ -81,15 +81,13 @@ class HeardRun:
     last: Sentence | None = None
     last_number: int = -1
 
-    def may_be_ended_by(self, end: Sentence) -> bool:
-        """True if a ``$RUN state=end`` can belong to this run."""
-        fields = end.fields
-        first = self.start.fields.get("first") if self.start is not None else None
-        return (
-            self.face in ("", fields.get("face"))
-            and first in (None, "", fields.get("first", first))
-            and (_count(fields) is None or self.last_number < (_count(fields) or 0))
-        )
+    def may_be_told_by(self, fields: dict[str, str], unheard: int) -> bool:
+        """True if a ``$RUN state=end`` or a ``$STA`` can belong to this run, ``unheard`` sentences after the last one of it."""
+        count = _count(fields)
+        start = self.start.fields if self.start is not None else {}
+        first, firsts = start.get("first", ""), fields.get("first", "")
+        is_its_own = first == firsts if first and firsts else count is None or not _may_hide_a_start(unheard, count)
+        return is_its_own and self.face in ("", fields.get("face")) and (count is None or self.last_number < count)
 
 
 @dataclass(frozen=True)
@@ -159,6 +157,9 @@ class RunStream:
         self._lsb_g: float | None = None
         self._last: Sentence | None = None
         self._missing = 0
+        """Sentences missing since the last sample or boundary."""
+        self._unheard = 0
+        """Sentences missing since the last one of the run in progress."""
         self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
 
     def feed(self, sentences: Iterable[Sentence]) -> list[Part]:
@@ -201,9 +202,10 @@ class RunStream:
             self._parts.append(Restarted())
             self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
             self._settled = False
-            self._missing = 0
+            self._missing = self._unheard = 0
         else:
             self._missing += max(step - 1, 0)
+            self._unheard += max(step - 1, 0)
 
     def _sample(self, sentence: Sentence) -> None:
         number = _number(sentence)
@@ -212,13 +214,12 @@ class RunStream:
             self._end(Ending.UNHEARD)
             self._missing = 0
             return
-        if run is not None and run.last is not None:
-            if self._is_next(run, run.last, sentence, number):
-                if number == run.last_number or sentence.t_us == run.last.t_us:
-                    run.repeated += 1
-                    return
-            else:
+        if run is not None:
+            if not self._is_next(run, sentence, number):
                 self._end(Ending.UNHEARD)
+            elif run.last is not None and (number == run.last_number or sentence.t_us == run.last.t_us):
+                run.repeated += 1
+                return
         if self.run is None:
             self._begin(HeardRun())
         run = self.run
@@ -229,18 +230,21 @@ class RunStream:
                 self._settled = False
                 run.settings = None
         run.last, run.last_number = sentence, number
-        self._missing = 0
+        self._missing = self._unheard = 0
         latest = self._parts[-1] if self._parts else None
         if isinstance(latest, Rows) and latest.run is run:
             latest.sentences.append(sentence)
         else:
             self._parts.append(Rows(run, [sentence]))
 
-    def _is_next(self, run: HeardRun, last: Sentence, sentence: Sentence, number: int) -> bool:
-        """True if a sample continues the run's last one."""
-        if number < run.last_number or sentence.t_us < last.t_us:
+    def _is_next(self, run: HeardRun, sentence: Sentence, number: int) -> bool:
+        """True if a sample continues what was heard of the run."""
+        if _may_hide_a_start(self._unheard, number):
             return False
-        if self._missing >= number + 2:  # this run's end, another's start and as many samples of that one
+        last = run.last
+        if last is None:
+            return True
+        if number < run.last_number or sentence.t_us < last.t_us:
             return False
         return self._missing == 0 or not self._is_turned_over(last, sentence)
 
@@ -258,9 +262,9 @@ class RunStream:
         if fields.get("state") == "start":
             self._end(Ending.UNHEARD)
             self._begin(HeardRun(Setting.of(fields, face), sentence, face=face))
-            self._missing = 0
+            self._missing = self._unheard = 0
         elif fields.get("state") == "end":
-            if self.run is not None and not self.run.may_be_ended_by(sentence):
+            if self.run is not None and not self.run.may_be_told_by(fields, self._unheard):
                 self._end(Ending.UNHEARD)
             sent = _count(fields) or 0
             if self.run is None:  # none of its samples came
@@ -278,13 +282,14 @@ class RunStream:
             self._end(Ending.UNHEARD)
             return
         face = fields.get("face", "")
-        if self.run is not None and self.run.face not in ("", face):
+        if self.run is not None and not self.run.may_be_told_by(fields, self._unheard):
             self._end(Ending.UNHEARD)
         if self.run is None:
             self._begin(HeardRun(face=face))
         run = self.run
         assert run is not None
         run.face, run.sent = face, max(run.sent, _count(fields) or 0)
+        self._unheard = 0
         self._tell()
 
     def _learn(self, sentence: Sentence) -> None:
@@ -317,6 +322,11 @@ class RunStream:
             self.run.ending = ending
             self._parts.append(Ended(self.run))
             self.run = None
+
+
+def _may_hide_a_start(unheard: int, number: int) -> bool:
+    """True if so many sentences can contain the end of a run, the start of another and ``number`` samples of that one."""
+    return unheard >= number + 2
 
 
 def _number(sentence: Sentence) -> int:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,19 @@ class Recorded:
     missed: int = 0
     repeated: int = 0
     seconds: float = 0.0
+
+
+def _write_whole(file: FileIO, text: str) -> None:
+    """Append text to a file, or leave the file as it was and raise OSError, for example when the disk is full."""
+    data = memoryview(text.encode("ascii"))
+    size = file.tell()
+    try:
+        while data:
+            data = data[file.write(data) :]
+    except OSError:
+        file.truncate(size)
+        file.seek(size)
+        raise
 
 
 class SessionFolder:
@@ -124,7 +138,7 @@ class RunWriter:
         self._folder, self._day, self.heard = folder, day, heard
         self._number = folder.new_number()
         self._setting: Setting | None = None
-        self._file: TextIO | None = None
+        self._file: FileIO | None = None
         self._first_us = 0
         self._last_number = self._last_us = 0
         self._even_steps = 0
@@ -156,10 +170,17 @@ class RunWriter:
         self._name(setting.face)
         self._list()
 
-    def face_by_gravity(self, axis: str) -> str:
-        """Return "up" or "down" by the mean acceleration along an axis, or an empty text if that shows neither."""
-        along_g = self._acc_sum_g[AXES.index(axis)] / max(self.run.samples, 1)
-        return "" if not abs(along_g) > GRAVITY_MIN_G else "up" if along_g > 0 else "down"
+    def settle_by_gravity(self) -> bool:
+        """Settle a run whose face no sentence told by the mean acceleration along its axis; False if that is not possible."""
+        settings = self.heard.settings or {}
+        axis = settings.get("axis", "")
+        along_g = self._acc_sum_g[AXES.index(axis)] / max(self.run.samples, 1) if axis in AXES else 0.0
+        if not abs(along_g) > GRAVITY_MIN_G:
+            return False
+        setting = Setting.of(settings, "up" if along_g > 0 else "down")
+        if setting.has_rate:
+            self.settle(setting)
+        return setting.has_rate
 
     def write(self, sentences: list[Sentence], until_s: float = np.inf) -> bool:
         """Append ``$RAW`` sentences of this run. Returns True after a sample at or after ``until_s``, which is not written."""
@@ -208,19 +229,18 @@ class RunWriter:
         if self._file is not None and self.path != before:
             self._file.close()
             before.rename(self.path)
-            self._file = self.path.open("a", encoding="ascii", newline="")
+            self._file = FileIO(self.path, "a")
 
     def _append(self, seconds: np.ndarray[Any, Any], values: np.ndarray[Any, Any]) -> None:
         if self._file is None:
             self._folder.path.mkdir(parents=True, exist_ok=True)
-            self._file = self.path.open("w", encoding="ascii", newline="")
-            self._file.write(",".join(COLUMNS) + "\n")
+            self._file = FileIO(self.path, "w")
+            _write_whole(self._file, ",".join(COLUMNS) + "\n")
         lines = []
         for t_s, row in zip(seconds.tolist(), values.tolist(), strict=True):
             cells = ["" if v != v else f"{v:.9g}" for v in row]
             lines.append(f"{t_s:.6f},{','.join(cells)}\n")
-        self._file.writelines(lines)
-        self._file.flush()
+        _write_whole(self._file, "".join(lines))
 
     def _count(self, numbers: np.ndarray[Any, Any], t_us: np.ndarray[Any, Any], values: np.ndarray[Any, Any]) -> None:
         run = self.run

@@ -24,7 +24,7 @@ def replay(
     session: Session | str | Path,
     *,
     stream: str = "raw",
-    fault: str | None = None,
+    faults: Sequence[str] = (),
     fifo: int = 0,
     include_dir: Path | None = None,
 ) -> list[Sentence]:
@@ -34,7 +34,7 @@ def replay(
         DeviceError: the simulator failed, or a sentence was lost.
     """
     with rows_file(session) as rows:
-        command = sim_command(rows, stream=stream, fault=fault, fifo=fifo, include_dir=include_dir)
+        command = sim_command(rows, stream=stream, faults=faults, fifo=fifo, include_dir=include_dir)
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     check_exit(done.returncode, done.stderr)
     reader = Reader()
@@ -63,7 +63,7 @@ class SimulatedDevice:
         include_dir: Path | None = None,
         *,
         stream: str = "raw",
-        fault: str | None = None,
+        faults: Sequence[str] = (),
         fifo: int = 0,
         tcp: str | None = None,
         symlink: Path | None = None,
@@ -77,7 +77,7 @@ class SimulatedDevice:
             sensors = [session] if isinstance(session, Session | str | Path) else session
             self._commands = [
                 sim_command(
-                    stack.enter_context(rows_file(one)), imu=imu, speed=text, stream=stream, fault=fault, fifo=fifo,
+                    stack.enter_context(rows_file(one)), imu=imu, speed=text, stream=stream, faults=faults, fifo=fifo,
                     hold=hold, include_dir=include_dir,
                 )
                 for imu, one in enumerate(sensors)

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from gyrocal.device.faults import check_faults
 from gyrocal.device.outlet import Outlet
 from gyrocal.device.port import REPLAY_NOTE
 from gyrocal.errors import DeviceError, InputError
@@ -24,7 +25,7 @@ def sim_command(
     imu: int = 0,
     speed: str = "max",
     stream: str = "raw",
-    fault: str | None = None,
+    faults: Sequence[str] = (),
     fifo: int = 0,
     hold: bool = False,
     include_dir: Path | None = None,
@@ -38,20 +39,10 @@ def sim_command(
 
     binary = library.build_sim() if include_dir is None else library.build_sim(include_dir)
     command = [str(binary), str(rows), "--imu", str(imu), "--speed", speed, "--stream", stream, "--fifo", str(fifo)]
-    if fault is not None:
-        known = [line.split("\t")[0] for line in faults().splitlines()]
-        if fault not in known:
-            raise InputError(f"--fault {fault}: there are {', '.join(known)}")
+    check_faults(faults, fifo)
+    for fault in faults:
         command += ["--fault", fault]
     return [*command, "--hold"] if hold else command
-
-
-def faults() -> str:
-    """The simulator's list of faults, one in each line: its name, a tab and its description."""
-    from gyrocal.core import library
-
-    done = subprocess.run([library.build_sim(), "--fault", "list"], capture_output=True, text=True, check=False)
-    return done.stdout
 
 
 class Simulator:

@@ -27,6 +27,21 @@ ICON = (
     'stroke-width="4"/><path d="M16 16 L25 9" stroke="#E69F00" stroke-width="4" stroke-linecap="round"/></svg>'
 )
 
+POLICY = "; ".join(
+    [
+        "default-src 'self'", "script-src 'self' 'unsafe-inline' 'unsafe-eval'", "style-src 'self' 'unsafe-inline'",
+        "img-src 'self' data: blob:", "font-src 'self' data:", "object-src 'none'", "base-uri 'none'", "form-action 'self'",
+        "frame-ancestors 'none'",
+    ]
+)  # fmt: skip
+"""Content security policy. NiceGUI's page holds inline scripts, and it compiles its templates in the browser."""
+SECURITY_HEADERS = {
+    "content-security-policy": POLICY,
+    "x-frame-options": "DENY",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+}
+
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Any]]
 Send = Callable[[Any], Awaitable[None]]
@@ -48,6 +63,7 @@ class Guard:
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
         refusal = self._refusal(headers, query)
+        send = _with_security_headers(send)
         if refusal is not None:
             if scope["type"] == "websocket":
                 await send({"type": "websocket.close", "code": 1008})
@@ -71,6 +87,19 @@ class Guard:
         if any(secrets.compare_digest(g.encode(), self.token.encode()) for g in given):
             return None
         return "Open the address that `gyrocal workbench` printed, with its token.\n"
+
+
+def _with_security_headers(send: Send) -> Send:
+    """``send`` with :data:`SECURITY_HEADERS` in every HTTP response."""
+    own = [(name.encode(), value.encode()) for name, value in SECURITY_HEADERS.items()]
+
+    async def send_with_headers(message: Any) -> None:
+        if message["type"] == "http.response.start":
+            others = [header for header in message.get("headers", []) if header[0].decode("latin-1") not in SECURITY_HEADERS]
+            message = {**message, "headers": [*others, *own]}
+        await send(message)
+
+    return send_with_headers
 
 
 async def _answer(send: Send, status: int, text: str, headers: list[tuple[bytes, bytes]] | None = None) -> None:

@@ -140,7 +140,7 @@ static void add_over_pool(const gc_convnet_t *net, const float *rows, unsigned s
             const float *row = rows + i / conv->kernel * row_times + t * conv->pool + i % conv->kernel;
             float sum = 0.0f;
             for (uint32_t p = 0; p < conv->pool; p++) {
-                sum += row[p];
+                sum += row[p]; /* NOLINT(clang-analyzer-core.uninitialized.Assign): gyrocal_check bounds what is read */
             }
             *sums++ = sum;
         }

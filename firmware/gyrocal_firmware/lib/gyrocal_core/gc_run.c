@@ -98,8 +98,12 @@ bool gc_run_add(gc_run_t *run, const gc_taken_t *sample) {
     run->temp_sum += sample->raw.temp;
     run->bits_or |= (uint16_t)count;
     run->bits_and &= (uint16_t)count;
-    run->min = count < run->min ? count : run->min;
-    run->max = count > run->max ? count : run->max;
+    if (count < run->min) {
+        run->min = count;
+    }
+    if (count > run->max) {
+        run->max = count;
+    }
     run->last_us = sample->t_us;
     gc_baseline_add(&run->baseline, sample->t_us, count);
     gc_face_add(&run->seconds, sample->t_us, count);

@@ -1,0 +1,66 @@
+#include "options.h"
+
+#include "gc_error.h"
+#include "gc_format.h"
+#include "gc_sensor.h"
+
+#include <string.h>
+
+static const char *parse_option(options_t *options, const char *name, const char *value) {
+    uint64_t number;
+    if (strcmp(name, "--speed") == 0) {
+        options->speed = 0.0;
+        if (strcmp(value, "max") != 0 &&
+            (gc_parse_real(value, strlen(value), &options->speed) != GC_OK || !(options->speed > 0.0))) {
+            return "--speed takes a positive number or max";
+        }
+    } else if (strcmp(name, "--imu") == 0) {
+        if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > 255) {
+            return "--imu takes a number within 0 and 255";
+        }
+        options->imu = (unsigned)number;
+    } else if (strcmp(name, "--stream") == 0) {
+        options->stream = strcmp(value, "raw") == 0;
+        if (!options->stream && strcmp(value, "off") != 0) {
+            return "--stream takes raw or off";
+        }
+    } else if (strcmp(name, "--fifo") == 0) {
+        if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > GC_BATCH_MAX) {
+            return "--fifo takes a number of samples, 128 at most";
+        }
+        options->fifo = (unsigned)number;
+    } else if (strcmp(name, "--fault") == 0) {
+        options->list = options->list || strcmp(value, "list") == 0;
+        return strcmp(value, "list") == 0 ? NULL : faults_add(&options->faults, value);
+    } else {
+        return "no such option";
+    }
+    return NULL;
+}
+
+const char *options_parse(options_t *options, int argc, char **argv) {
+    options->speed = 1.0;
+    for (int i = 1; i < argc; i++) {
+        const char *wrong = NULL;
+        if (strcmp(argv[i], "--hold") == 0) {
+            options->hold = true;
+        } else if (argv[i][0] == '-') {
+            const char *name = argv[i];
+            wrong = parse_option(options, name, ++i < argc ? argv[i] : "");
+        } else if (options->path != NULL) {
+            wrong = "more than one ROWS file";
+        } else {
+            options->path = argv[i];
+        }
+        if (wrong != NULL) {
+            return wrong;
+        }
+    }
+    if (options->path == NULL && !options->list) {
+        return "no ROWS file";
+    }
+    if (faults_has(&options->faults, FAULT_BAD_TAGS) && options->fifo == 0u) {
+        return "bad_tags is a fault of the FIFO: give --fifo";
+    }
+    return NULL;
+}
