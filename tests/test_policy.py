@@ -18,6 +18,7 @@ NO_THRESHOLDS = {
     "BITS",  # of the part's code
     "SHEPPARD",  # variance of rounding
     "RATE_UNIT_DPS",  # a unit
+    "WIDE",  # parts bands from lines, which are a percent wide
 }
 """Numbers of ``diagnosis/`` that decide nothing."""
 JUDGES = [*sorted((HOST / "diagnosis").glob("*.py")), HOST / "inference/heldout.py", HOST / "recording/outliers.py"]

@@ -112,7 +112,7 @@ class Policy:
         0.3, "smallest excess within power cycles over the floor that is a misfit although no test finds its shape",
         larger="an error of unknown shape is called adequate",
         smaller="noise whose level changes or that has heavy tails is called a misfit",
-        chosen_by="bursts and Student's t noise of benchmarks/null_noise.py leave up to 0.25",
+        chosen_by="bursts and Student's t noise of benchmarks/null_noise.py leave up to 0.25; chosen by judgement above it",
     )  # fmt: skip
     excess_errors: float = threshold(
         2.0, "standard errors below which an excess has no explained part",

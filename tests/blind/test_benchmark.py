@@ -125,7 +125,8 @@ def test_least_squares_with_coefficients_of_each_run_is_the_block_diagonal_one()
 def test_stepwise_finds_a_large_effect(tmp_path):
     case = Case("large", "effect", "paper", 3, 6.0, effects=(RIPPLE,), scenarios=3)
     make(case, tmp_path)
-    assert stepwise.select(Session.open(tmp_path))[0] == ("table_ripple", "z")
+    # at one rate, a tone of order 1 is the same wave
+    assert stepwise.select(Session.open(tmp_path))[0] in (("table_ripple", "z"), ("order_tone", "z"))
 
 
 def test_error_leaves_out_bias_and_scale_of_a_day_and_keeps_the_rest(tmp_path, monkeypatch):

@@ -27,10 +27,12 @@ from gyrocal.simulation.simulate import (
 MEAN_TAU_S = float(np.exp(np.mean(LOG_TAU)))
 TAU_SD_S = MEAN_TAU_S * (LOG_TAU[1] - LOG_TAU[0]) / np.sqrt(12)
 
+SCENARIOS = 24
+
 
 @pytest.fixture(scope="module")
 def campaign() -> Session:
-    return simulate(None, "table2", seed=5, scenarios=24, seconds=20.0)[0]
+    return simulate(None, "table2", seed=5, scenarios=SCENARIOS, seconds=20.0)[0]
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +69,10 @@ def as_if_one(model: Model) -> Model:
 def test_what_was_planted_is_learned(learned: Model, effect: str, name: str, truth: float) -> None:
     line = learned.line(effect, "z")
     assert line is not None
-    assert abs(line.values[name] - truth) < 3.5 * line.se[name]
+    error = line.se[name]
+    if name == "amplitude_1":  # the error is that of these runs' own waves; their sizes were drawn from the population
+        error = float(np.hypot(error, truth / (2 * np.sqrt(2 * SCENARIOS))))
+    assert abs(line.values[name] - truth) < 3.5 * error
 
 
 def test_what_varies_is_not_called_drift(learned: Model) -> None:

@@ -48,7 +48,7 @@ def test_c_column_is_the_python_column(
     recorded = make_run(t_s, table_rate_dps=table_dps, face=face, power_on_s=3.0, **columns)
     effect = effects()[effect_id]
     for values in effect.variants([recorded], 2):
-        expected = effect.columns(recorded, 2, values)
+        expected = effect.columns(recorded.as_measured(), 2, values)
         arguments = effect.device_arguments(values)
         assert len(arguments) == expected.shape[1]
         rows = np.column_stack([t_s, np.full(200, sign * table_dps), table_dps * t_s / 360, temp_c, t_s + 3.0, *acc_g.T])

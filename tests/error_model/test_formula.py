@@ -29,7 +29,7 @@ def with_signal(session: Session, signal) -> Session:
 
 
 def test_columns_are_the_formula_s_value(session: Session) -> None:
-    run = session.runs[1]
+    run = session.runs[1].as_measured()
     kind = FormulaEffect("k1*sin(3*theta) - k2*temp_c*rate/2 + k3*exp(-t/tau); tau=5")
     assert (kind.linear, kind.nonlinear) == (("k1", "k2", "k3"), ("tau",))
     columns = kind.columns(run, 2, {"tau": 4.0})
@@ -39,7 +39,7 @@ def test_columns_are_the_formula_s_value(session: Session) -> None:
 
 
 def test_kinks_and_turns(session: Session) -> None:
-    run = session.runs[1]
+    run = session.runs[1].as_measured()
     kind = FormulaEffect("a*max(temp_c - 25.5, 0) + b*min(2*pi*turn, 3) + c*(turn - 0.5)")
     turn = (78.0 * (run.t_s - run.t_s[0]) / 360) % 1
     assert turn.max() > 0.99

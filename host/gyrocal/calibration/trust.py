@@ -29,7 +29,7 @@ FLAGS = {
     "misfit": "the readings scatter more than model and noise allow",
     "clipped": "a reading is at full scale",
     "direction": "the sensor turns against what face and rate say",
-    "implausible": "scale or bias is beyond what a working sensor has, or a warning contradicts its runs",
+    "implausible": "scale or bias is beyond what a working sensor has",
     "constant_reading": "the reading stands still where noise should move it",
     "net_range": "the network was not trained for such readings or rates",
     "disagrees": "a fit that holds the same effects gives another answer",

@@ -39,7 +39,7 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
     """True if the candidate explains a substantial part of this axis's strongest finding, or most of the excess."""
     if c.effect.fault_of(c.values) or (c.explained or 0.0) > POLICY.main_cause:
         return True
-    gains = [f.strength**2 / 2 for f in comparison.where if f.axis == c.axis and f.against != Reading.name]
+    gains = [max(f.strength, f.snr) ** 2 / 2 for f in comparison.where if f.axis == c.axis and f.against != Reading.name]
     return (c.gain or 0.0) >= POLICY.of_finding * max(gains, default=0.0)
 
 

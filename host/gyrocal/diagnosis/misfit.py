@@ -102,6 +102,10 @@ def _carry(fitted: Fit, axis: str) -> list[Finding]:
     return [] if found is None else [found]
 
 
+WIDE = 1.5
+"""Ratio of the ends of a band above which it is no line."""
+
+
 def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]:
     """The findings of an axis without those that another one tells in better words.
 
@@ -110,12 +114,16 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]
     angle = {o for f in findings if f.against == TableAngle.name for o in _orders(f)}
     orders = angle | {o for f in findings if f.against == Order.name for o in _orders(f)}
 
+    waves_found = [f for f in findings if _orders(f)]
+
     def repeated(f: Finding) -> bool:
         if f.against == Order.name:
             return angle.issuperset(_orders(f))
         if f.band_hz is None:
             return False
         low, high = f.band_hz
+        if high > WIDE * low:  # power in a wide band says nothing beside a wave that the model lacks
+            return any(other.strength > f.strength for other in waves_found)
         waves = ((abs(o * float(np.mean(r.rate_dps)) / 360), 2 / r.duration_s) for r in runs for o in orders)
         return any(low - width <= hz <= high + width for hz, width in waves if hz > 0)
 

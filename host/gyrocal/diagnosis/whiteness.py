@@ -18,8 +18,6 @@ from gyrocal.variables.frequency import Frequency
 
 HANN_NEIGHBOURS = 1.95
 """Neighbouring values of a periodogram with a Hann window are correlated: this many count as one independent value."""
-LEAST_CHANCE = 1e-300
-"""Smaller probabilities are rounding."""
 HIGHEST = 0.49
 """Highest frequency that block means show, as a fraction of the block rate."""
 LEAST_PERIODS = 2.5
@@ -85,9 +83,10 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
             side = max(other.mean for other in beside)
             amplitude = float(np.sqrt(2 * band.power * max(0.0, 1 - side / band.mean)))
             note = f"{amplitude * 1e3:.3g} mdps between {band.low_hz:.2g} and {band.high_hz:.2g} Hz beyond noise"
-            sigma = float(norm.isf(max(chance, LEAST_CHANCE)))
+            sigma = float(norm.isf(max(chance, np.finfo(np.float64).tiny)))
             worst = Finding(
-                axis, Frequency.name, sigma, chance, amplitude, note, band_hz=(band.low_hz, band.high_hz)
+                axis, Frequency.name, sigma, chance, amplitude, note, snr=(band.mean / side - 1) * float(np.sqrt(band.looks)),
+                band_hz=(band.low_hz, band.high_hz),
             )  # fmt: skip
     return worst
 

@@ -56,6 +56,13 @@ def rate_about(run: Run, axis: int) -> Array:
     return true_rate_dps(run) if axis == run.axis_index else np.zeros(len(run))
 
 
+def sense_of_rotation(run: Run) -> Array:
+    """The sign of the true rate, shape [n]; 0 where the noise of the reference exceeds a tenth of it."""
+    rate_dps = true_rate_dps(run)
+    noise_dps = 0.0 if run.smooth_rate is None else run.smooth_rate.noise.sd
+    return np.where(np.abs(rate_dps) > 10 * noise_dps, np.sign(rate_dps), 0.0)
+
+
 def turns(runs: Sequence[Run], axis: int) -> bool:
     """True if the table turns about this axis and its rate is known at each sample."""
     return any(r.axis_index == axis and not r.rate_is_mean and bool(np.any(r.rate_dps)) for r in runs)

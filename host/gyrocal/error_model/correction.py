@@ -138,7 +138,9 @@ def _has(run: Run, name: str) -> bool:
 def _turning(run: Run, axis: str, rate_dps: Array) -> Run:
     """The run as if a turntable turned it about an axis at the given rates [n, 3], deg/s."""
     frame = run.table.with_columns(pl.Series("rate_ref_dps", rate_dps[:, AXES.index(axis)]))
-    return replace(run, axis=axis, face="up", table_rate_dps=None, turn_deg=None, path=None, frame=frame)  # type: ignore[arg-type]
+    return replace(  # the rates are exact, so they are not smoothed
+        run, axis=axis, face="up", table_rate_dps=None, turn_deg=None, path=None, frame=frame, smooth=False  # type: ignore[arg-type]
+    )
 
 
 def _error_dps(terms: list[Term], turning: Mapping[int, Run], bias_dps: Mapping[str, float]) -> Array:

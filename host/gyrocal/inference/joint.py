@@ -94,7 +94,8 @@ def _slopes(of: Callable[[Array], Array], x: Array, sd: Array) -> tuple[Array, A
     for j in np.flatnonzero(sd > 0):
         moved = x.copy()
         moved[j] += 1e-3 * sd[j]
-        slopes[:, j] = (of(moved) - value) / (moved[j] - x[j])
+        if moved[j] != x[j]:  # an error below rounding
+            slopes[:, j] = (of(moved) - value) / (moved[j] - x[j])
     return value, slopes
 
 

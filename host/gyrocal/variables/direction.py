@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.effects.quantities import temperature_by_second, temperature_slope_c_s
+from gyrocal.effects.quantities import sense_of_rotation, temperature_by_second, temperature_slope_c_s
 from gyrocal.effects.thermal_hysteresis import ThermalHysteresis
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import Variable
@@ -20,14 +20,14 @@ class Direction(Variable):
     no_formula = "it has two values only; a formula in the rate or the temperature describes a difference between directions"
 
     def values(self, run: Run, axis: int) -> Array | None:
-        return warming_or_cooling(run) if self._returns else np.sign(run.rate_dps * run.face_sign)
+        return warming_or_cooling(run) if self._returns else sense_of_rotation(run) * run.face_sign
 
     def shapes(self, axis: int) -> list[Shape]:
         shapes: list[Shape] = []
         if self._returns:
             shapes.append(Columns(lambda run: warming_or_cooling(run)[:, None], 1, "between warming and cooling"))
         if {-1.0, 1.0} <= {float(np.sign(np.mean(r.rate_dps)) * r.face_sign) for r in self.runs}:
-            turning = Steps(lambda run: np.sign(run.rate_dps * run.face_sign), BOTH_WAYS, name="the table's direction")
+            turning = Steps(lambda run: sense_of_rotation(run) * run.face_sign, BOTH_WAYS, name="the table's direction")
             shapes.append(turning)
         return shapes
 

@@ -12,6 +12,9 @@ from gyrocal.variables.shapes import Shape, Steps
 EDGES_DPS = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Small rates may be lost (a dead band), so that the steps are narrow towards zero, deg/s."""
 
+LARGEST_NOISE_DPS = 0.015
+"""With more noise than this, a reference does not know small rates to a few percent: a twentieth of the first edge, deg/s."""
+
 
 class Level(Variable):
     """The size of the true rate about the axis. Small and large rates are tested for a scale of their own."""
@@ -27,5 +30,8 @@ class Level(Variable):
         if not rate_varies(self.runs, axis):
             return []
         largest_dps = max(float(self.values(r, axis).max(initial=0.0)) for r in self.runs)
+        noise_dps = max((r.smooth_rate.noise.sd for r in self.runs if r.smooth_rate is not None), default=0.0)
+        if noise_dps > LARGEST_NOISE_DPS:
+            return []
         edges = np.array([e for e in EDGES_DPS if e < 0.5 * largest_dps])
         return [Steps(lambda run: self.values(run, axis), edges, times_rate=True)] if edges.size else []

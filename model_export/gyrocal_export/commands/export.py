@@ -37,7 +37,8 @@ def run(
 
     written = [str(path) for path in write_all(out, contents)]
     if as_json:
-        print(json.dumps({"files": written, "left": [{"effect": effect, "why": why} for effect, why in left.items()]}))
+        listed = [{"effect": effect, "why": why} for effect, why in left.items()]
+        print(json.dumps({"files": written} | ({} if target == "header" else {"left": listed})))
         return
     print("\n".join([*written, *(f"left out: {effect} ({why})" for effect, why in left.items())]))
 
