@@ -103,22 +103,35 @@ class Variable(ABC):
         """The number of steps for a variable that differs between runs and hardly changes within them."""
         return max(2, len(self.runs) // 3)
 
+EVEN = 0.1
+"""Values are spread evenly if the rarest hold more than this fraction of the mean number."""
+
 
 def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
     """Edges of at most ``steps`` steps that hold about equally many of the values [n] each and are wider than ``resolution``.
 
-    An edge lies where values are rarest. It never divides a plateau, on which only the noise of the values decides their side.
+    An edge lies at a quantile where the values are spread evenly, else where they are rarest. It never divides a plateau, on
+    which only the noise of the values decides their side.
     """
     if np.ptp(values) <= 2 * resolution:
         return np.zeros(0)
     bounds = np.quantile(values, (np.arange(steps) + 0.5) / steps)
-    edges = [_rarest(values, low, high, resolution) for low, high in pairwise(bounds) if high - low > resolution]
+    middle = np.quantile(values, np.arange(1, steps) / steps)
+    edges = [
+        _edge(values, low, at, high, resolution)
+        for (low, high), at in zip(pairwise(bounds), middle, strict=True) if high - low > resolution
+    ]  # fmt: skip
     return np.array([edge for edge, before in zip(edges, [-np.inf, *edges], strict=False) if edge - before > resolution])
 
 
-def _rarest(values: Array, low: float, high: float, resolution: float) -> float:
-    """The middle of the widest stretch of rarest values between two bounds that are more than ``resolution`` apart."""
+def _edge(values: Array, low: float, at: float, high: float, resolution: float) -> float:
+    """The quantile ``at`` if there are values everywhere between the two bounds, which are more than ``resolution`` apart.
+
+    Otherwise the middle of the widest stretch of rarest values.
+    """
     count, limits = np.histogram(values, bins=2 * int(np.ceil((high - low) / resolution)), range=(low, high))
+    if count.min() > EVEN * count.mean():
+        return at
     rare = np.concatenate([[False], count == count.min(), [False]])
     begin, end = np.flatnonzero(np.diff(rare.astype(int)) > 0), np.flatnonzero(np.diff(rare.astype(int)) < 0)
     widest = int(np.argmax(end - begin))
