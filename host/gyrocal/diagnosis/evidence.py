@@ -72,7 +72,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         return Candidate(effect, current.axis, "not_measurable", next_measurement=effect.measure_next)
     fitted = finish(refine(tried))
     term = fitted.terms[-1]
-    parameters = _parameters(current.fit, fitted, effect)
+    parameters = added_parameters(current.fit, fitted)
     looks = effect.looks(current.runs, current.index)
     chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     if chance > unless:
@@ -91,11 +91,12 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     )  # fmt: skip
 
 
-def _parameters(current: AxisFit, fitted: AxisFit, effect: Effect) -> int:
-    """The number of parameters of the candidate: coefficients, spreads and nonlinear parameters."""
-    coefficients = len(fitted.design.layout.fixed) - len(current.design.layout.fixed)
-    spreads = fitted.design.layout.n_groups - current.design.layout.n_groups
-    return coefficients + spreads + len(effect.nonlinear)
+def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
+    """The number of parameters that a richer fit adds: coefficients, spreads and nonlinear parameters of its further terms."""
+    before, after = current.design, fitted.design
+    coefficients = len(after.layout.fixed) - len(before.layout.fixed)
+    spreads = after.layout.n_groups - before.layout.n_groups
+    return coefficients + spreads + sum(len(t.effect.nonlinear) for t in after.terms[len(before.terms) :])
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:

@@ -16,6 +16,7 @@ from itertools import combinations
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import in_range
+from gyrocal.diagnosis.evidence import added_parameters
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.rivals import cosine
 from gyrocal.effects.base import Effect
@@ -109,7 +110,7 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
             if fitted is None:
                 continue
             gains = held_out_gain(current.fit, fitted, current.folds)
-            found[ids] = EffectSet(members, fitted, gains, _parameters(current, fitted))
+            found[ids] = EffectSet(members, fitted, gains, added_parameters(current.fit, fitted))
             if all(_needed(found[ids], found[ids - {e.id}], e, current, tested) for e in members):
                 supported.append(found[ids])
     return _chosen(supported)
@@ -125,14 +126,6 @@ def _fitted(current: Current, members: Sequence[Effect]) -> AxisFit | None:
         if not in_range(Candidate(effect, current.axis, "reject", term.values)):
             return None
     return fitted
-
-
-def _parameters(current: Current, fitted: AxisFit) -> int:
-    before, after = current.fit.design, fitted.design
-    fixed = len(after.layout.fixed) - len(before.layout.fixed)
-    spreads = after.layout.n_groups - before.layout.n_groups
-    own = after.terms[len(before.terms) :]
-    return fixed + spreads + sum(len(t.effect.nonlinear) for t in own)
 
 
 def _needed(whole: EffectSet, rest: EffectSet, member: Effect, current: Current, tested: int) -> bool:
