@@ -3,7 +3,7 @@
 import importlib.util
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -34,3 +34,14 @@ def require_module() -> Callable[[str], None]:
             pytest.skip(f"package {name} is not installed: pip install 'gyrocal[train]'")
 
     return require
+
+
+@pytest.fixture
+def library() -> Iterator[dict[str, object]]:
+    """The effects by id, to be changed at will: after the test they are what they were, in their order."""
+    from gyrocal.effects.base import effects
+
+    everything = dict(effects())
+    yield effects()
+    effects().clear()
+    effects().update(everything)

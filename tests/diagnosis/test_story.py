@@ -1,12 +1,10 @@
 """The story of an effect: its campaign shows it, diagnose names it, add makes the error fall; and where it cannot be shown."""
 
-from collections.abc import Iterator
 
 import pytest
 
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
-from gyrocal.effects import base
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
@@ -70,16 +68,10 @@ def rippled() -> Session:
 
 
 @pytest.fixture
-def without_ripple(rippled: Session) -> Iterator[None]:
+def without_ripple(rippled: Session, library: dict[str, object]) -> None:
     """The library without the files of the two effects that are a wave once per turn."""
-    everything = dict(base.effects())
-    del base.effects()["table_ripple"]
-    del base.effects()["order_tone"]
-    try:
-        yield
-    finally:
-        base.effects().clear()  # in their order again: pages are made from it
-        base.effects().update(everything)
+    del library["table_ripple"]
+    del library["order_tone"]
 
 
 @pytest.mark.usefixtures("without_ripple")

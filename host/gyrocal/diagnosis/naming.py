@@ -16,6 +16,7 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.rivals import with_groups
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
+from gyrocal.recording.session import AXES
 from gyrocal.threads import each
 from gyrocal.variables.rate import Rate
 
@@ -37,7 +38,13 @@ def candidates(
 
     judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
     judged = with_groups(decide(with_q_values(judged), comparison))
-    return sorted(judged, key=lambda c: (BEST_FIRST.index(c.decision), -(c.gain if c.gain is not None else -np.inf)))
+    return sorted(judged, key=_best_first)
+
+
+def _best_first(candidate: Candidate) -> tuple[int, float, int, str]:
+    """The key of the order in which candidates are given; among equals it does not depend on the order of the library."""
+    gain = -np.inf if candidate.gain is None else candidate.gain
+    return BEST_FIRST.index(candidate.decision), -gain, AXES.index(candidate.axis), candidate.effect.id
 
 
 def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Finding]:
