@@ -276,6 +276,11 @@ class Session:
     """Keys of session.toml that nobody reads."""
     reference: Reference = field(default_factory=Reference)
     """The table ``[reference]``: what is known of references and thermometers."""
+    board: str | None = None
+    rig: str | None = None
+    line: str | None = None
+    made_on: str | None = None
+    """What a fleet knows its boards by: serial number, rig, production line and date (ISO), as free text."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
@@ -294,6 +299,10 @@ class Session:
             accept=tuple(header.accept or ()),
             unread=(*(header.model_extra or ()), *(f"reference.{key}" for key in header.reference.model_extra or ())),
             reference=header.reference,
+            board=header.board,
+            rig=header.rig,
+            line=header.line,
+            made_on=None if header.made_on is None else str(header.made_on),
         )
         for run in session.runs:
             if run.path is not None and not run.path.is_file():
@@ -344,6 +353,7 @@ class Session:
         return {
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
+            "board": self.board, "rig": self.rig, "line": self.line, "made_on": self.made_on,
             "accept": list(self.accept) or None, "reference": self.reference.model_dump(exclude_none=True) or None,
         }  # fmt: skip
 
