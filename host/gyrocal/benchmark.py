@@ -12,7 +12,7 @@ from gyrocal.errors import GyrocalError, InputError
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real")
+FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet")
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }

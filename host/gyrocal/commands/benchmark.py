@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 NAMES = (
-    "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors) or "
-    "real (recordings by others)."
+    "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors), "
+    "fleet (many boards) or real (recordings by others)."
 )
 
 
