@@ -96,6 +96,8 @@ def test_population_is_a_model_whose_priors_are_used(folder: Path, tmp_path: Pat
     assert prior.scale[1] >= scale["sd"]
     assert "gyrocal_prior_mean" in render(model)
     board = Production(seconds=2.0).board(77).save(tmp_path / "new")
+    again = fit(board, model, axes=("z",)).model  # the spreads over boards are no parameters of one board
+    assert set(again.line("bias", "z").values) == {"bias_dps"}  # type: ignore[union-attr]
     arguments = ["calibrate", str(board.path), "--method", "model", "--model", str(folder.parent / "out" / "population.toml")]
     assert main([*arguments, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["estimates"]
