@@ -129,6 +129,13 @@ def test_lists_of_paths_are_read(folder: Path, tmp_path: Path) -> None:
             sessions(str(tmp_path / wrong))
 
 
+def test_a_session_that_is_being_written_is_left_out(tmp_path: Path) -> None:
+    for name in ("line/a", "b", ".c.x1"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "session.toml").touch()
+    assert sessions(str(tmp_path)) == [str(tmp_path / "b"), str(tmp_path / "line" / "a")]
+
+
 def test_a_url_is_read_by_fsspec(folder: Path) -> None:
     fsspec = pytest.importorskip("fsspec")
     memory = fsspec.filesystem("memory")

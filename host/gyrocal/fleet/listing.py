@@ -35,7 +35,8 @@ def _local(source: Path) -> list[str]:
         return [str(source.parent / path) if "://" not in path else path for path in _listed(source, str(source))]
     if not source.is_dir():
         raise InputError(f"{source}: no such folder; a fleet is a folder of session folders, or a list of their paths")
-    return [str(header.parent) for header in source.rglob(HEADER)]
+    found = (header.parent for header in source.rglob(HEADER))
+    return [str(path) for path in found if not path.name.startswith(".")]  # a hidden one is not written to its end yet
 
 
 def _remote(source: str) -> list[str]:
