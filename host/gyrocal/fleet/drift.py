@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import solve
+from gyrocal.inference.reml import LARGEST_SPREAD, Spreads, solve
 from gyrocal.noise.whitening import Noise
 
-SIZES = (0.0, *np.geomspace(0.005, 1.28, 9).tolist())
+SIZES = (0.0, *np.geomspace(0.01, 0.64, 13).tolist())
 """Standard deviation of the drift over that of the white noise of a sample."""
-TIMES_S = (10.0, 30.0, 100.0, 300.0)
+TIMES_S = (10.0, 30.0, 100.0)
 PILOT = 40
 """Sessions, evenly spaced in the sorted list, from which the drift is taken."""
 
@@ -40,18 +40,24 @@ def pilot(paths: Sequence[str]) -> list[str]:
 
 
 def loglik_of(fitted: AxisFit) -> list[list[float]]:
-    """REML log-likelihood of a session's axis for each of ``TIMES_S`` and ``SIZES``, at its white level and spreads."""
+    """REML log-likelihood of a session's axis for each of ``TIMES_S`` and ``SIZES``, at its white level.
+
+    Bias and scale of its power cycles are as good as free: with their spreads as fitted, which are badly known from a few
+    cycles, the drift would come out too small.
+    """
     design, n = fitted.design, int(fitted.design.n_blocks.sum())
+    roles = [design.terms[design.layout.fixed[j][0]].effect.role for j in design.layout.scenario]
+    spreads = Spreads(fitted.spreads.run, np.array([LARGEST_SPREAD[role] for role in roles]))
 
     def at(size: float, tau_s: float) -> float:
         grams, logdet = design.grams(FleetDrift(size, tau_s).noise(fitted.noise))
-        return solve(design.layout, grams, logdet, design.scenarios, n, fitted.spreads).loglik
+        return solve(design.layout, grams, logdet, design.scenarios, n, spreads).loglik
 
     return [[at(size, tau_s) for size in SIZES] for tau_s in TIMES_S]
 
 
 def fleet_drifts(said: Iterable[Mapping[str, Sequence[Sequence[float]]]]) -> dict[str, FleetDrift]:
-    """The likeliest drift of each axis; the size is that of a parabola through the best of ``SIZES`` and its neighbours."""
+    """The likeliest drift of each axis; the size is interpolated between ``SIZES``."""
     total: dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]] = {}
     for one in said:
         for axis, loglik in one.items():
@@ -60,9 +66,11 @@ def fleet_drifts(said: Iterable[Mapping[str, Sequence[Sequence[float]]]]) -> dic
 
 
 def _likeliest(loglik: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> FleetDrift:
+    from scipy.interpolate import CubicSpline
+
     t, k = (int(i) for i in np.unravel_index(int(np.nanargmax(loglik)), loglik.shape))
-    if k < 2 or k == len(SIZES) - 1:  # below the smallest size there is no logarithm to interpolate in
+    if k < 2:  # below the smallest size there is no logarithm to interpolate in
         return FleetDrift(SIZES[k], TIMES_S[t])
-    before, at, after = loglik[t, k - 1 : k + 2]
-    step = 0.5 * (before - after) / (before - 2 * at + after)
-    return FleetDrift(float(SIZES[k] * (SIZES[k + 1] / SIZES[k]) ** step), TIMES_S[t])
+    course = CubicSpline(np.log(SIZES[1:]), loglik[t, 1:])
+    between = np.linspace(np.log(SIZES[k - 1]), np.log(SIZES[min(k + 1, len(SIZES) - 1)]), 401)
+    return FleetDrift(float(np.exp(between[int(np.argmax(course(between)))])), TIMES_S[t])
