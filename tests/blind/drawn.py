@@ -30,9 +30,9 @@ MOST_DRAWS = 40
 SEEDS = {"work": 20_000, "frozen": 70_000}
 COUNTS = {"effect": 200, "set": 60, "confounded": 60, "unknown": 60, "null": 200}
 
-SECONDS = {"paper": 14.0, "full": 5.0, "swing": 10.0, "long": 180.0, "staircase": 50.0, "hand": 25.0, "chamber": 100.0}
+SECONDS = {"paper": 14.0, "full": 8.0, "swing": 10.0, "long": 180.0, "staircase": 50.0, "hand": 25.0, "chamber": 100.0}
 RUNS = {"paper": 18, "full": 42, "swing": 18, "long": 1, "staircase": 3, "hand": 6, "chamber": 3}
-MOST_SAMPLES = 50_000
+MOST_SAMPLES = 70_000
 LOGGERS = ((50.0, 104.0), (100.0, 208.0), (145.0, 416.0), (200.0, 416.0), (400.0, 833.0), (1000.0, 1666.0))
 """Rate of the logger and output data rate of the chip, Hz."""
 
@@ -151,6 +151,9 @@ EFFECTS: dict[str, Kind] = {
     "byte_fault": Kind(("paper", "swing", "staircase", "hand"), "any", _byte_fault),
 }
 
+FAST = ("vibration_tone", "order_tone", "quantization", "sampling_fault", "byte_fault", "mount_resonance")
+"""Short runs show them as well: their sessions may have the fastest loggers."""
+
 UNKNOWN: dict[str, Kind] = {
     "stick_slip": Kind(
         ("paper", "staircase", "long"),
@@ -238,7 +241,8 @@ class Draw:
         kinds = EFFECTS if self.kind == "effect" else UNKNOWN
         id_ = list(kinds)[self.number % len(kinds)]
         protocol = str(random.choice(kinds[id_].protocols))
-        return _with(_session(self.name, self.kind, protocol, random, seed), (id_,), kinds, random)
+        case = _session(self.name, self.kind, protocol, random, seed, id_ in FAST)
+        return _with(case, (id_,), kinds, random)
 
     def _set(self, random: Random, seed: int) -> Case:
         protocol = str(random.choice(["paper", "full", "staircase", "hand", "chamber"]))
@@ -249,15 +253,14 @@ class Draw:
         return _with(case, tuple(map(str, ids)), EFFECTS, random)
 
 
-def _session(name: str, kind: str, protocol: str, random: Random, seed: int) -> Case:
+def _session(name: str, kind: str, protocol: str, random: Random, seed: int, fast: bool = False) -> Case:
     """A logger, a sensor from the population and a room."""
     poll_hz, odr_hz = LOGGERS[random.integers(len(LOGGERS))]
+    if kind != "null" and not fast:  # slow effects need their time: a logger too fast for it is left at home
+        fits = [each for each in LOGGERS if SECONDS[protocol] * RUNS[protocol] * each[0] <= MOST_SAMPLES]
+        poll_hz, odr_hz = fits[random.integers(len(fits))]
     cutoff_hz = odr_hz * float(random.choice([1 / 3, 1 / 5, 1 / 10]))
-    seconds = min(SECONDS[protocol], MOST_SAMPLES / RUNS[protocol] / poll_hz)
-    if kind != "null" or protocol in ("long", "chamber", "staircase"):  # slow effects need their time: log more slowly
-        while seconds < SECONDS[protocol] and poll_hz > 400.0:
-            poll_hz, odr_hz, cutoff_hz = 200.0, 416.0, cutoff_hz * 416.0 / odr_hz
-            seconds = min(SECONDS[protocol], MOST_SAMPLES / RUNS[protocol] / poll_hz)
+    seconds = max(2.0, min(SECONDS[protocol], MOST_SAMPLES / RUNS[protocol] / poll_hz))
     drifts = random.random() < 0.7
     return Case(
         name=name,
