@@ -127,9 +127,9 @@ class Outcome:
     def from_row(cls, row: Mapping[str, Any]) -> Outcome:
         case = dict(row["case"])
         effects = tuple(Effect(**effect) for effect in case.pop("effects"))
-        case = Case(**{key: tuple(v) if isinstance(v, list) else v for key, v in case.items()}, effects=effects)
+        case = Case(**_tuples(case), effects=effects)
         answers = {
-            method: Answer(**{**answer, "named": tuple(map(tuple, answer["named"])), "group": tuple(answer["group"])})
+            method: Answer(**{**_tuples(answer), "named": tuple(map(tuple, answer["named"]))})
             for method, answer in row["answers"].items()
         }
         return cls(case, row["detectability"], answers, row["note"])
@@ -137,3 +137,8 @@ class Outcome:
 
 def _sizes(effect: Effect) -> str:
     return ", ".join(f"{name} {value:.3g}" for name, value in effect.parameters.items())
+
+
+def _tuples(row: Mapping[str, Any]) -> dict[str, Any]:
+    """JSON has lists alone."""
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}

@@ -45,10 +45,12 @@ class Chip:
         return OVERSAMPLING * np.floor((poll_s + PREROLL_S) * self.odr_hz).astype(np.int64)
 
     def noise_covariance(self, poll_hz: float, lags: int) -> Array:
-        """Of the white noise behind the low-pass, at 0, 1, ... `lags` polls, in dps^2."""
-        full = np.correlate(self.impulse, self.impulse, "full")[len(self.impulse) - 1 :]
-        at = np.round(np.arange(lags + 1) * self.fine_hz / poll_hz).astype(int)
-        return self.noise_sd_dps**2 * np.where(at < len(full), full[np.minimum(at, len(full) - 1)], 0.0)
+        """Of the white noise behind the low-pass, at 0, 1, ... `lags` polls, in dps^2.
+
+        A poll finds the newest chip sample: the chip samples between two polls are one of two whole numbers, in turn.
+        """
+        full = np.correlate(self.impulse, self.impulse, "full")[len(self.impulse) - 1 :: OVERSAMPLING]
+        return self.noise_sd_dps**2 * np.interp(np.arange(lags + 1) * self.odr_hz / poll_hz, np.arange(len(full)), full)
 
     def low_pass(self, signal: Array) -> Array:
         return lfilter(self.b, self.a, signal, zi=self.zi * signal[0])[0]
