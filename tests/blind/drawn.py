@@ -5,7 +5,8 @@ A drawn case is fixed by its kind, its number and the set's seed. Every rule bel
 - An effect counts where it stands out by `SEEN` standard errors for one who knows its shape and the noise, and by `APART`
   beside each rival of the documented table (`generator.told_apart`): else the draw is repeated.
 - A confounded case stands out by `SEEN`, and by less than `ALIKE` beside at least one rival: those are its rivals.
-- An unknown shape stands out by `SEEN_UNKNOWN`, and keeps at least `OWN_SHAPE` of it beside every effect of the table.
+- An unknown shape keeps at least `OWN_SHAPE` of its size beside every effect of the table. Nobody knows it, so it counts by
+  its power: that of the Fourier coefficients that hold it stands `SEEN_UNKNOWN` standard errors over the noise's.
 - In a set, each effect stands out by `SEEN` beside all others together, and by `APART` beside each rival as well.
 """
 
@@ -22,10 +23,10 @@ from .generator.case import AXES, Case, Effect
 from .generator.chip import DIGITAL
 from .generator.protocol import MOVING
 from .generator.session import make
-from .generator.told_apart import told_apart
+from .generator.told_apart import power, told_apart
 
 SEEN, APART, ALIKE = 8.0, 5.0, 2.0
-SEEN_UNKNOWN, OWN_SHAPE = 16.0, 0.7
+SEEN_UNKNOWN, OWN_SHAPE = 10.0, 0.7
 MOST_DRAWS = 40
 SEEDS = {"work": 20_000, "frozen": 70_000}
 COUNTS = {"effect": 200, "set": 60, "confounded": 60, "unknown": 60, "null": 200}
@@ -102,6 +103,7 @@ def _one(name: str, typical: float, signed: bool = True) -> Callable[[Random, Ca
     return lambda random, case: {name: (_signed if signed else size)(random, typical)}
 
 
+MEASURED = {"accelerometer": True}
 RAMP = {"climate": "ramp"}
 WARM = {"climate": "chamber"}
 SHAKEN = {"accelerometer": True, "vibration_g": 0.3}
@@ -123,7 +125,7 @@ EFFECTS: dict[str, Kind] = {
     "spin_up": Kind(
         ("paper", "full"), "table", lambda r, c: {"A": size(r, 3e-3), "tau_s": _between(r, 0.3, 2.5)}
     ),
-    "g_sensitivity": Kind(("full", "staircase", "hand", "swing"), "any", _gravity),
+    "g_sensitivity": Kind(("full", "staircase", "hand", "swing"), "any", _gravity, MEASURED),
     "misalignment": Kind(SEVERAL_RATES, "off", _one("m", 5e-3)),
     "scale_nonlinearity": Kind(("full", "staircase", "hand"), "table", _one("k3", 5e-8)),
     "scale_asymmetry": Kind(SEVERAL_RATES, "table", _one("k", 5e-4)),
@@ -190,7 +192,7 @@ UNKNOWN: dict[str, Kind] = {
 
 ONE_RATE = {"rates_dps": (78.0,), "rate_spread": 0.0}
 CONFOUNDED: tuple[tuple[str, str, dict[str, Any]], ...] = (
-    ("misalignment", "paper", {}),
+    ("misalignment", "paper", MEASURED),
     ("g_sensitivity", "paper", {}),
     ("scale_asymmetry", "full", ONE_RATE),
     ("centripetal", "full", ONE_RATE | STILL),
@@ -316,7 +318,7 @@ def _kept(case: Case) -> Case | None:
     for effect in case.effects:
         seen, beside = told_apart(truth, effect.id)
         nearest = min(beside.values(), default=seen)
-        if seen < (SEEN_UNKNOWN if case.kind == "unknown" else SEEN):
+        if seen < SEEN or (case.kind == "unknown" and power(truth, effect.id) < SEEN_UNKNOWN):
             return None
         if case.kind == "unknown" and nearest < OWN_SHAPE * seen:
             return None

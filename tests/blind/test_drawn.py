@@ -20,7 +20,7 @@ from .generator.chip import badly_joined
 from .generator.detectability import whitened
 from .generator.session import make
 from .generator.signals import SIGNALS, play
-from .generator.told_apart import told_apart
+from .generator.told_apart import power, told_apart
 from .outcome import Answer, Outcome
 
 NAMED = {
@@ -195,3 +195,14 @@ def test_bounds_are_clopper_and_pearsons():
     assert found["n"] == 10
     # their table for one of ten
     assert found["within"] == pytest.approx([0.0025, 0.4450], abs=5e-5)
+
+
+def test_the_power_of_a_known_line_and_of_noise_is_what_their_coefficients_hold(tmp_path):
+    """A line of amplitude A in n samples of noise s holds n A^2 / 2 s^2 in two coefficients a run."""
+    case = with_effect("vibration_tone", "x", f_hz=30.0, A_dps=0.02)
+    case = replace(case, turn_on_sd_dps=0.0)
+    truth = make(case, tmp_path)
+    runs, n = len(truth.runs), len(truth.runs[0].t_s)
+    size = np.std([run.injected_dps["vibration_tone"][0] for run in truth.runs]) ** 2 / (truth.white_sd_dps**2)
+    found = power(truth, "vibration_tone")
+    assert 0.5 < found / (runs * n * size / np.sqrt(2 * 2 * runs)) <= 1.05  # a line between two bins leaks into its neighbours

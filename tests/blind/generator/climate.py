@@ -44,9 +44,10 @@ class Climate:
             slope += amplitude_c * 2 * np.pi / period_s * np.cos(angle)
         if self.ramp is not None:
             amplitude_c, period_s, phase = self.ramp
-            position = (time_s / period_s + phase) % 1.0
-            temp_c += amplitude_c * (4 * np.abs(position - 0.5) - 1)
-            slope += amplitude_c * 4 / period_s * np.where(position > 0.5, 1.0, -1.0)
+            for k in (1, 3, 5):  # of a triangle's waves: a chamber turns within seconds, not within a sample
+                angle = 2 * np.pi * k * (time_s / period_s + phase)
+                temp_c += amplitude_c * 8 / (np.pi * k) ** 2 * np.cos(angle)
+                slope -= amplitude_c * 16 / (np.pi * k * period_s) * np.sin(angle)
         left = (self.heat_c[plan.scenario] - SELF_HEATING_C) * np.exp(
             -(time_s - plan.power_on_time_s) / SELF_HEATING_TAU_S
         )

@@ -30,6 +30,23 @@ def told_apart(truth: Truth, effect: str) -> tuple[float, dict[str, float]]:
     return max(each, default=(0.0, {}), key=lambda found: found[0])
 
 
+def power(truth: Truth, effect: str) -> float:
+    """Standard errors by which the power of a shape that nobody knows stands over the noise's.
+
+    Of unit white noise, m squared coefficients sum to m with variance 2 m. m is the participation number of the signal's
+    Fourier coefficients, two for each frequency.
+    """
+    parts = []
+    for run in truth.runs:
+        white = whitened(truth, run.injected_dps[effect])
+        centred = white - white.mean(axis=-1, keepdims=True)
+        parts.append((np.abs(np.fft.rfft(centred, norm="ortho")) ** 2).ravel())
+    each = 2 * np.concatenate(parts)
+    total = float(np.sum(each))
+    coefficients = 2 * total**2 / float(np.sum(each**2)) if total else 1.0
+    return total / np.sqrt(2 * coefficients)
+
+
 def _on_axis(truth: Truth, effect: str, axis: int) -> tuple[float, dict[str, float]]:
     itself = (effect, *LIMITS.get(effect, ()))
     rivals = [(name, columns, own) for name, columns, own in shapes(truth, axis) if name not in itself]
