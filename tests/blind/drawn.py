@@ -172,12 +172,11 @@ UNKNOWN: dict[str, Kind] = {
         "any",
         lambda r, c: {"f_start_hz": 0.1 * c.poll_hz, "f_end_hz": r.uniform(0.15, 0.3) * c.poll_hz, "A_dps": size(r, 0.04)},
     ),
-    "pulses": Kind(
-        ("paper", "long", "hand"),
-        "any",
-        lambda r, c: {"a_minute": r.uniform(8, 20), "A_dps": _signed(r, 0.08), "tau_s": r.uniform(0.3, 1.0)},
+    "two_point_control": Kind(
+        ("paper", "long", "hand"), "any", lambda r, c: {"A_dps": size(r, 0.05), "period_s": r.uniform(1.0, 3.0)}
     ),
-    "friction": Kind(("swing", "staircase", "hand"), "table", _one("A_dps", 0.05)),
+    # a staircase has so few reversals that it leaves a handful of steps, which bias_jumps are
+    "friction": Kind(("swing", "hand"), "table", _one("A_dps", 0.05)),
     "periodic_nonlinearity": Kind(
         ("staircase", "hand"),
         "table",

@@ -123,11 +123,11 @@ def _thermal_hysteresis(p: Mapping[str, float], world: World) -> Array:
     return p["amplitude_dps"] * np.interp(world.t_s, t_s, play(temp_c, p["width_c"]))
 
 
-def _pulses(p: Mapping[str, float], world: World) -> Array:
-    """Something hits the board now and then: a pulse that dies away, at random times."""
-    at_s = world.random.uniform(0.0, world.seconds, max(2, world.random.poisson(p["a_minute"] * world.seconds / 60)))
-    since_s = world.t_s[None, :] - at_s[:, None]
-    return p["A_dps"] * np.sum(np.where(since_s >= 0, np.exp(-np.maximum(since_s, 0.0) / p["tau_s"]), 0.0), axis=0)
+def _two_point_control(p: Mapping[str, float], world: World) -> Array:
+    """A heater's switch pulls the supply: on and off in turn, each time for a little longer or shorter."""
+    halves = int(4 * (world.seconds + 4) / p["period_s"])
+    edges = world.t_s[0] + np.cumsum(p["period_s"] / 2 * world.random.uniform(0.7, 1.3, halves))
+    return p["A_dps"] * (-1.0) ** np.searchsorted(edges, world.t_s)
 
 
 def _friction(p: Mapping[str, float], world: World) -> Array:
@@ -176,7 +176,7 @@ SIGNALS: dict[str, Callable[[Mapping[str, float], World], Array]] = {
     "dead_band": _dead_band,
     "order_tone": _order_tone,
     "g2_sensitivity": lambda p, world: p["k_dps_per_g2"] * np.sum(world.acceleration_g**2, axis=0),
-    "pulses": _pulses,
+    "two_point_control": _two_point_control,
     "friction": _friction,
     "periodic_nonlinearity": _periodic_nonlinearity,
     "hum_bursts": _hum_bursts,

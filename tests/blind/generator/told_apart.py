@@ -17,6 +17,8 @@ from .signals import play
 Columns = list[Array]  # of each run, [k, n]
 LIMITS = {"drift": ("warmup",)}
 """Rivals that hold an effect as a limit (a warm-up far slower than the recording is a drift): the simpler is the right name."""
+LOWEST_TONE_HZ = 1.0
+"""Of the documented vibration_tone."""
 LAGS_S = (0.5, 1.5, 5.0, 15.0, 50.0, 150.0)
 
 
@@ -117,7 +119,7 @@ def shapes(truth: Truth, axis: int) -> Iterator[tuple[str, Columns, bool]]:
         yield "order_tone", waves, not known
         if on_table and order == round(order):
             yield "table_ripple", [w * run.rate_dps for w, run in zip(waves, runs, strict=True)], not known
-    for f_hz in rates_hz:
+    for f_hz in (f_hz for f_hz in rates_hz if f_hz >= LOWEST_TONE_HZ):
         yield "vibration_tone", [_wave(2 * np.pi * f_hz * run.t_s) for run in runs], True
 
 
