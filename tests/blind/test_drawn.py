@@ -97,7 +97,7 @@ def test_whitening_takes_out_the_low_pass(tmp_path):
 
 @pytest.mark.parametrize(("protocol", "alike"), [("paper", True), ("full", False)])
 def test_one_rate_tells_neither_gravity_from_misalignment_nor_a_tone_from_an_order(tmp_path, protocol, alike):
-    effects = (Effect("misalignment", {"m": 0.002}, "x"), Effect("order_tone", {"order": 3, "A_dps": 0.1, "phase_deg": 0}, "y"))
+    effects = (Effect("misalignment", {"m": 0.002}, "x"), Effect("order_tone", {"order": 7, "A_dps": 0.1, "phase_deg": 0}, "y"))
     truth = make(replace(PLAIN, protocol=protocol, seconds=6.0, effects=effects), tmp_path)
     for effect, rival in (("misalignment", "g_sensitivity"), ("order_tone", "vibration_tone")):
         alone, beside = told_apart(truth, effect)
