@@ -113,7 +113,7 @@ STILL = {"accelerometer": False}
 EFFECTS: dict[str, Kind] = {
     "bias_temperature": Kind(("paper", "full", "chamber", "long"), "any", _bias_temperature, WARM),
     "scale_temperature": Kind(("full", "chamber", "staircase"), "table", _one("k_per_c", 1e-4), WARM),
-    "thermal_lag": Kind(("paper", "full", "chamber", "long"), "any", _one("k_dps_s_per_c", 0.1), WARM),
+    "thermal_lag": Kind(("paper", "chamber", "long"), "any", _one("k_dps_s_per_c", 0.1), WARM),
     "warmup": Kind(
         ("paper", "full", "long", "staircase", "hand"),
         "any",
