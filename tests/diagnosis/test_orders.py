@@ -11,7 +11,9 @@ from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.levels import residuals
-from gyrocal.effects.base import table_angle_rad
+from gyrocal.effects.base import elapsed_s, table_angle_rad
+from gyrocal.effects.wave import size_over_rate
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation.simulate import simulate
 
@@ -99,3 +101,23 @@ def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
     for effect_id, spec in (("table_ripple", "table_ripple"), ("order_tone", "order_tone:order=2,A_dps=0.05")):
         named = {c.effect.id for c in diagnose(full(spec)).candidates if c.decision == "add" and c.axis == "z"}
         assert named == {effect_id}
+
+
+@pytest.mark.parametrize("seed", range(3, 8))
+def test_one_size_is_far_from_both_kinds_of_wave(seed: int) -> None:
+    """The figures beside ``Policy.one_size``: sums of squares of the sizes of each run, of order 2, by least squares."""
+
+    def ratio(spec: str) -> float:
+        turning = [r for r in full(spec, seed=seed).runs if np.any(r.rate_dps) and r.axis == "z"]
+        sizes = []
+        for run in turning:
+            angle = 2 * table_angle_rad(run)
+            known = np.column_stack([np.ones(len(run)), elapsed_s(run), np.cos(angle), np.sin(angle)])
+            fitted = np.linalg.lstsq(known, run.gyro_dps[:, 2] - run.rate_dps, rcond=None)[0]
+            sizes.append(float(np.hypot(fitted[2], fitted[3])))
+        found = size_over_rate(turning, np.array(sizes))
+        assert found is not None
+        return found
+
+    assert ratio("order_tone:order=2,A_dps=0.05") < 0.02 < POLICY.one_size
+    assert ratio("table_ripple:amplitude_1=0,amplitude_2=0.002") > 50 > 1 / POLICY.one_size

@@ -22,6 +22,7 @@ from gyrocal.calibration.uncertainty import (
     misfit_of,
     white_variance,
 )
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
 from gyrocal.warning import Warning
 
@@ -37,7 +38,7 @@ FLAGS = {
 }
 """Every flag in the contract's order, with what it says."""
 
-LARGEST_SCALE, LARGEST_BIAS_DPS = 0.15, 50.0
+LARGEST_SCALE, LARGEST_BIAS_DPS = POLICY.largest_scale, POLICY.largest_bias_dps
 OPPOSITE, OPPOSITE_ERRORS = 0.1, 5.0
 """A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The
 response of an axis across the table's is within this, of either sign: misalignment."""
