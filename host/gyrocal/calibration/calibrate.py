@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
-from gyrocal.calibration.trust import Evidence, answer_flags, ordered, reading_flags, warning_flags, with_table
+from gyrocal.calibration.flags import ordered
+from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
@@ -47,7 +48,7 @@ class Estimate:
     bias_se_dps: float | None
     misfit: float | None = None
     flags: tuple[str, ...] = ()
-    """What speaks against it (:data:`gyrocal.calibration.trust.FLAGS`)."""
+    """What speaks against it (:data:`gyrocal.calibration.flags.FLAGS`)."""
 
     @property
     def trusted(self) -> bool:
