@@ -10,7 +10,7 @@ import pytest
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.levels import residuals
+from gyrocal.diagnosis.levels import Cleaned
 from gyrocal.effects.base import elapsed_s, table_angle_rad
 from gyrocal.effects.wave import size_over_rate
 from gyrocal.policy import POLICY
@@ -49,7 +49,7 @@ def test_a_wave_once_per_turn_across_the_table_is_told_by_its_angle() -> None:
         assert first.amplitude_dps == pytest.approx(0.156, rel=0.2)
         assert first.note.endswith("once per turn, of the same phase in each run")
         assert not [f for f in comparison.where if f.axis == axis and f.against == "frequency"]
-        of_runs = residuals(comparison.fit, axis)
+        of_runs = Cleaned.of(comparison.fit, axis).by_run
         seen = np.array([2 * np.mean(of_runs[r.index] * np.exp(1j * table_angle_rad(r))) for r in session.runs])
         assert first.amplitude_dps == pytest.approx(float(np.sqrt(np.mean(np.abs(seen) ** 2))), rel=0.2)
         assert abs(seen.sum()) > 0.9 * np.abs(seen).sum()
@@ -59,7 +59,7 @@ def test_waves_that_begin_anywhere_are_of_another_phase() -> None:
     comparison = compare(paper("table_ripple"))
     first = comparison.where[0]
     assert first.note.endswith("once per turn, of another phase in each run")
-    of_runs = residuals(comparison.fit, "z")
+    of_runs = Cleaned.of(comparison.fit, "z").by_run
     seen = np.array([2 * np.mean(of_runs[b.run.index] * np.exp(1j * table_angle_rad(b.run))) for b in comparison.fit.blocks])
     assert abs(seen.sum()) < 0.9 * np.abs(seen).sum()
     assert first.amplitude_dps == pytest.approx(float(np.sqrt(np.mean(np.abs(seen) ** 2))), rel=0.2)

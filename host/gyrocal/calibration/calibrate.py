@@ -29,7 +29,7 @@ DEFAULT_SECONDS = (2.0, 4.0, 6.0)
 POOLED = "all"
 """The scenario of an estimate from all power cycles together."""
 NAMED = 5
-"""Scenarios without an estimate that are named; of more, their number is told."""
+"""Scenarios without an estimate that are named; if there are more, only their number is reported."""
 STEADY = 0.03
 """Of the rate: what a rate may vary and still be one rate; the device has the same."""
 
@@ -132,7 +132,7 @@ def _described(run: Run) -> str:
 
 
 def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[str]) -> str:
-    """What keeps scale and bias from being told, and what to do."""
+    """Why scale and bias cannot be determined, and what to do."""
     session = task.session
     for warning in task.warnings:
         if warning.code == "sample_rate":  # times that are wrong, such as milliseconds, leave no seconds to cut
@@ -148,7 +148,7 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
         if any(consecutive(run) < len(run) for run in session.runs):
             return "samples are missing in the first seconds, and the network takes windows without a gap; use another --method"
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
-    return "scale and bias cannot be told; record both faces, or rest and a known turn"
+    return "scale and bias cannot be determined; record both faces, or rest and a known turn"
 
 
 def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:

@@ -47,7 +47,7 @@ class Calibration:
     """What a device knows before it measures. Parameters in the order [run columns, shared columns, bias, scale].
 
     The last ``alternatives`` run columns exclude each other: one of them acts in a run, each as likely as another before it is
-    measured. So a nonlinear parameter that differs from run to run (a time constant) is told from a few of its values.
+    measured. So a nonlinear parameter that differs from run to run (a time constant) is chosen from a few values.
     """
 
     name: str

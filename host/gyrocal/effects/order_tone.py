@@ -13,6 +13,7 @@ from gyrocal.effects.wave import ONE_RATE, Wave, size_over_rate
 from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
+from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
 PEAKS = 2
@@ -37,6 +38,7 @@ def _rest_dps(run: Run, axis: int) -> Array:
     return np.asarray(y_dps - known @ np.linalg.lstsq(known, y_dps, rcond=None)[0])
 
 
+@once
 def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     """The strongest lines over the table's angle, strongest first.
 

@@ -11,12 +11,14 @@ from gyrocal.effects.base import Law, Parameter, Values, elapsed_s
 from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ
 from gyrocal.effects.wave import Wave
 from gyrocal.parameter import POSITIVE
+from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
 LOWEST_HZ = 1.0
 PEAKS = 2
 
 
+@once
 def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
     """Frequencies [k] in Hz, and the mean periodogram [k] of the readings divided by its level between lines."""
     from gyrocal.noise.spectrum import spectrum

@@ -27,7 +27,7 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
     if isinstance(term.effect, TimingEffect):
         return with_timing(current, term)
     noise, chosen = current.noise, None
-    for _ in range(3):  # drift swallows what it was fitted without: judge again at the noise fitted with the choice
+    for _ in range(3):  # drift absorbs an effect that the model lacks, so the choice is repeated at the noise fitted with it
         values = _likeliest(current, term, noise)
         if values == chosen:
             break
