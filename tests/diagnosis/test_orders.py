@@ -121,3 +121,13 @@ def test_one_size_is_far_from_both_kinds_of_wave(seed: int) -> None:
 
     assert ratio("order_tone:order=2,A_dps=0.05") < 0.02 < POLICY.one_size
     assert ratio("table_ripple:amplitude_1=0,amplitude_2=0.002") > 50 > 1 / POLICY.one_size
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: int) -> None:
+    """A second line that noise explains had the tone judged on single samples, where nothing else can be compared with it."""
+    session, _ = simulate(None, "paper", ["table_ripple"], seed, scenarios=3, seconds=20.0)
+    found = diagnose(session)
+    assert found.best is not None
+    assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", "table_ripple", "z")
+    assert [c.effect.id for c in found.candidates if c.decision == "add"] == ["table_ripple"]
