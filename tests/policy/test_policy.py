@@ -9,7 +9,7 @@ import pytest
 
 from gyrocal.policy import JUDGEMENT, POLICY
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 HOST = ROOT / "host/gyrocal"
 NO_THRESHOLDS = {
     "HANN_NEIGHBOURS",  # a property of the window
