@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import AsJson
+
 NAMES = (
     "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors) or "
     "real (recordings by others)."
@@ -27,7 +29,7 @@ def run(
     results: Annotated[
         Path | None, typer.Option(metavar="FILE", help="blind: finished cases (JSONL); those there are not run again.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
     from gyrocal.benchmark import benchmark, show
