@@ -24,7 +24,7 @@ from gyrocal.plausibility import check
 from gyrocal.recording.session import AXES, Session
 from gyrocal.warning import Warning
 
-CODE = ("recording", "noise", "effects", "variables", "error_model", "inference", "plausibility", "fleet")
+CODE = ("policy", "recording", "noise", "effects", "variables", "error_model", "inference", "plausibility", "fleet")
 """The folders on whose code a summary depends."""
 
 
