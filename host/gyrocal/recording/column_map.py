@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.session import AXES
 from gyrocal.recording.table import OPTIONAL, REQUIRED
 
@@ -75,9 +74,8 @@ class ColumnMap:
         if not equals or not rest.strip():
             raise InputError(f"--map {text}: want TARGET=COLUMN[:UNIT][*FACTOR], for example gx_dps=gyr_x:rad/s")
         if target not in TARGETS:
-            near = difflib.get_close_matches(target, TARGETS, 1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(TARGETS)}"
-            raise InputError(f"--map {text}: no column {target!r} in a session; {hint}")
+            near = did_you_mean(target, TARGETS)
+            raise InputError(f"--map {text}: no column {target!r} in a session{near}; there are {', '.join(TARGETS)}")
         rest, multiplier = _factor(text, rest)
         column, unit = rest.strip(), None
         units = units_of(target, scaling)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
 
@@ -40,9 +39,8 @@ class Source:
         for name in names:
             if name not in self.frame.columns:
                 shown = ", ".join(self.frame.columns[:SHOWN_COLUMNS])
-                near = difflib.get_close_matches(name, self.frame.columns, 1)
-                asked = f" (did you mean {near[0]!r}?)" if near else ""
-                raise InputError(f"{self.label}: no column {name!r} among {shown}{asked}")
+                near = did_you_mean(name, self.frame.columns)
+                raise InputError(f"{self.label}: no column {name!r} among {shown}{near}")
 
     def row(self, entry: int) -> str:
         """Where an entry stands, in words."""

@@ -108,7 +108,8 @@ def _check_columns(columns: list[str], label: str) -> None:
         raise InputError(f"{label}: row 1: column {sorted(doubled)[0]!r} stands twice in the header")
     missing = [c for c in REQUIRED if c not in columns]
     if missing:
-        raise InputError(f"{label}: row 1: the header lacks {', '.join(missing)}; it has {', '.join(columns)[:120]}")
+        comma = "; cells are separated by commas here: `gyrocal import` reads other tables" if len(columns) == 1 else ""
+        raise InputError(f"{label}: row 1: the header lacks {', '.join(missing)}; it has {', '.join(columns)[:120]}{comma}")
 
     for name in OPTIONAL:
         stem, _, unit = name.rpartition("_")

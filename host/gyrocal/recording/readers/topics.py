@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 
 SHOWN = 20
 
@@ -27,8 +26,7 @@ def chosen(path: Path, topic: str | None, topics: Sequence[str], preferred: Sequ
     """``topic`` if it is there, or the first one preferred; InputError that lists the topics otherwise."""
     shown = ", ".join(topics[:SHOWN]) + (", ..." if len(topics) > SHOWN else "")
     if topic is not None and topic not in topics:
-        near = difflib.get_close_matches(topic, topics, 1)
-        raise InputError(f"{path}: no topic {topic!r}{f' (did you mean {near[0]}?)' if near else ''}; there are {shown}")
+        raise InputError(f"{path}: no topic {topic!r}{did_you_mean(topic, topics)}; there are {shown}")
     if topic is None and not preferred:
         raise InputError(f"{path}: several topics; choose one by --topic: {shown}" if topics else f"{path}: no topics in it")
     return topic if topic is not None else preferred[0]
