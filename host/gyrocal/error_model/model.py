@@ -23,6 +23,7 @@ from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 from gyrocal.parameter import NOT_NEGATIVE, Described
 from gyrocal.recording.session import AXES, Run
+from gyrocal.shown import Shown
 
 FORMAT = "gyrocal-model/1"
 
@@ -99,8 +100,8 @@ class Line:
         return not isinstance(self.kind, Effect) or self.kind.role is not None
 
 
-@dataclass(frozen=True)
-class Model:
+@dataclass(frozen=True, repr=False)
+class Model(Shown):
     """Terms and noise of each axis."""
 
     name: str
@@ -116,7 +117,7 @@ class Model:
         """
         noises = {"paper": AxisNoise(), "default": AxisNoise(drift=Drift(), turn_on_bias=TurnOnBias())}
         if name not in noises:
-            raise InputError(f"--model {name}: neither a file nor one of {', '.join(noises)}{did_you_mean(name, noises)}")
+            raise InputError(f"model {name}: neither a file nor one of {', '.join(noises)}{did_you_mean(name, noises)}")
         ids = [base.with_role(role).id for role in Role]
         return Model(name, tuple(Term(i, axis) for i in ids for axis in AXES), dict.fromkeys(AXES, noises[name]))
 

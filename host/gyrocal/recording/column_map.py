@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from gyrocal.errors import InputError, did_you_mean
@@ -107,6 +107,11 @@ def _factor(text: str, rest: str) -> tuple[str, float]:
     if not math.isfinite(factor) or factor == 0.0:
         raise InputError(f"--map {text}: {tail[2]}{tail[3]} is not a usable factor")
     return tail[1], factor
+
+
+def has_reference(columns: Iterable[str]) -> bool:
+    """True if one of the columns is a reference of the true rate."""
+    return any(name in REFERENCES for name in columns)
 
 
 def mapping_of(form: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.recording.column_map import REFERENCES, ColumnMap
+from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Booleans, Source
 from gyrocal.recording.stamps import goes_back, in_bursts, regression
@@ -147,8 +147,3 @@ def even(t_s: Array, where: str, file: str) -> tuple[Array, Warning | None]:
         f"{1 / stamps.period_s:.5g} samples a second{lost}; they were replaced by their regression on the sample's number. "
         "Record the sensor's own time if you can",
     )  # fmt: skip
-
-
-def has_reference(columns: Mapping[str, Array]) -> bool:
-    """True if one of the columns is a reference of the true rate."""
-    return any(name in columns for name in REFERENCES)

@@ -12,8 +12,8 @@ import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.recording import readers
-from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling, mapping_of
-from gyrocal.recording.convert import Converted, convert, even, has_reference, rate_of
+from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling, has_reference, mapping_of
+from gyrocal.recording.convert import Converted, convert, even, rate_of
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.guess import Guess, guess
