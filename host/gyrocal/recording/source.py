@@ -68,10 +68,11 @@ class Source:
     def has_text(self, mapping: ColumnMap) -> Booleans:
         """The entries [n] whose cell is neither a number nor stands for a missing one."""
         column = self.frame[mapping.column]
-        if column.dtype != pl.String:
+        wrong = _as_float(column).is_null()
+        if column.dtype != pl.String or not wrong.any():
             return np.zeros(len(column), dtype=bool)
         empty = column.str.to_lowercase().is_in(["", "nan", "null", "none", "n/a", TOO_LONG]).fill_null(True)
-        return (_as_float(column).is_null() & ~empty).to_numpy()
+        return (wrong & ~empty).to_numpy()
 
     def blank(self) -> Booleans:
         """The entries [n] without any cell."""
