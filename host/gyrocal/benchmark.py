@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from gyrocal.errors import GyrocalError, InputError
+from gyrocal.errors import GyrocalError, InputError, did_you_mean
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
@@ -55,7 +55,7 @@ def benchmark(name: str, *, sample: bool = False, quiet: bool = False, **part: A
 def _module(name: str) -> Any:
     """Import the benchmark's module from the checkout."""
     if name not in BENCHMARKS:
-        raise InputError(f"no benchmark {name!r}; there are {', '.join(BENCHMARKS)}")
+        raise InputError(f"no benchmark {name!r}{did_you_mean(name, BENCHMARKS)}; there are {', '.join(BENCHMARKS)}")
     folder = BENCHMARKS[name]
     module = "blind.benchmark" if name == "blind" else f"{folder.name}.{name}"
     if not (folder.parent / f"{module.replace('.', '/')}.py").is_file():

@@ -13,7 +13,7 @@ from gyrocal.recording.session import Array
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One effect on one axis, with its evidence and the decision.
 

@@ -26,14 +26,15 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Session
+from gyrocal.shown import Shown
 from gyrocal.threads import each, one_thread
 from gyrocal.warning import Warning
 
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False, eq=False)
+class Comparison(Shown):
     """A model held against a session. ``fit`` holds the model fitted to all data; levels are in deg/s."""
 
     fit: Fit

@@ -25,6 +25,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Session
+from gyrocal.shown import Shown
 from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
@@ -65,8 +66,8 @@ class Open:
         return {"group": list(self.group), "axis": self.axis, "next_measurement": self.next_measurement}
 
 
-@dataclass(frozen=True)
-class Explanation:
+@dataclass(frozen=True, repr=False, eq=False)
+class Explanation(Shown):
     """The result of :func:`explain`. ``first`` and ``last`` are the diagnoses of the given model and of the final model."""
 
     steps: list[Step]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.parameter import Described, Parameter, Values
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
@@ -275,7 +275,8 @@ def effect(effect_id: str) -> Effect:
     try:
         return effects()[effect_id]
     except KeyError:
-        raise InputError(f"no effect {effect_id!r}; there are {', '.join(effects())}") from None
+        near = did_you_mean(effect_id, effects())
+        raise InputError(f"no effect {effect_id!r}{near}; there are {', '.join(effects())}") from None
 
 
 def with_role(role: Role) -> Effect:

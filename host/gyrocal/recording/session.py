@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
 from gyrocal.recording.stamps import in_bursts, regression, weights
 from gyrocal.recording.table import check_table, read_table_and_damage, write_table
 from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
+from gyrocal.shown import Shown
 
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
@@ -258,8 +259,8 @@ class Run:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Session:
+@dataclass(frozen=True, repr=False)
+class Session(Shown):
     """A folder of runs; ``runs`` keep the file's order."""
 
     sample_rate_hz: float
@@ -310,6 +311,17 @@ class Session:
             if check:
                 _check_rate_known(run)
         return session
+
+    @staticmethod
+    def from_frames(frames: Sequence[Any], runs: Sequence[Mapping[str, Any]], **header: Any) -> Session:
+        """A session of frames (polars, pandas, or arrays by name) with a session's columns; ``runs`` are their facts.
+
+        The facts have the names of ``[[run]]`` in session.toml (``face``, ``table_rate_dps``, ...), ``header`` those above it
+        (``axis``, ``sensor``, ...). Without ``sample_rate_hz`` it is that of the first frame. Raises InputError.
+        """
+        from gyrocal.recording.frames import session_of
+
+        return session_of(frames, runs, **header)
 
     def with_runs(self, runs: Iterable[Run]) -> Session:
         """The same session with other runs."""
