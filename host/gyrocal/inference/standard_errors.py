@@ -54,11 +54,11 @@ def _fitted_noise(current: AxisFit, scenario_se: Array) -> AxisNoise:
     wanted, fitted = current.design.noise_model, AxisNoise(current.noise.white_sd_dps)
     if wanted.drift is not None:
         fitted = fitted.having(Drift(current.noise.ou_sd_dps, current.noise.ou_tau_s))
+    known = np.unique(current.design.scenarios).size >= LEAST_SCENARIOS
     if wanted.turn_on_bias is not None:
-        known = np.unique(current.design.scenarios).size >= LEAST_SCENARIOS
         se = {"sd_dps": current.scenario_sd(scenario_se, Role.BIAS)}
         fitted = fitted.having(TurnOnBias(current.turn_on_sd_dps, se=se) if known else TurnOnBias())
-    if len(current.design.layout.scenario) > 1:
+    if known and len(current.design.layout.scenario) > 1:
         sd, sd_se = (current.scenario_sd(of, Role.SCALE) for of in (current.spreads.scenario, scenario_se))
         fitted = replace(fitted, turn_on_scale=TurnOnScale(sd, sd_se))
     return fitted
