@@ -9,6 +9,7 @@ import numpy as np
 from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import LEAST_SCENARIOS
+from gyrocal.inference.few_cycles import widening
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.joint import Joint, errors_of, joint
 from gyrocal.inference.spread_errors import settled, spread_errors
@@ -23,7 +24,7 @@ def finish(current: AxisFit) -> AxisFit:
     current = settled(current)
     layout, design = current.design.layout, current.design
     run_se, scenario_se = spread_errors(current)
-    together = joint(current)
+    together = joint(current).widened(widening(current))
     terms = []
     for i, term in enumerate(design.terms):
         kind = term.effect
