@@ -13,11 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import Spreads, SpreadScale
+from gyrocal.inference.reml import LARGEST_SPREAD, Spreads, SpreadScale
 from gyrocal.recording.session import Array
 
 POINTS = 25
 """Spreads, evenly in the prior's coordinate, over which the average goes."""
+PHYSICAL, BEYOND = 0.1, 10.0
+"""The prior ends at this fraction of the largest spread, ten times the typical, or at this multiple of the fitted one."""
 Z95 = 1.959964
 HALVINGS = 40
 
@@ -30,14 +32,16 @@ def widening(current: AxisFit) -> Array:
     if not current.spreads.scenario.size or np.unique(design.scenarios).size < 2 or not np.isfinite(current.loglik):
         return out
     scale = SpreadScale.of(design, current.grams)
-    largest = scale.spreads(np.maximum(scale.high, 0.0))
+    roles = [design.terms[design.layout.fixed[j][0]].effect.role for j in design.layout.scenario]
+    limits = PHYSICAL * np.array([LARGEST_SPREAD[role] for role in roles])
+    largest = np.minimum(scale.spreads(scale.high)[k:], np.maximum(limits, BEYOND * current.spreads.scenario))
     everything = np.ones(len(design.blocks), dtype=bool)
     for j in range(current.spreads.scenario.size):
         unit = float(scale.unit[k + j])
         if unit <= 0:
             continue
         tried = []
-        for x in np.linspace(0.0, np.log1p(largest[k + j] / unit), POINTS):
+        for x in np.linspace(0.0, np.log1p(largest[j] / unit), POINTS):
             scenario = current.spreads.scenario.copy()
             scenario[j] = unit * np.expm1(x)
             tried.append(current.subset(everything, Spreads(current.spreads.run, scenario)))
