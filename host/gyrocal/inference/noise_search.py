@@ -59,11 +59,12 @@ def _drifts(design: Design) -> bool:
 
 
 def first_noises(design: Design) -> list[Noise]:
-    """Where the search for the noise begins: with a drift that is fast, and with one as slow as the runs are long."""
+    """Where a search for the noise may begin: drifts of two sizes, fast ones and ones as slow as the runs are long."""
     white0 = white_start(design)
     if not _drifts(design):
         return [Noise(white0)]
-    return [Noise(white0, white0 / 10, tau_s) for tau_s in (FAST_S, max(FAST_S, design.extent_s[0]))]
+    times_s = (FAST_S, max(FAST_S, design.extent_s[0]))
+    return [Noise(white0, white0 / part, tau_s) for tau_s in times_s for part in (10, 40)]
 
 
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
@@ -143,15 +144,11 @@ class NoiseScale:
 def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     """The noise of a design by REML: white level, drift and spreads together.
 
-    The search begins at the noise of ``start``. Without a start, it begins at a fast and at a slow drift; the better counts.
+    The search begins at the noise of ``start``, or at the likeliest of :func:`first_noises`.
     """
-    if start is not None:
-        return _searched(design, start)
-    found = [_searched(design, with_noise(design, noise, unknown_spreads(design))) for noise in first_noises(design)]
-    return max(found, key=lambda fit: fit.loglik)
-
-
-def _searched(design: Design, start: AxisFit) -> AxisFit:
+    if start is None:
+        tried = (with_noise(design, noise, unknown_spreads(design)) for noise in first_noises(design))
+        start = max(tried, key=lambda fit: fit.loglik)
     noise_scale, n = NoiseScale.of(design), int(design.n_blocks.sum())
     log_white0 = float(np.log(noise_scale.white_sd_dps))
     m, k = len(noise_scale.bounds), start.spreads.run.size
