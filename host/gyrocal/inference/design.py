@@ -31,8 +31,6 @@ LEAST_DPS = 1e-9
 """Smallest root mean square of a column that is used, deg/s per unit of its coefficient."""
 SLOW_S = 4.0
 """Shortest time scale of drift, s. Variations that are faster are left to the tests of whiteness."""
-LEAST_SCENARIOS = 3
-"""Smallest number of power cycles from which their spread is told."""
 LEAST_CONTRAST = 0.1
 """Spread of the true rates of a power cycle over their rms from which on they determine its scale beside its offset."""
 

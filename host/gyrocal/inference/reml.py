@@ -16,6 +16,7 @@ import numpy as np
 
 from gyrocal.effects.base import Role
 from gyrocal.inference.design import Design, Layout
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
@@ -26,8 +27,10 @@ FIRST_STEP = 0.5
 """Length of the first step of a search in its coordinates, which are logarithms of ratios."""
 NO_SPREAD = 1e-6
 """A variance below this fraction of the variance with which one run determines the coefficient counts as zero."""
-LARGEST_SPREAD: dict[Role | None, float] = {Role.BIAS: 5.0, Role.SCALE: 0.05}
-"""Largest spread over power cycles, deg/s and fraction: a hundred times the repeatability in datasheets."""
+LARGEST_SPREAD: dict[Role | None, float] = {
+    Role.BIAS: POLICY.largest_bias_spread_dps, Role.SCALE: POLICY.largest_scale_spread
+}  # fmt: skip
+"""Largest standard deviation over power cycles, deg/s and a fraction."""
 
 
 @dataclass(frozen=True)
