@@ -24,7 +24,7 @@ def test_rates_in_the_dead_band_read_as_zero_and_others_as_they_are(make_run: Ma
     w_dps = np.linspace(-3.0, 3.0, 601)
     run = swinging(make_run, w_dps, w_dps)
     reads = w_dps + effect("dead_band").term(run, 2, {"width_dps": 0.995, "depth": 1.0})
-    np.testing.assert_allclose(reads, np.where(np.abs(w_dps) < 0.995, 0.0, w_dps))
+    np.testing.assert_allclose(reads, np.where(np.abs(w_dps) < 0.995, 0.0, w_dps), atol=1e-12)
     assert not np.any(effect("dead_band").term(run, 0, {"width_dps": 0.995, "depth": 1.0}))
 
 
