@@ -73,7 +73,7 @@ def without(current: Current, ids: Sequence[str]) -> Current:
         return current
     design = current.fit.design.changed(kept)
     fitted = finish(fit_noise(design, start=with_noise(design, current.fit.noise, unknown_spreads(design))))
-    return Current(current.comparison, current.axis, fitted)
+    return Current(current.comparison, current.axis, fitted, changed=True)
 
 
 def overlapping(lead: Candidate, others: Sequence[Candidate]) -> list[Effect]:
