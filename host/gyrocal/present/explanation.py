@@ -26,8 +26,8 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
     """Print the steps with the excess after each, what stays open, and the verdict."""
     report.print_warnings(e.last.comparison.warnings)
     if e.steps:
-        rows = [["(start)", "", mdps(e.steps[0].before.pooled.excess_dps, 2), ""]]
-        rows += [[named(s), ", ".join(s.axes), mdps(s.after.pooled.excess_dps, 2), remark(s)] for s in e.steps]
+        rows = [["(start)", "", mdps(e.steps[0].excess_before_dps, 2), ""]]
+        rows += [[named(s), ", ".join(s.axes), mdps(s.excess_after_dps, 2), remark(s)] for s in e.steps]
         table("Held-out excess error over the noise floor", ["added:", "axis:", "excess mdps", "remark:"], rows)
     for one in e.left:
         stdout.print(open_words(one))
@@ -48,6 +48,8 @@ def remark(step: Step) -> str:
     parts = [] if step.matters else [TOO_SMALL]
     if step.removed:
         parts.append(f"replaces {', '.join(step.removed)}")
+    if step.within:
+        parts.append(f"within power cycles, from {mdps(step.excess_before_dps, 2)}")
     return "; ".join(parts)
 
 
@@ -81,8 +83,8 @@ def write_explanation(path: Path, e: Explanation) -> None:
         levels = [e.steps[0].before.pooled, *(s.after.pooled for s in e.steps)]
         overview = _data(pictures.waterfall(labels, [v.excess_dps or 0.0 for v in levels], levels[-1].floor_dps))
     steps = [
-        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": mdps(s.before.pooled.excess_dps, 2),
-         "after": mdps(s.after.pooled.excess_dps, 2), "remark": remark(s), "causes": _causes(s), "picture": _data(evidence(s))}
+        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": mdps(s.excess_before_dps, 2),
+         "after": mdps(s.excess_after_dps, 2), "remark": remark(s), "causes": _causes(s), "picture": _data(evidence(s))}
         for s in e.steps
     ]  # fmt: skip
     template = (files("gyrocal") / "present" / "explanation.html").read_text(encoding="utf-8")
