@@ -18,6 +18,7 @@ from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.rivals import cosine
 from gyrocal.diagnosis.sets import choose, overlapping, without
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
@@ -67,7 +68,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Open:
-    """Effects on one axis that the session cannot tell apart, and the measurement that would."""
+    """Effects on one axis that the session cannot tell apart, or one that it cannot prove, and the measurement that would."""
 
     group: tuple[str, ...]
     axis: str
@@ -132,11 +133,26 @@ def explain(
         tried = iter(plans if len(steps) < most_steps else ())
         taken = next(filter(None, (_taken(session, last, plan, refused, progress) for plan in tried)), None)
         if taken is None:
-            return Explanation([_over_one_floor(s, last.comparison) for s in steps], left, first, last)
+            return Explanation([_over_one_floor(s, last.comparison) for s in steps], [*left, *_unproven(last)], first, last)
         step, last = taken
         steps.append(step)
         for axis in step.axes:
             added[axis] = [*(i for i in added.get(axis, []) if i not in step.removed), *step.effects]
+
+
+REPEAT = "record the same runs again in another power cycle; no run of this session can be left out to test a prediction"
+
+
+def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
+    """The best suggestion on each axis with a finding, and its rivals, if nothing of the session can be held out."""
+    if diagnosis.comparison.held_out != "none":
+        return
+    for axis in dict.fromkeys(f.axis for f in diagnosis.comparison.where):
+        suggested = [c for c in diagnosis.candidates if c.axis == axis and c.decision == "suggest"]
+        best = min(suggested, key=lambda c: c.chance, default=None)
+        if best is not None:
+            rivals = [c for c in suggested if c is not best and cosine(best.signal, c.signal) > POLICY.similar_shape]
+            yield Open((best.effect.id, *(c.effect.id for c in rivals)), axis, REPEAT)
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,10 @@ def remark(step: Step) -> str:
 
 def open_words(one: Open) -> str:
     """What the session cannot tell apart, and what to measure."""
-    group = ", ".join(one.group[:-1]) + f" or {one.group[-1]}" if len(one.group) > 1 else one.group[0]
+    if len(one.group) == 1:
+        fits = f"On {one.axis} {one.group[0]} fits the readings, but this session cannot prove it."
+        return f"{fits} To prove it: {one.next_measurement}."
+    group = ", ".join(one.group[:-1]) + f" or {one.group[-1]}"
     return f"On {one.axis} this session cannot tell which acts: {group}. To tell them apart: {one.next_measurement}."
 
 
