@@ -47,7 +47,7 @@ def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple
 
     None if no shape describes ``Policy.visible`` of the residual's mean square about its mean.
     """
-    residual = np.concatenate(_residuals(current))
+    residual = np.concatenate([current.block_residuals(i) for i in range(len(current.design.blocks))])
     power = float(np.sum((residual - residual.mean()) ** 2))
     parts = []
     for name, shape in shapes:
@@ -55,7 +55,7 @@ def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple
             columns = np.concatenate([b.mean(shape.columns(b.run, current.design.axis, {})) for b in current.design.blocks])
             known = np.column_stack([np.ones(residual.size), columns])
             left = residual - known @ np.linalg.lstsq(known, residual, rcond=None)[0]
-            parts.append((1 - float(left @ left) / power, name, shape))
+            parts.append((1 - float(left @ left) / max(power, 1e-300), name, shape))
     best = max((part for part, _, _ in parts), default=0.0)
     if best < POLICY.visible:
         return None
