@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks import real
 
 from gyrocal.diagnosis.explain import Explanation, explain
-from gyrocal.diagnosis.levels import residuals
+from gyrocal.diagnosis.levels import Cleaned
 from gyrocal.effects.quantities import rate_slope_dps_s
 from gyrocal.present.explanation import print_explanation
 from gyrocal.recording.session import AXES, Array, Run, Session
@@ -76,7 +76,7 @@ def draw(name: str, found: Explanation, folder: Path) -> None:
 
 
 def _scatter(panel: Axes, fit: Any, axis: str, quantity: Quantity, together: int, told: str, colour: str) -> None:
-    by_run = residuals(fit, axis)
+    by_run = Cleaned.of(fit, axis).by_run
     for block in fit.blocks:
         values, residual = quantity(block.run, AXES.index(axis)), by_run[block.run.index]
         whole = residual.size // together * together

@@ -16,11 +16,6 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, Waves, per_turn
 
-ALIKE = 0.1
-"""Part of the residual's mean square by which two variables describe it equally well."""
-LEAST_PART = 1e-3
-"""Smallest singular value of a shape's columns, as a fraction of the largest, whose combination of columns is told."""
-
 
 def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     """Amplitude in deg/s and words of a shape that is the same in all runs. The amplitude is that of a sine of equal power."""
@@ -30,12 +25,14 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     columns = np.concatenate([b.mean(shape.columns(b.run, current.design.axis, {})) for b in current.design.blocks])
     shown = np.any(columns != 0, axis=1)
     columns = columns - columns.mean(axis=0) if shown.all() else columns
-    coefficients = np.linalg.lstsq(columns, np.concatenate(residuals), rcond=LEAST_PART)[0]
+    coefficients = np.linalg.lstsq(columns, np.concatenate(residuals), rcond=None)[0]
     amplitude = float(np.sqrt(2 * np.mean((columns[shown] @ coefficients) ** 2)))
     size = f"{amplitude * 1e3:.3g} mdps"
     if isinstance(shape, Waves):
         sizes = np.hypot(coefficients[::2], coefficients[1::2])
         k = int(np.argmax(sizes))
+        if sizes[k] > amplitude:  # the table turned by less than a turn, in which the waves cancel each other
+            return amplitude, f"{size} in all, of the same phase in each run"
         wave = f"{sizes[k] * 1e3:.3g} mdps {per_turn(shape.orders[k])}"
         return amplitude, f"{size} in all; most, {wave}, of the same phase in each run"
     words = shape.words if isinstance(shape, Columns) else ""
@@ -59,7 +56,7 @@ def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple
     best = max((part for part, _, _ in parts), default=0.0)
     if best < POLICY.visible:
         return None
-    _, name, shape = min((p for p in parts if p[0] > best - ALIKE), key=lambda p: len(p[2].linear))
+    _, name, shape = min((p for p in parts if p[0] > best - POLICY.alike), key=lambda p: len(p[2].linear))
     return name, shape
 
 

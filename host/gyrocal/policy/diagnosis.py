@@ -106,6 +106,11 @@ class Diagnosis:
         larger="an excess is reported beside the findings that make it up",
         smaller="a small finding hides a large error of unknown shape",
     )  # fmt: skip
+    alike: float = threshold(
+        0.1, "fraction of the residual's mean square by which two variables describe an excess equally well",
+        larger="a variable of few steps is told although the picture of another shows more",
+        smaller="time in the run is told wherever the cause moves smoothly in time",
+    )  # fmt: skip
     visible: float = threshold(
         0.5, "fraction of the residual's mean square that follows a variable, from which on an excess is told against it",
         larger="an excess that a picture shows is said to have no shape", smaller="noise names the variable of an excess",
@@ -235,7 +240,7 @@ class Diagnosis:
         1.0, "standard errors by which each member must raise the held-out gain of a set; the set as a whole needs gain_errors",
         larger="sets whose members share a shape are not found, because a few held-out units show the share of each poorly",
         smaller="a member joins a set that predicts as well without it",
-        chosen_by="the one-standard-error rule (Breiman and others 1984); a member must be significant in sample too",
+        chosen_by="the one-standard-error rule (Breiman and others 1984); gyrocal benchmark real: x in the chamber",
     )  # fmt: skip
     largest_pool: int = threshold(
         5, "largest number of overlapping effects of which `explain` forms sets; five give 25 sets",
