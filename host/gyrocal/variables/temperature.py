@@ -14,6 +14,8 @@ from gyrocal.variables.shapes import Shape
 RESOLUTION_C = 0.05
 WITHIN = 0.5
 """Part of a session's range of temperature that the runs must pass through to be cut into the steps of a ramp."""
+FEW_STEPS = 2
+"""Number of steps between runs up to which a ramp within the runs shows more."""
 
 
 class Temperature(Variable):
@@ -30,5 +32,6 @@ class Temperature(Variable):
             return []
         together_c = np.concatenate(measured_c)
         moves = float(np.median([np.ptp(temp_c) for temp_c in measured_c])) > WITHIN * float(np.ptp(together_c))
-        edges = quantile_edges(together_c, RESOLUTION_C, MOST_STEPS if moves else min(MOST_STEPS, self.steps_between_runs))
+        ramp = moves and self.steps_between_runs <= FEW_STEPS
+        edges = quantile_edges(together_c, RESOLUTION_C, MOST_STEPS if ramp else min(MOST_STEPS, self.steps_between_runs))
         return self.steps(axis, edges) if edges.size else []
