@@ -108,6 +108,18 @@ def test_single_readings_without_a_carry_are_told_from_other_outliers(make_run: 
     assert single_power([swinging(make_run, np.round(spikes / LSB_DPS) * LSB_DPS, w_dps)], 2) is None
 
 
+def test_readings_that_keep_the_carry_which_their_neighbours_lack_are_of_the_same_fault(make_run: MakeRun) -> None:
+    """Just below the border a few readings lack the carry. Just above it most of them do, and the few others stand out."""
+    border_dps = 2**7 * LSB_DPS
+    runs = [broken(make_run, np.full(3000, border_dps + off), 7, 1.0, seed) for seed, off in enumerate((-0.065, 0.065))]
+    apart_dps = [outliers_of(run, 2, run.gyro_dps[:, 2] - run.rate_dps)[1] for run in runs]
+    assert np.all(apart_dps[0] < 0)
+    assert np.all(apart_dps[1] > 0)
+    found = single_power(runs, 2)
+    assert found is not None
+    assert found == (7, sum(map(len, apart_dps)))
+
+
 def test_a_motion_that_nobody_recorded_is_no_lost_carry(make_run: MakeRun) -> None:
     """The sign bits of the code follow the motion, but the readings cross every border smoothly."""
     t_s = np.arange(6000) / 100

@@ -136,6 +136,10 @@ class Effect(Described):
         """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
         return len(self.variants(runs, axis))
 
+    def picked(self, runs: Sequence[Run], axis: int) -> int:
+        """The number of values that the columns have taken from the readings of these runs, which count as parameters."""
+        return 0
+
     def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
         """True if block means of a tenth of a second lose this effect in these runs. A candidate is then fitted to samples."""
         return self.fast
