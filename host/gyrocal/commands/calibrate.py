@@ -33,6 +33,13 @@ def run(
         raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
     methods = None if method is None else [m.strip() for m in method.split(",")]
     opened = Session.open(session)
+    if opened.reference.kind == "gravity":
+        from gyrocal.gravity import calibrate as gravity
+        from gyrocal.present.gravity import print_calibration
+
+        calibration = gravity.calibrate(opened, spans, methods, model)
+        emit(calibration.to_json()) if as_json else print_calibration(calibration)
+        return
     warnings = check(opened, model)
     found = calibrate(opened, spans, methods, model, warnings)
     warnings += unanswered(opened, found)
