@@ -34,11 +34,9 @@ def run(
     methods = None if method is None else [m.strip() for m in method.split(",")]
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
-        from gyrocal.gravity import calibrate as gravity
-        from gyrocal.present.gravity import print_calibration
+        from gyrocal.present.gravity import show_calibration
 
-        calibration = gravity.calibrate(opened, spans, methods, model)
-        emit(calibration.to_json()) if as_json else print_calibration(calibration)
+        show_calibration(opened, spans, methods, model, as_json)
         return
     warnings = check(opened, model)
     found = calibrate(opened, spans, methods, model, warnings)

@@ -79,10 +79,10 @@ class Accelerometer:
         }  # fmt: skip
 
 
-def calibrate(rests: Sequence[Rest], white_sd_g: float) -> Accelerometer:
+def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:
     """The accelerometer from the means of rests.
 
-    ``white_sd_g`` is the noise of one sample at low frequencies, averaged over the axes. Scatter of the sizes beyond it (the
+    ``white_g`` [rests] is the noise of each mean, averaged over the axes. Scatter of the sizes beyond it (the
     part settles differently in each pose) is added to the noise of every rest. Raises InputError if the means are not near 1 g.
     """
     means = np.array([r.acc_g for r in rests])
@@ -92,7 +92,6 @@ def calibrate(rests: Sequence[Rest], white_sd_g: float) -> Accelerometer:
             f"the acceleration at rest is {np.median(sizes):.4g}, and gravity is 1 g; give its unit when importing "
             "(--map ax_g=COLUMN:m/s2), or the scale of raw counts"
         )
-    white_g = np.array([white_sd_g / np.sqrt(r.rows) for r in rests])
     extra_g = 0.0
     for _ in range(3):
         noise_g = np.maximum(np.hypot(white_g, extra_g), LEAST_NOISE_G)

@@ -20,6 +20,8 @@ from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.recording.session import AXES, Array
 
+CROSS = "misalignment"
+"""The effect that fills the matrix of a gyroscope's readings beside the scales."""
 CLOCK_SE = 1e-4
 """Standard error of the sample clock, a fraction: crystals are good to 20-100 ppm. It adds to that of each scale."""
 STEPS = 20
@@ -128,14 +130,12 @@ def why_invisible(term: Term, scene: Scene) -> str:
         return "only the net angle between rests is known here, not the rate at each sample"
     if effect.scope != "session":
         return "it is an effect of a turntable"
-    turning = [run for n in range(len(scene.session.runs)) for run in Observer(scene).turning(
-        n, scene.session.runs[n].gyro_dps).values()]  # fmt: skip
-    return effect.missing(turning, AXES.index(term.axis)) or ""
+    return effect.missing(scene.turning, AXES.index(term.axis)) or ""
 
 
 def full(model: Model) -> Model:
     """The model with bias, scale and misalignment on every axis: what a calibration determines."""
-    cross = effects()["misalignment"]
+    cross = effects()[CROSS]
     for axis in AXES:
         for kind in (with_role(Role.SCALE), with_role(Role.BIAS)):
             if model.term(kind.id, axis) is None:

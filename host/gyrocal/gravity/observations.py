@@ -21,7 +21,7 @@ from gyrocal.effects.base import Mask
 from gyrocal.error_model.correction import turning_about
 from gyrocal.error_model.model import Model, Term
 from gyrocal.gravity.rotation import cross_matrix, cumulative, steps, tangents
-from gyrocal.gravity.scene import Scene
+from gyrocal.gravity.scene import LEAST_NOISE_DPS, Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
 
@@ -80,6 +80,8 @@ class Observations:
     bias: Array
     rates_dps: dict[int, Array] = field(repr=False)
     turned: Array
+    ends: Array
+    """The rotation of each movement, [movements, 3, 3], that takes its end to its start."""
 
     @property
     def movement_rows(self) -> int:
@@ -185,7 +187,8 @@ class Observer:
         by_mean += by_accelerometer @ scene.accelerometer.gain
         noise[first, first] += (by_mean * np.repeat(scene.accelerometer.noise_g**2, 3)) @ by_mean.T
         noise[first, first] += by_accelerometer @ scene.accelerometer.prior_cov @ by_accelerometer.T
-        return Observations(scene, y, residual, columns, noise + gyro_noise, gyro_noise, bias, rates, turned)
+        ends = np.array([r[-1] for r in rotations])
+        return Observations(scene, y, residual, columns, noise + gyro_noise, gyro_noise, bias, rates, turned, ends)
 
     def _rests(
         self, regressors: dict[int, Array], axis_of: list[int], y: Array, columns: Array, noise: Array, bias: Array
@@ -202,7 +205,8 @@ class Observer:
                 row = 2 * len(scene.movements) + 3 * j + i
                 y[row] = means[i] - up_dps * scene.up[c.rest, i]
                 columns[row] = np.where(np.array(axis_of) == i, x, 0.0)
-                noise[row, row] = scene.white_dps[i] ** 2 / c.rows + EARTH_DPS**2 / 3
+                of_rest = scene.noise.of_means[c.rest, i] ** 2 * scene.rests[c.rest].rows
+                noise[row, row] = of_rest / c.rows + LEAST_NOISE_DPS**2 + EARTH_DPS**2 / 3
                 bias[i, row, j] = 1.0
                 vertical[row] = scene.up[c.rest, i]
         if latitude_deg is None:  # Earth's vertical rate is the same in every pose, and unknown

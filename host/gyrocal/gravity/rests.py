@@ -1,7 +1,8 @@
 """Rests and the movements between them, found by the variance of gyroscope and accelerometer.
 
 A window at rest shows noise alone. The level of the noise is taken from the stillest windows of the session itself, so no
-threshold has a unit. A window is at rest if neither sensor's variance exceeds ``LOUDER`` times that level.
+threshold has a unit. A window is at rest if neither sensor's variance exceeds a factor ``LOUDER`` times that level: the first
+factor that finds ``ENOUGH`` rests, since a sensor that is held trembles more than one that lies.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from gyrocal.warning import Warning
 
 WINDOW_S = 0.4
 """Length of the windows whose variance is judged, s. Hands that settle tremble at several hertz."""
-LOUDER = 3.0
-"""Factor by which the variance of a window at rest may exceed that of the stillest windows. With 40 samples on three axes noise
-alone reaches a factor of 1.5 once in 1e5 windows; tremor and temperature leave a factor of two."""
+LOUDER = (3.0, 10.0, 30.0)
+"""Factors by which the variance of a window at rest may exceed that of the stillest windows. With 40 samples on three axes
+noise alone reaches a factor of 1.5 once in 1e5 windows; the tremor of a hand makes it ten and more."""
+ENOUGH = 10
+"""Rests by which the accelerometer's nine parameters are determined."""
 STILLEST = 0.05
 """The quantile of the windows' variances that is the level of noise: at least this part of a recording must be at rest."""
 TRIM_S = 0.15
@@ -78,8 +81,11 @@ class Found:
 def find(session: Session) -> Found:
     """Rests and movements of all runs. Raises InputError if there are fewer than ``FEWEST`` rests or no movement."""
     rests: list[Rest] = []
-    for number, run in enumerate(session.runs):
-        rests += [_rest(run, number, a, b) for a, b in _still(run)]
+    for louder in LOUDER:
+        found = [_rest(r, number, a, b) for number, r in enumerate(session.runs) for a, b in _still(r, louder)]
+        rests = max(rests, found, key=len)
+        if len(rests) >= ENOUGH:
+            break
     moved = _moved(session, rests)
     kept = [r for i, r in enumerate(rests) if i not in moved]
     warnings = _told(session, rests, moved)
@@ -106,7 +112,7 @@ def find(session: Session) -> Found:
     return Found(kept, movements, warnings)
 
 
-def _still(run: Run) -> list[tuple[int, int]]:
+def _still(run: Run, louder: float) -> list[tuple[int, int]]:
     """First and last row (exclusive) of each rest of a run, trimmed."""
     assert run.acc_g is not None
     rate_hz = (len(run) - 1) / float(run.sample_s[-1] - run.sample_s[0])
@@ -117,7 +123,7 @@ def _still(run: Run) -> list[tuple[int, int]]:
     for values in (run.gyro_dps, filled_acc_g(run)):
         variance = _window_variance(values, size)
         quantum = np.sum(_step(values) ** 2) / 12
-        still &= variance <= LOUDER * max(float(np.quantile(variance, STILLEST)), float(quantum))
+        still &= variance <= louder * max(float(np.quantile(variance, STILLEST)), float(quantum))
     covered = np.zeros(len(run) + 1)
     covered[:-size][still] += 1  # each still window covers its rows
     np.subtract.at(covered, np.flatnonzero(still) + size, 1)
