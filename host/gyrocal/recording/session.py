@@ -55,7 +55,7 @@ class Run:
     lsb_dps: float | None = None
     latitude_deg: float | None = None
     unread: tuple[str, ...] = ()
-    """Keys of the run's entry in session.toml that nobody reads."""
+    """Keys of the run's entry in session.toml that no command reads."""
     table_rate_se_dps: float | None = None
     """Standard error of ``table_rate_dps``."""
     reference: Reference = field(default_factory=Reference)
@@ -278,7 +278,7 @@ class Session:
     accept: tuple[str, ...] = ()
     """Warnings that the user overrules, each a ``code`` or ``code:axis``."""
     unread: tuple[str, ...] = ()
-    """Keys of session.toml that nobody reads."""
+    """Keys of session.toml that no command reads."""
     reference: Reference = field(default_factory=Reference)
     """The table ``[reference]``: what is known of references and thermometers."""
 
