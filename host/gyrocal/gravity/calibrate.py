@@ -11,7 +11,8 @@ import numpy as np
 
 from gyrocal import plausibility
 from gyrocal.calibration.calibrate import POOLED, Estimate
-from gyrocal.calibration.trust import LARGEST_BIAS_DPS, LARGEST_SCALE, ordered, stands_still, warning_flags
+from gyrocal.calibration.flags import ordered
+from gyrocal.calibration.trust import LARGEST_BIAS_DPS, LARGEST_SCALE, stands_still, warning_flags
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
