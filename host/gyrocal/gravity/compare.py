@@ -183,10 +183,9 @@ def residual_table(c: Comparison) -> pl.DataFrame:
         run = scene.session.runs[m.run]
         two = np.nan_to_num(held[2 * k : 2 * k + 2])
         up, after = scene.up[m.before], scene.up[m.after]
-        # the prediction lies off the measured direction by the residual, taken back to the movement's start
         measured = float(np.rad2deg(np.arccos(np.clip(up @ after, -1.0, 1.0))))
-        turn = np.asarray(seen.ends[k])
-        predicted = turn.T @ (up + c.evidence.observer.across[m.before].T @ two)
+        # the residual is given where the movement starts, and the prediction lies off the measured direction by it
+        predicted = after + seen.ends[k].T @ c.evidence.observer.across[m.before].T @ two
         predicted /= np.linalg.norm(predicted)
         modelled = float(np.rad2deg(np.arccos(np.clip(up @ predicted, -1.0, 1.0))))
         rows.append({

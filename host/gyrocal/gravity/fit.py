@@ -25,7 +25,7 @@ CROSS = "misalignment"
 CLOCK_SE = 1e-4
 """Standard error of the sample clock, a fraction: crystals are good to 20-100 ppm. It adds to that of each scale."""
 STEPS = 20
-CONVERGED = 1e-3
+CONVERGED = 1e-2
 """A step below this part of the standard errors ends the iteration."""
 SIZES_DPS = tuple(float(sd) for sd in np.geomspace(3e-4, 0.3, 13))
 TAUS_S = (10.0, 30.0, 100.0, 300.0)

@@ -27,7 +27,7 @@ from gyrocal.recording.session import AXES, Array, Run
 
 Rows = np.ndarray[Any, np.dtype[np.intp]]
 EARTH_DPS = 0.0041781
-CONVERGED_DPS, MOST_ITERATIONS = 1e-7, 60
+CONVERGED_DPS, MOST_ITERATIONS = 1e-6, 20
 FLAT = 1.5
 """The prior's standard deviation is this many times the largest size of a parameter that is called physical. It is flat where
 movements show a parameter, and keeps one that they do not show from growing (that of a scale is 0.3)."""
@@ -117,19 +117,21 @@ class Observer:
         return {i: turning_about(self.scene.session.runs[run], axis, true_dps) for i, axis in enumerate(AXES)}
 
     def rates(self, model: Model, start: dict[int, Array]) -> dict[int, Array]:
-        """The true rates [n, 3] of each run, deg/s, by iteration from ``start``: readings less what the model adds to them."""
+        """The true rates [n, 3] of each run, deg/s, by Newton steps from ``start``: the model makes the readings of them."""
         out = {}
+        inverse = np.linalg.inv(_response(model, self.scene.session.runs[0].part(0, 2)))
         terms = [t for t in model.terms if t.values]
         for number, run in enumerate(self.scene.session.runs):
             rate_dps = start.get(number, run.gyro_dps)
             for _ in range(MOST_ITERATIONS):
                 turning = self.turning(number, rate_dps)
-                following = run.gyro_dps.copy()
+                left = run.gyro_dps - rate_dps
                 for t in terms:
                     i = AXES.index(t.axis)
-                    following[:, i] -= t.effect.error_dps(turning, i, t.values)
-                change = float(np.max(np.abs(following - rate_dps)[~self.at_rest[number]], initial=0.0))
-                rate_dps = following
+                    left[:, i] -= t.effect.error_dps(turning, i, t.values)
+                step = left @ inverse.T
+                change = float(np.max(np.abs(step)[~self.at_rest[number]], initial=0.0))
+                rate_dps = rate_dps + step
                 if not CONVERGED_DPS < change < 1e6:
                     break
             out[number] = rate_dps
