@@ -22,6 +22,11 @@ def run(
     from gyrocal.recording.session import Session
 
     opened = Session.open(session)
+    if opened.reference.kind == "gravity":
+        from gyrocal.present.gravity import show_add
+
+        show_add(opened, effect, model, heldout_day, as_json)
+        return
     with working(as_json) as say:
         before, after, fitted = add(
             opened, model if model.exists() else None, effect, only_day=heldout_day, progress=say

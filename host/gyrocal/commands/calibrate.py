@@ -32,6 +32,11 @@ def run(
         raise InputError(f"--seconds {seconds}: a number of seconds, or several with commas") from None
     methods = None if method is None else [m.strip() for m in method.split(",")]
     opened = Session.open(session)
+    if opened.reference.kind == "gravity":
+        from gyrocal.present.gravity import show_calibration
+
+        show_calibration(opened, spans, methods, model, as_json)
+        return
     warnings = check(opened, model)
     found = calibrate(opened, spans, methods, model, warnings)
     warnings += unanswered(opened, found)

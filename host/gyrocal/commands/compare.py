@@ -30,8 +30,14 @@ def run(
     for target in (html, pictures, residuals):
         if target is not None and not target.absolute().parent.is_dir():
             raise InputError(f"{target}: no such folder to write into")
+    opened = Session.open(session)
+    if opened.reference.kind == "gravity":
+        from gyrocal.present.gravity import show_compare
+
+        show_compare(opened, model, residuals, html or pictures, as_json)
+        return
     with working(as_json) as say:
-        found = compare(Session.open(session), model, progress=say)
+        found = compare(opened, model, progress=say)
         if residuals is not None:
             write_residuals(found, residuals)
         if html is not None:

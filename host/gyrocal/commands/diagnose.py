@@ -22,8 +22,14 @@ def run(
     from gyrocal.present.report import print_diagnosis
     from gyrocal.recording.session import Session
 
+    opened = Session.open(session)
+    if opened.reference.kind == "gravity":
+        from gyrocal.present.gravity import show_diagnose
+
+        show_diagnose(opened, session, model, formula or (), as_json)
+        return
     with working(as_json) as say:
-        found = diagnose(Session.open(session), model, formulas=formula or (), progress=say)
+        found = diagnose(opened, model, formulas=formula or (), progress=say)
     if as_json:
         emit(found.to_json())
     else:

@@ -24,6 +24,11 @@ def run(
     from gyrocal.recording.session import Session
 
     opened = Session.open(session)
+    if opened.reference.kind == "gravity":
+        from gyrocal.present.gravity import show_explain
+
+        show_explain(opened, session, model, most_steps, html, as_json)
+        return
     with working(as_json) as say:
         found = explain(opened, model if model.exists() else None, most_steps=most_steps, progress=say)
     if found.verdict != "implausible":

@@ -49,7 +49,7 @@ def correct(model: Model, run: Run, bias_dps: Mapping[str, float] | None = None)
     about = [axis for axis in AXES if any(t.axis == axis and t.effect.role is Role.SCALE for t in usable)] or list(AXES)
     rate_dps = run.gyro_dps.copy()
     for _ in range(MOST_ITERATIONS):
-        turning = {AXES.index(axis): _turning(run, axis, rate_dps) for axis in about}
+        turning = {AXES.index(axis): turning_about(run, axis, rate_dps) for axis in about}
         following = run.gyro_dps - _error_dps(usable, turning, bias_dps or {})
         change = float(np.max(np.abs(following - rate_dps), initial=0.0))
         rate_dps = following
@@ -101,7 +101,7 @@ def bias_at_rest_dps(model: Model, run: Run, seconds: float) -> dict[str, float]
         raise InputError(f"{run.file}: shorter than the {seconds:g} s at rest that --bias rest:{seconds:g} asks for")
     usable, _ = _split(model, first)
     others = [t for t in usable if t.effect.role is not Role.BIAS]
-    at_rest = {i: _turning(first, axis, np.zeros((len(first), 3))) for i, axis in enumerate(AXES)}
+    at_rest = {i: turning_about(first, axis, np.zeros((len(first), 3))) for i, axis in enumerate(AXES)}
     left_dps = first.gyro_dps - _error_dps(others, at_rest, {})
     return dict(zip(AXES, map(float, left_dps.mean(axis=0)), strict=True))
 
@@ -135,7 +135,7 @@ def _has(run: Run, name: str) -> bool:
     return run.column(name) is not None
 
 
-def _turning(run: Run, axis: str, rate_dps: Array) -> Run:
+def turning_about(run: Run, axis: str, rate_dps: Array) -> Run:
     """The run as if a turntable turned it about an axis at the given rates [n, 3], deg/s."""
     frame = run.table.with_columns(pl.Series("rate_ref_dps", rate_dps[:, AXES.index(axis)]))
     return replace(  # the rates are exact, so they are not smoothed

@@ -28,6 +28,8 @@ def _acceleration(session: Session) -> list[Warning]:
 
     Without one, the size of each sample is taken, because the mean over turning gravity is the accelerometer's own bias.
     """
+    if session.reference.kind == "gravity":  # the rests are found with the session, and a wrong unit is refused there
+        return []
     runs = [(r, r.acc_g) for r in session.runs if r.acc_g is not None]
     rests = [a for r, a in runs if not r.rate_is_mean and not np.any(r.rate_dps) and np.isfinite(a).any(axis=0).all()]
     at_rest = [np.nanmean(a, axis=0)[None] for a in rests]

@@ -36,10 +36,16 @@ class RunEntry(BaseModel):
 
 
 class Reference(BaseModel):
-    """The table ``[reference]`` of session.toml: the noise of one reading where the data cannot show it."""
+    """The table ``[reference]`` of session.toml: the kind of reference, and the noise of one reading where the data cannot show
+    it.
+
+    With ``kind = "gravity"`` no true rate is known: gravity's direction at rests before and after each movement is the
+    reference.
+    """
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=False, frozen=True)
 
+    kind: Literal["gravity"] | None = None
     ref_noise_dps: float | None = Field(default=None, ge=0)
     temp_noise_c: float | None = Field(default=None, ge=0)
 
@@ -63,6 +69,15 @@ class SessionFile(BaseModel):
     accept: list[str] | None = None
     reference: Reference = Reference()
     run: list[RunEntry] = Field(min_length=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _hands_have_no_face(cls, raw: Any) -> Any:
+        """A run whose reference is gravity lies on no table, so its face may be left out."""
+        match raw:
+            case {"reference": {"kind": "gravity"}, "run": [*runs]}:
+                return {**raw, "run": [{"face": "up", **r} if isinstance(r, dict) else r for r in runs]}
+        return raw
 
     @model_validator(mode="after")
     def _files_differ(self) -> SessionFile:

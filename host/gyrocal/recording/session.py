@@ -23,6 +23,10 @@ from gyrocal.shown import Shown
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
 """Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
+BY_GRAVITY = (
+    "the reference is gravity, so no true rate is known; what reads such sessions is compare, diagnose, add, explain, and "
+    "calibrate --method model"
+)
 KEPT = (
     "_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "motion", "_smooth_reference", "smooth_temp",
 )  # fmt: skip
@@ -157,7 +161,8 @@ class Run:
             return rate_dps
         if self.table_rate_dps is not None:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
-        assert self.turn_deg is not None
+        if self.turn_deg is None:
+            raise InputError(f"{self.file}: {BY_GRAVITY}")
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
 
     @cached_property
@@ -394,5 +399,19 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
 
 def _check_rate_known(run: Run) -> None:
     where = run.path or run.file
+    if run.reference.kind == "gravity":
+        _check_hands(run)
+        return
     if run.column("rate_ref_dps") is None and run.table_rate_dps is None and run.turn_deg is None:
         raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")
+
+
+def _check_hands(run: Run) -> None:
+    """InputError unless a run whose reference is gravity has an accelerometer and no true rate."""
+    where = run.path or run.file
+    if run.acc_g is None:
+        raise InputError(f"{where}: the reference is gravity, and the columns ax_g, ay_g, az_g are not there; record them")
+    if run.table_rate_dps is not None or run.turn_deg is not None or run.column("rate_ref_dps") is not None:
+        raise InputError(
+            f"{where}: the reference is gravity, and a true rate is given too; remove it, or kind = \"gravity\" in session.toml"
+        )

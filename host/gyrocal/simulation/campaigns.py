@@ -124,6 +124,13 @@ def chamber_plan(days: int | None, seconds: float | None) -> list[Planned]:
     return [Planned(f"s{day:03d}", day, "up", 0.0, _hand(hands, 3.0), seconds or 1500.0) for day in _days(days)]
 
 
+def hands_plan(poses: int | None, seconds: float | None) -> list[Planned]:
+    """One run without a table; :mod:`gyrocal.simulation.hands` simulates it, ``poses`` rests long (None: 30)."""
+    if seconds is not None:
+        raise InputError("--seconds: hands draws the length of each movement; give the number of rests (--scenarios)")
+    return [Planned("s000", 1, "up", 0.0, 3.0, float(30 if poses is None else _at_least_one(poses)))]
+
+
 CAMPAIGNS = {
     "paper": Campaign("48 power cycles of three days, face up and down at 78 deg/s", paper_plan),
     "table2": Campaign("paper with what makes it err as the paper's Table 2", paper_plan),
@@ -132,7 +139,10 @@ CAMPAIGNS = {
     "bench": Campaign("six positions in a chamber at 25 +- 20 degC", bench_plan, chamber_c=20.0),
     "shaker": Campaign("at rest and turning on a shaker, off and at two levels", shaker_plan),
     "chamber": Campaign("at rest in a chamber that goes up and down by 20 degC", chamber_plan, chamber_c=20.0),
+    "hands": Campaign("no table: 30 rests of a phone-grade part, turned by hand between", hands_plan),
 }
+HANDS = "hands"
+"""The campaign without a table."""
 
 
 def _days(days: int | None) -> range:

@@ -27,8 +27,10 @@ from gyrocal.noise.drift import Drift, ou_noise
 from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.parameter import Described
 from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.simulation import hands
 from gyrocal.simulation.campaigns import (
     CAMPAIGNS,
+    HANDS,
     OFF_S,
     PAUSE_EVERY,
     PAUSE_S,
@@ -160,6 +162,8 @@ def simulate(
         _check_new(Path(out))
     chosen = CAMPAIGNS[campaign]
     plan = chosen.plan(scenarios, seconds)
+    if campaign == HANDS:
+        return _by_hand(out, wanted, seed, seed if sensor is None else sensor, plan, parquet)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
     own, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed if sensor is None else sensor), rng)
     rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in sorted({p.day for p in plan})}
@@ -189,10 +193,31 @@ def simulate(
             progress(i + 1, len(plan))
     session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
     record = _record(campaign, seed, {i for i, _ in wanted}, own, truths)
-    if out is not None:
-        session = session.save(out, parquet=parquet)
-        replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
-    return session, record
+    return (session if out is None else _saved(session, out, record, parquet)), record
+
+
+def _by_hand(
+    out: str | Path | None, wanted: Sequence[tuple[str, base.Values]], seed: int, number: int, plan: Sequence[Planned],
+    parquet: bool,
+) -> tuple[Session, dict[str, Any]]:  # fmt: skip
+    """:func:`simulate` for the campaign ``hands``."""
+    own, planted = Sensor.of(wanted, TURN_ON_SD_DPS, part(HANDS, number), np.random.default_rng(seed))
+    scale, bias_dps = own.draw(np.random.default_rng((seed, 3)))
+    session, told, more = hands.simulate(planted, (scale, bias_dps), seed, round(plan[0].seconds))
+    truth = RunTruth(session.runs[0].file, scale.tolist(), bias_dps.tolist(), told)
+    record = {**_record(HANDS, seed, {i for i, _ in wanted}, own, [truth]), **more}
+    record["noise"] = {
+        "white_sd_dps": hands.WHITE_SD_DPS, "ou_sd_dps": hands.DRIFT.sd_dps, "ou_tau_s": hands.DRIFT.tau_s,
+        "turn_on_sd_dps": 0.0,
+    }  # fmt: skip
+    return (session if out is None else _saved(session, out, record, parquet)), record
+
+
+def _saved(session: Session, out: str | Path, record: Mapping[str, Any], parquet: bool) -> Session:
+    """The session in its folder, with its truth beside it."""
+    saved = session.save(out, parquet=parquet)
+    replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
+    return saved
 
 
 def _check(campaign: str, seconds: float | None) -> None:

@@ -1,0 +1,157 @@
+"""Scale and bias of all three axes from rests and movements, with what speaks against them and where the error comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gyrocal import plausibility
+from gyrocal.calibration.calibrate import POOLED, Estimate
+from gyrocal.calibration.flags import ordered
+from gyrocal.calibration.trust import LARGEST_BIAS_DPS, LARGEST_SCALE, stands_still, warning_flags
+from gyrocal.effects.base import Role
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.gravity.budget import budget
+from gyrocal.gravity.fit import GravityFit, fit, full
+from gyrocal.gravity.scene import Scene
+from gyrocal.recording.session import AXES, GAP_PERIODS, Session
+from gyrocal.warning import Warning
+
+UNSEEN = 0.02
+"""A scale or misalignment whose standard error exceeds this is not given: the movements do not determine it."""
+MISFIT_ERRORS = 4.0
+"""The misfit is flagged above 1 + this / sqrt(2 degrees of freedom); of 30 sound sessions of `benchmarks/hands.py` none is."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Estimates by scenario and axis, the fits that they come from, warnings, and the budget of their errors."""
+
+    estimates: list[Estimate]
+    fits: dict[str, GravityFit] = field(repr=False)
+    warnings: list[Warning]
+
+    def to_json(self) -> dict[str, Any]:
+        last = next(iter(self.fits.values()))
+        return {
+            "estimates": [e.to_json() for e in self.estimates],
+            "warnings": [w.to_json() for w in self.warnings],
+            "misalignment": [row for name, f in self.fits.items() for row in misalignment(f, name)],
+            "accelerometer": last.scene.accelerometer.to_json(),
+            "rests": len(last.scene.rests), "movements": len(last.scene.movements),
+            "budget": [row.to_json() for row in budget(last)],
+        }  # fmt: skip
+
+
+def calibrate(
+    session: Session, seconds: Sequence[float] | None = None, methods: Iterable[str] | None = None,
+    model: Model | str | Path | None = None,
+) -> Calibration:  # fmt: skip
+    """Scale and bias of each scenario; of all together (scenario ``all``) where none has enough rests by itself.
+
+    Raises InputError for methods other than ``model``, and where rests are too few.
+    """
+    other = [m for m in (methods or ()) if m != "model"]
+    if other:
+        raise InputError(
+            f"--method {other[0]}: it needs a turntable's known rate, and the reference here is gravity; use --method model"
+        )
+    opened = full(Model.open(model))
+    warnings = plausibility.check(session, opened)
+    spans: Sequence[float | None] = seconds or (None,)
+    estimates: list[Estimate] = []
+    fits: dict[str, GravityFit] = {}
+    for span in spans:
+        if span is not None and not 0 < span < np.inf:
+            raise InputError(f"--seconds {span}: must be positive and finite")
+        cut = [r if span is None else (r.first(span) or r) for r in session.runs]
+        found = _by_scenario(session.with_runs(cut), opened)
+        fits.update(found)
+        for name, fitted in found.items():
+            warnings += [w for w in fitted.scene.warnings if w not in warnings]
+            estimates += [_estimate(fitted, name, axis, warnings) for axis in AXES]
+    last = next(iter(fits.values()))
+    return Calibration(estimates, fits, [*warnings, *_unseen(last)])
+
+
+def _by_scenario(session: Session, model: Model) -> dict[str, GravityFit]:
+    found = {}
+    refused: InputError | None = None
+    for name, runs in session.by_scenario():
+        try:
+            found[name] = fit(Scene.of(session.with_runs(runs)), model)
+        except InputError as error:
+            refused = error
+    if found:
+        return found
+    if len(session.scenarios) == 1 and refused is not None:
+        raise refused
+    return {POOLED: fit(Scene.of(session), model)}
+
+
+def _estimate(fitted: GravityFit, scenario: str, axis: str, warnings: Sequence[Warning]) -> Estimate:
+    terms = {t.effect.role: t for t in fitted.model.on(axis) if t.effect.role is not None}
+    scale, scale_se = (next(iter(d.values())) for d in (terms[Role.SCALE].values, terms[Role.SCALE].se))
+    bias_dps, bias_se_dps = (next(iter(d.values())) for d in (terms[Role.BIAS].values, terms[Role.BIAS].se))
+    seconds = sum(r.duration_s for r in fitted.scene.session.runs)
+    flags = _flags(fitted, axis) | warning_flags(warnings, axis, fitted.scene.session.runs)
+    if scale_se > UNSEEN:
+        return Estimate(scenario, "model", seconds, axis, None, None, bias_dps, bias_se_dps, fitted.misfit, ordered(flags))
+    excess = max(1.0, fitted.misfit)  # movements that fit worse than the noise allows tell the scale less well
+    if abs(scale) > LARGEST_SCALE or abs(bias_dps) > LARGEST_BIAS_DPS:
+        flags |= {"direction"} if 1 + scale < -0.1 else {"implausible"}
+    return Estimate(
+        scenario, "model", seconds, axis, scale, scale_se * excess, bias_dps, bias_se_dps, fitted.misfit, ordered(flags)
+    )
+
+
+def _flags(fitted: GravityFit, axis: str) -> set[str]:
+    """``misfit``, ``missed`` and ``constant_reading`` of a fit; clipped movements are left out of it."""
+    flags = set()
+    _, freedom = fitted.chi2(np.arange(fitted.observations.movement_rows))
+    if not fitted.misfit <= 1 + MISFIT_ERRORS / np.sqrt(2 * freedom):
+        flags.add("misfit")
+    for m in fitted.scene.movements:
+        run = fitted.scene.session.runs[m.run]
+        us = np.diff(run.t_us[m.start : m.stop])
+        if np.any(1e-6 * (us * run.sample_rate_hz) > GAP_PERIODS):
+            flags.add("missed")
+        if stands_still(run.gyro_dps[m.start : m.stop, AXES.index(axis)], run.t_us[m.start : m.stop]):
+            flags.add("constant_reading")
+    return flags
+
+
+def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
+    """The off-diagonal elements: ``axis`` reads ``value`` of the rate about ``about``; None where movements do not show it."""
+    out = []
+    for axis in AXES:
+        term = fitted.model.term("misalignment", axis)
+        for name in () if term is None else term.effect.used(term.values):
+            assert term is not None
+            seen = term.se[name] <= UNSEEN
+            out.append({
+                "scenario": scenario, "axis": axis, "about": name.removeprefix("m_"),
+                "value": term.values[name] if seen else None, "se": term.se[name] * max(1.0, fitted.misfit) if seen else None,
+            })  # fmt: skip
+    return out
+
+
+def _unseen(fitted: GravityFit) -> list[Warning]:
+    """``no_answer``: axes whose scale no movement determines, with what to do."""
+    out = []
+    for axis in AXES:
+        term = next(t for t in fitted.model.on(axis) if t.effect.role is Role.SCALE)
+        se = next(iter(term.se.values()))
+        if se > UNSEEN:
+            text = (
+                f"no scale for {axis}: the movements leave it unsure by {se:.0%}, because too few turn gravity about {axis}. "
+                f"Rotation about gravity cannot be seen. Hold {axis} level, and turn the sensor about it by 90 to 180 deg, "
+                "several times both ways, with a rest of two seconds before and after"
+            )
+            out.append(Warning("no_answer", axis, None, text))
+    return out

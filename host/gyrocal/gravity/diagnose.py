@@ -1,0 +1,190 @@
+"""Which effect a model lacks, by the angles of movements and the readings at rest; effects added and everything explained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.decision import proven
+from gyrocal.effects.base import effects
+from gyrocal.error_model.formula import effect_or_formula
+from gyrocal.error_model.model import Model, Term
+from gyrocal.errors import InputError
+from gyrocal.gravity import naming
+from gyrocal.gravity.compare import Comparison, compare, findings, measure
+from gyrocal.gravity.fit import why_invisible
+from gyrocal.noise.axis import COMPONENTS
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Session
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The candidates, best first, and the verdict: add, ambiguous, unknown, adequate or implausible."""
+
+    verdict: str
+    candidates: list[Candidate]
+    comparison: Comparison = field(repr=False)
+
+    @property
+    def best(self) -> Candidate | None:
+        return next((c for c in self.candidates if c.decision == "add"), None)
+
+    @property
+    def unknown(self) -> dict[str, Any] | None:
+        if self.verdict != "unknown":
+            return None
+        first = self.comparison.where[0]
+        return {"axis": first.axis, "against": first.against, "shape": first.note, "amplitude_deg": first.amplitude_dps}
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "verdict": self.verdict, "residual": "angle", "candidates": [candidate_json(c) for c in self.candidates],
+            "unknown": self.unknown, "warnings": [w.to_json() for w in self.comparison.warnings],
+        }  # fmt: skip
+
+
+def candidate_json(c: Candidate) -> dict[str, Any]:
+    """A candidate as ``diagnose`` prints it, its excess in deg."""
+    told = c.to_json()
+    told["excess_drop_deg"] = told.pop("excess_drop_dps")
+    del told["excess_drop_se_dps"]
+    return told
+
+
+def diagnose(session: Session, model: Model | str | Path | None = None, formulas: Sequence[str] = ()) -> Diagnosis:
+    """Rank every effect of the library and every formula, on every axis. Raises InputError where ``compare`` does."""
+    comparison = measure(session, model)
+    judged = naming.candidates(comparison.evidence, [effect_or_formula(text) for text in formulas])
+    if not comparison.where and not comparison.implausible:
+        comparison = replace(comparison, where=findings(comparison, judged))
+    if comparison.implausible:
+        judged = [replace(c, decision="suggest") if c.decision == "add" else c for c in judged]
+        return Diagnosis("implausible", judged, comparison)
+    if judged and judged[0].decision == "add":
+        return Diagnosis("ambiguous" if len(judged[0].group) > 1 else "add", judged, comparison)
+    return Diagnosis("unknown" if comparison.where else "adequate", judged, comparison)
+
+
+class Added(NamedTuple):
+    """Both comparisons over the same floor, and the model with its parameters fitted to all data."""
+
+    before: Comparison
+    after: Comparison
+
+    @property
+    def model(self) -> Model:
+        return self.after.fit.model
+
+
+def over_floor_of(before: Comparison, after: Comparison) -> Comparison:
+    """The poorer model's comparison with the floor of the richer one."""
+    everything = np.arange(len(before.fit.scene.movements))
+    return replace(before, pooled=before.evidence.before.level(everything, after.evidence.before))
+
+
+def add(session: Session, model: Model | str | Path | None, effect_id: str) -> Added:
+    """Add an effect where it is proven, or else on the axis with the largest gain. Raises InputError for an unknown id."""
+    start = Model.open(model)
+    before = compare(session, start)
+    if effect_id in COMPONENTS:
+        richer = start
+        for axis in start.axes:
+            richer = richer.add(effect_id, axis)
+        return Added(before, compare(session, richer))
+    effect = effect_or_formula(effect_id)
+    axes = [a for a in start.axes if start.term(effect.id, a) is None]
+    judged = [before.evidence.judge(effect, axis) for axis in axes]
+    seen = [c for c in judged if c.decision != "not_measurable"]
+    looks = len(effects()) * max(len(seen), 1)
+    chosen = [c for c in seen if proven(c, looks)] or sorted(seen, key=lambda c: c.chance)[:1]
+    if not chosen:
+        scene = before.fit.scene
+        why = why_invisible(Term.of(effect, axes[0]), scene) if axes else "the model already has it on every axis"
+        before = replace(before, note=f"{effect.id} was not added: {why}")
+    richer = start
+    for c in chosen:
+        richer = richer.with_term(Term.of(effect, c.axis, effect.structure(c.values)))
+    after = compare(session, richer)
+    return Added(over_floor_of(before, after), after)
+
+
+@dataclass(frozen=True)
+class Step:
+    """An effect that was added on some axes, with the comparisons before and after over the same floor."""
+
+    effects: tuple[str, ...]
+    axes: tuple[str, ...]
+    before: Comparison = field(repr=False)
+    after: Comparison = field(repr=False)
+
+    @property
+    def matters(self) -> bool:
+        """Does the step remove a noticeable part of the squared error?"""
+        old, new = self.before.pooled, self.after.pooled
+        if old.rms_deg is None or new.rms_deg is None:
+            return True
+        removed = old.rms_deg**2 - new.rms_deg**2
+        return removed > POLICY.noticeable * (removed + (new.excess_deg or 0.0) ** 2)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "effects": list(self.effects), "axes": list(self.axes), "excess_before_deg": self.before.pooled.excess_deg,
+            "excess_after_deg": self.after.pooled.excess_deg, "matters": self.matters,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The steps, the candidates that cannot be told apart, and the diagnosis of the final model."""
+
+    steps: list[Step]
+    left: list[Candidate]
+    last: Diagnosis = field(repr=False)
+
+    @property
+    def verdict(self) -> str:
+        return self.last.verdict
+
+    @property
+    def model(self) -> Model:
+        return self.last.comparison.fit.model
+
+    def to_json(self) -> dict[str, Any]:
+        told = self.last.comparison.to_json()
+        return {
+            "steps": [s.to_json() for s in self.steps], "residual": "angle",
+            "left": [{"group": list(c.group), "axis": c.axis, "next_measurement": c.next_measurement} for c in self.left],
+            "verdict": self.verdict, "model": self.model.ids, "parameters": told["parameters"], "unknown": self.last.unknown,
+            "warnings": told["warnings"],
+        }  # fmt: skip
+
+
+def explain(
+    session: Session, model: Model | str | Path | None = None, most_steps: int = POLICY.most_steps
+) -> Explanation:
+    """Add effects as long as one is certain. Raises InputError where ``compare`` does, and for a negative ``most_steps``."""
+    if most_steps < 0:
+        raise InputError(f"--max is {most_steps}; give the largest number of steps, 0 or more")
+    last = diagnose(session, model)
+    steps: list[Step] = []
+    while len(steps) < most_steps and last.verdict in ("add", "ambiguous"):
+        sure = [c for c in last.candidates if c.decision == "add" and len(c.group) < 2]
+        if not sure:
+            break
+        lead = sure[0].effect
+        same = [c for c in sure if c.effect.id == lead.id]
+        richer = last.comparison.fit.model
+        for c in same:
+            richer = richer.with_term(Term.of(lead, c.axis, lead.structure(c.values)))
+        following = diagnose(session, richer)
+        before = over_floor_of(last.comparison, following.comparison)
+        steps.append(Step((lead.id,), tuple(c.axis for c in same), before, following.comparison))
+        last = following
+    left = [c for c in last.candidates if c.decision == "add" and len(c.group) > 1]
+    return Explanation(steps, left, last)

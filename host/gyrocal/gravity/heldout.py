@@ -1,0 +1,142 @@
+"""Held-out movements: how well a fit that has not seen them predicts where gravity ends, and what noise alone would leave.
+
+The observations are linear about the fit to all data, so leaving a unit out is one generalised least squares on the other rows.
+Only a movement's angle counts in rms, floor and excess; the log-likelihood of a unit counts its rests too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gyrocal.diagnosis.levels import excess_of
+from gyrocal.gravity.fit import least_squares
+from gyrocal.gravity.observations import Observations, Rows
+from gyrocal.gravity.scene import Scene
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Array
+
+BLOCKS = 8
+"""Stretches of time that are left out in turn where there are too few days, power cycles and runs."""
+FEWEST_UNITS = 3
+
+
+@dataclass(frozen=True)
+class Folds:
+    """Which rows each unit holds, and what a unit is: ``day``, ``scenario``, ``run`` or ``time``."""
+
+    unit: str
+    rows: list[Rows]
+
+
+def folds(scene: Scene, seen: Observations) -> Folds:
+    """Days if there are two or more, else power cycles if three or more, else runs likewise, else stretches of time."""
+    runs = scene.session.runs
+    of_movement = np.array([m.run for m in scene.movements])
+    of_chunk = np.array([c.run for c in scene.chunks])
+    order = np.arange(len(scene.movements)) * BLOCKS // len(scene.movements)
+    rest_block = {m.after: int(b) for m, b in zip(scene.movements, order, strict=True)}
+    choices = (
+        ("day", [r.day for r in runs], 2), ("scenario", [r.scenario for r in runs], FEWEST_UNITS),
+        ("run", [r.file for r in runs], FEWEST_UNITS),
+    )  # fmt: skip
+    for unit, labels, fewest in choices:
+        names: list[Any] = list(dict.fromkeys(label for label in labels if label is not None))
+        if len(names) >= fewest:
+            number = np.array([names.index(label) if label in names else -1 for label in labels])
+            return Folds(unit, _rows(seen, number[of_movement], number[of_chunk], len(names)))
+    return Folds("time", _rows(seen, order, np.array([rest_block.get(c.rest, -1) for c in scene.chunks]), BLOCKS))
+
+
+def _rows(seen: Observations, movement: Rows, chunk: Rows, units: int) -> list[Rows]:
+    label = np.concatenate([np.repeat(movement, 2), np.repeat(chunk, 3)])
+    return [found for u in range(units) if (found := np.flatnonzero(label == u)).size and found[0] < seen.movement_rows]
+
+
+@dataclass(frozen=True)
+class Level:
+    """rms of held-out angles between the predicted and the measured direction of gravity, floor and excess, deg."""
+
+    rms_deg: float | None
+    floor_deg: float | None
+    excess_deg: float | None = None
+    excess_se_deg: float | None = None
+
+    @staticmethod
+    def of(squares: float, floor: float, error: float, noise: float, count: int) -> Level:
+        """From mean squares of angles and their expectation (deg^2), its standard error, and the noise of one movement."""
+        if not count:
+            return Level(None, None)
+        excess, se = excess_of(squares - floor, error, noise / count)
+        return Level(float(np.sqrt(squares)), float(np.sqrt(floor)), excess, se)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "rms_deg": self.rms_deg, "floor_deg": self.floor_deg, "excess_deg": self.excess_deg,
+            "excess_se_deg": self.excess_se_deg,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Predictions of every row that some unit holds out.
+
+    ``residual`` [rows] and ``variance`` [rows] (rad, deg/s; NaN where a row is in no unit), the standard error of a sum of
+    squares over movements is from ``fourth`` [movements]; ``gains`` [units] are the units' log-likelihoods.
+    """
+
+    residual: Array
+    variance: Array
+    fourth: Array
+    likelihood: Array
+    movement_rows: int = field(default=0)
+
+    def level(self, movements: Rows, floor: HeldOut | None = None) -> Level:
+        """The level of some movements; ``floor``: the prediction whose floor is used, None = this one's."""
+        rows = np.concatenate([2 * movements, 2 * movements + 1]) if movements.size else movements
+        rows = rows[np.isfinite(self.residual[rows])]
+        of = floor or self
+        count = rows.size // 2
+        square = np.rad2deg(1.0) ** 2
+        total, noise = float(np.sum(self.residual[rows] ** 2)) * square, float(np.sum(of.variance[rows])) * square
+        error = float(np.sqrt(2 * np.sum(of.fourth[movements]))) * square
+        n = max(count, 1)
+        return Level.of(total / n, noise / n, error / n, noise / n, count)
+
+
+def held_out(y: Array, x: Array, noise: Array, prior_sd: Sequence[float], cut: Folds, movement_rows: int) -> HeldOut:
+    """Predict each unit from all others. ``noise`` [rows, rows] is that of the rows, ``prior_sd`` [p] of the parameters."""
+    residual, variance = np.full(len(y), np.nan), np.full(len(y), np.nan)
+    fourth = np.zeros(movement_rows // 2)
+    likelihood = []
+    for rows in cut.rows:
+        left = np.setdiff1d(np.arange(len(y)), rows)
+        inner = noise[np.ix_(left, left)]
+        theta, covariance = least_squares(y[left], x[left], inner, prior_sd)
+        gain = x[rows] @ covariance @ np.linalg.solve(inner, x[left]).T
+        shared = gain @ noise[np.ix_(left, rows)]
+        expected = noise[np.ix_(rows, rows)] + gain @ inner @ gain.T - shared - shared.T
+        residual[rows] = y[rows] - x[rows] @ theta
+        variance[rows] = np.diag(expected)
+        moving = rows < movement_rows
+        np.add.at(fourth, rows[moving] // 2, np.sum(expected[np.ix_(moving, moving)] ** 2, axis=1))
+        _, determinant = np.linalg.slogdet(expected)
+        likelihood.append(-0.5 * float(residual[rows] @ np.linalg.solve(expected, residual[rows])) - 0.5 * float(determinant))
+    return HeldOut(residual, variance, fourth, np.array(likelihood), movement_rows)
+
+
+def share_of_range(part: float | None, whole: float | None) -> float | None:
+    """``1 - (part / whole)^2`` for excesses after and before; None where there was none."""
+    return None if part is None or not whole else 1 - (part / whole) ** 2
+
+
+def explained(before: Level, after: Level) -> float | None:
+    """The fraction of the squared excess that is gone; None if the excess before is within its errors."""
+    if before.excess_deg is None or before.excess_se_deg is None:
+        return None
+    if before.excess_deg < POLICY.excess_errors * before.excess_se_deg:
+        return None
+    return share_of_range(after.excess_deg, before.excess_deg)

@@ -1,0 +1,216 @@
+"""Rests and the movements between them, found by the variance of gyroscope and accelerometer.
+
+A window at rest shows noise alone. The level of the noise is taken from the stillest windows of the session itself, so no
+threshold has a unit. A window is at rest if neither sensor's variance exceeds a factor ``LOUDER`` times that level: the first
+factor that finds ``ENOUGH`` rests, since a sensor that is held trembles more than one that lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.session import Array, Run, Session
+from gyrocal.warning import Warning
+
+WINDOW_S = 0.4
+"""Length of the windows whose variance is judged, s. Hands that settle tremble at several hertz."""
+LOUDER = (3.0, 10.0, 30.0)
+"""Factors by which the variance of a window at rest may exceed that of the stillest windows. With 40 samples on three axes
+noise alone reaches a factor of 1.5 once in 1e5 windows; the tremor of a hand makes it ten and more."""
+ENOUGH = 10
+"""Rests by which the accelerometer's nine parameters are determined."""
+STILLEST = 0.05
+"""The quantile of the windows' variances that is the level of noise: at least this part of a recording must be at rest."""
+TRIM_S = 0.15
+"""Cut off from both ends of a rest, s: the part still settles there."""
+SHORTEST_S = 0.5
+"""A rest that is shorter after trimming is left out; its mean acceleration would be too noisy to matter."""
+CHUNK_S = 10.0
+"""Mean readings are formed over at most this time, s, because the bias wanders during a longer rest."""
+FEWEST = 4
+"""Rests without which nothing is calibrated: three movements at least."""
+TURNED_DEG, TURNED_ERRORS = 0.3, 6.0
+"""A rest moved if gravity turns in it by this much and by this many standard errors, or the reading is off (below)."""
+TURNING_DPS, TURNING_SPREADS = 1.0, 8.0
+"""A rest turns about gravity if its mean rate is off the other rests' median by this much, and by so many spreads."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Rows ``start:stop`` of a run at rest. Means are over all rows: acceleration [3], g, and rate [3], deg/s."""
+
+    run: int
+    start: int
+    stop: int
+    t_s: float
+    """Time of its middle in the run, s."""
+    seconds: float
+    acc_g: Array
+    gyro_dps: Array
+
+    @property
+    def rows(self) -> int:
+        return self.stop - self.start
+
+
+@dataclass(frozen=True)
+class Movement:
+    """What happens between two successive rests of one run: rows ``start:stop``, the indices of both rests."""
+
+    run: int
+    start: int
+    stop: int
+    before: int
+    after: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """The rests of a session, the movements between them, and what was left out, as warnings."""
+
+    rests: list[Rest]
+    movements: list[Movement]
+    warnings: list[Warning]
+
+
+def find(session: Session) -> Found:
+    """Rests and movements of all runs. Raises InputError if there are fewer than ``FEWEST`` rests or no movement."""
+    rests: list[Rest] = []
+    for louder in LOUDER:
+        found = [_rest(r, number, a, b) for number, r in enumerate(session.runs) for a, b in _still(r, louder)]
+        rests = max(rests, found, key=len)
+        if len(rests) >= ENOUGH:
+            break
+    moved = _moved(session, rests)
+    kept = [r for i, r in enumerate(rests) if i not in moved]
+    warnings = _told(session, rests, moved)
+    movements = [
+        Movement(a.run, a.stop - 1, b.start + 1, i, i + 1)
+        for i, (a, b) in enumerate(pairwise(kept))
+        if a.run == b.run and not any(rests[m].run == a.run and a.start < rests[m].start < b.start for m in moved)
+    ]
+    clipped = [m for m in movements if _clips(session, m)]
+    movements = [m for m in movements if m not in clipped]
+    if clipped:
+        text = (
+            f"{len(clipped)} movements reach the end of the range and are left out. Turn more slowly, or record with the next "
+            "larger range"
+        )
+        warnings.append(Warning("clipped", None, None, text))
+    if len(kept) < FEWEST or not movements:
+        where, count = session.path or "the session", "no" if not kept else str(len(kept))
+        also = f" ({len(moved)} more moved and are left out)" if moved else ""
+        raise InputError(
+            f"{where}: {count} rest{'' if len(kept) == 1 else 's'} found{also}, and {FEWEST} are needed at least. Leave the "
+            "sensor still for two seconds in each pose, in ten poses or more, and turn it by about 90 deg in between"
+        )
+    return Found(kept, movements, warnings)
+
+
+def _still(run: Run, louder: float) -> list[tuple[int, int]]:
+    """First and last row (exclusive) of each rest of a run, trimmed."""
+    assert run.acc_g is not None
+    rate_hz = (len(run) - 1) / float(run.sample_s[-1] - run.sample_s[0])
+    size = max(5, round(WINDOW_S * rate_hz))
+    if len(run) < 2 * size:
+        return []
+    still = np.ones(len(run) - size + 1, dtype=bool)
+    for values in (run.gyro_dps, filled_acc_g(run)):
+        variance = _window_variance(values, size)
+        quantum = np.sum(_step(values) ** 2) / 12
+        still &= variance <= louder * max(float(np.quantile(variance, STILLEST)), float(quantum))
+    covered = np.zeros(len(run) + 1)
+    covered[:-size][still] += 1  # each still window covers its rows
+    np.subtract.at(covered, np.flatnonzero(still) + size, 1)
+    at_rest = np.concatenate([[False], np.cumsum(covered[:-1]) > 0, [False]])
+    edges = np.flatnonzero(np.diff(at_rest.astype(int)))
+    trim = max(1, round(TRIM_S * rate_hz))
+    pairs = [(int(a) + trim, int(b) - trim) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(a, b) for a, b in pairs if b - a >= SHORTEST_S * rate_hz]
+
+
+def _window_variance(values: Array, size: int) -> Array:
+    """Variance within each window of ``size`` rows, summed over the three columns of ``values`` [n, 3]."""
+    centred = values - values.mean(axis=0)
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(centred, axis=0)])
+    squares = np.concatenate([np.zeros((1, 3)), np.cumsum(centred**2, axis=0)])
+    mean, square = ((s[size:] - s[:-size]) / size for s in (sums, squares))
+    return np.asarray(np.maximum(square - mean**2, 0.0).sum(axis=1))
+
+
+def _step(values: Array) -> Array:
+    """What the columns of ``values`` [n, 3] step by, shape [3]."""
+    steps = np.abs(np.diff(values, axis=0))
+    least = np.min(steps, axis=0, where=steps > 0, initial=np.inf)
+    return np.where(np.isfinite(least), least, 0.0)
+
+
+def filled_acc_g(run: Run) -> Array:
+    """The acceleration with missing cells interpolated, shape [n, 3], g."""
+    acc_g = run.acc_g
+    assert acc_g is not None
+    if np.isfinite(acc_g).all():
+        return acc_g
+    known = [np.isfinite(acc_g[:, i]) for i in range(3)]
+    return np.column_stack([np.interp(run.t_s, run.t_s[k], acc_g[k, i]) for i, k in enumerate(known)])
+
+
+def _rest(run: Run, number: int, start: int, stop: int) -> Rest:
+    t_s = run.sample_s[start:stop]
+    return Rest(
+        number, start, stop, float(t_s.mean()), float(t_s[-1] - t_s[0]) * (stop - start) / max(stop - start - 1, 1),
+        filled_acc_g(run)[start:stop].mean(axis=0), run.gyro_dps[start:stop].mean(axis=0),
+    )  # fmt: skip
+
+
+def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
+    """Rests in which the sensor turned slowly, by their index, with what shows it."""
+    out: dict[int, str] = {}
+    for i, rest in enumerate(rests):
+        acc_g = filled_acc_g(session.runs[rest.run])[rest.start : rest.stop]
+        half = rest.rows // 2
+        first, last = acc_g[:half].mean(axis=0), acc_g[-half:].mean(axis=0)
+        error = float(np.sqrt(np.diff(acc_g, axis=0).var(axis=0).max() / half))
+        turned = float(np.linalg.norm(first - last)) / max(float(np.linalg.norm(first + last)) / 2, 1e-9)
+        if turned > max(np.deg2rad(TURNED_DEG), TURNED_ERRORS * error):
+            out[i] = f"gravity turns by {np.rad2deg(2 * turned):.1f} deg"
+    for run in {r.run for r in rests}:
+        mine = [i for i, r in enumerate(rests) if r.run == run and i not in out]
+        if len(mine) < 3:
+            continue
+        means = np.array([rests[i].gyro_dps for i in mine])
+        apart = np.abs(means - np.median(means, axis=0))
+        limit = np.maximum(TURNING_DPS, TURNING_SPREADS * 1.4826 * np.median(apart, axis=0))
+        for i, off in zip(mine, apart, strict=True):
+            if np.any(off > limit):
+                out[i] = f"the mean rate is {off.max():.1f} dps off that of the other rests"
+    return out
+
+
+def _clips(session: Session, movement: Movement) -> bool:
+    """Is a reading of a movement at full scale?"""
+    if session.full_scale_dps is None:
+        return False
+    run = session.runs[movement.run]
+    largest = float(np.abs(run.gyro_dps[movement.start : movement.stop]).max())
+    return largest > session.full_scale_dps - 1.5 * max(session.lsb_dps or 0.0, 1e-6)
+
+
+def _told(session: Session, rests: Sequence[Rest], moved: dict[int, str]) -> list[Warning]:
+    """``not_at_rest``: one warning for each run with stretches that are quiet but not at rest."""
+    out = []
+    for number, run in enumerate(session.runs):
+        mine = [i for i in moved if rests[i].run == number]
+        if mine:
+            first = rests[mine[0]]
+            text = (
+                f"{len(mine)} quiet stretch{'' if len(mine) == 1 else 'es'} moved and {'is' if len(mine) == 1 else 'are'} left "
+                f"out; in that at {first.t_s:.1f} s {moved[mine[0]]}. Lay the sensor down, and keep still for two seconds"
+            )
+            out.append(Warning("not_at_rest", None, run.file, text))
+    return out

@@ -1,0 +1,130 @@
+"""What a session by hand shows whatever the gyroscope's model: rests, movements, gravity's directions, noise at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from gyrocal.error_model.correction import turning_about
+from gyrocal.gravity.accelerometer import Accelerometer, calibrate
+from gyrocal.gravity.rests import CHUNK_S, Movement, Rest, filled_acc_g, find
+from gyrocal.recording.session import AXES, Array, Run, Session
+from gyrocal.warning import Warning
+
+BLOCK_S = 0.2
+"""Blocks whose means' differences give the noise at low frequencies: a low-pass acts within them, drift takes longer."""
+LEAST_NOISE_DPS = 1e-6
+TREMBLES, SHRUNK = 4.0, 10.0
+"""A rest whose variance exceeds the median by this factor does not tell the sensor's own noise, which counts for so many blocks
+of 0.2 s in the noise of each rest's mean."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A rest, or ten seconds of a longer one: rows ``start:stop`` of a run, its middle (s), and the index of its rest."""
+
+    run: int
+    start: int
+    stop: int
+    t_s: float
+    rest: int
+
+    @property
+    def rows(self) -> int:
+        return self.stop - self.start
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise at low frequencies: of one sample of the sensor [3], and of the mean over each rest [rests, 3], tremor included."""
+
+    of_sample: Array
+    of_means: Array
+
+    @staticmethod
+    def of(stretches: Sequence[Array], rate_hz: float) -> Noise:
+        """From stretches [n, 3] at rest: differences of neighbouring block means hold neither a bias nor a slow drift.
+
+        A sensor's own noise is that of the rests that are no louder than ``TREMBLES`` times the median; the variance of each
+        rest is shrunk to it by the weight of ``SHRUNK`` blocks.
+        """
+        size = max(2, round(BLOCK_S * rate_hz))
+        sums, counts = np.zeros((len(stretches), 3)), np.zeros(len(stretches))
+        for k, values in enumerate(stretches):
+            blocks = values[: len(values) // size * size].reshape(-1, size, 3).mean(axis=1)
+            sums[k] = np.sum(np.diff(blocks, axis=0) ** 2, axis=0) / 2 * size
+            counts[k] = max(len(blocks) - 1, 0)
+        known = counts > 0
+        median = np.median(sums[known] / counts[known, None], axis=0) if known.any() else np.zeros(3)
+        quiet = known & np.all(sums <= TREMBLES * median * counts[:, None], axis=1)
+        own = sums[quiet].sum(axis=0) / max(float(counts[quiet].sum()), 1.0)
+        shrunk = (sums + SHRUNK * own) / (counts + SHRUNK)[:, None]
+        return Noise(np.sqrt(own), np.sqrt(shrunk / np.array([len(v) for v in stretches])[:, None]))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """``up`` [rests, 3] holds the unit vectors of gravity's reaction in the common frame.
+
+    """
+
+    session: Session = field(repr=False)
+    rests: list[Rest]
+    movements: list[Movement]
+    chunks: list[Chunk]
+    accelerometer: Accelerometer
+    up: Array
+    noise: Noise
+    """Of the gyroscope, deg/s."""
+    warnings: list[Warning]
+
+    @staticmethod
+    def of(session: Session) -> Scene:
+        """Raises InputError where rests are too few or accelerations are not near 1 g."""
+        found = find(session)
+        rate_hz = _rate_hz(session)
+        gyro = [session.runs[r.run].gyro_dps[r.start : r.stop] for r in found.rests]
+        acc = [filled_acc_g(session.runs[r.run])[r.start : r.stop] for r in found.rests]
+        gyro_noise, acc_noise = Noise.of(gyro, rate_hz), Noise.of(acc, rate_hz)
+        accelerometer = calibrate(found.rests, np.sqrt(np.mean(acc_noise.of_means**2, axis=1)))
+        true_g = accelerometer.true_g(np.array([r.acc_g for r in found.rests]))
+        up = true_g / np.linalg.norm(true_g, axis=1)[:, None]
+        chunks = [c for i, r in enumerate(found.rests) for c in _chunks(session, r, i)]
+        return Scene(session, found.rests, found.movements, chunks, accelerometer, up, gyro_noise, found.warnings)
+
+    @property
+    def white_dps(self) -> Array:
+        """Noise of one gyroscope sample at low frequencies, shape [3], deg/s."""
+        return np.maximum(self.noise.of_sample, LEAST_NOISE_DPS)
+
+    @property
+    def turned_deg(self) -> Array:
+        """How far gravity's direction turns in each movement, shape [movements], deg."""
+        cosine = np.sum(self.up[[m.before for m in self.movements]] * self.up[[m.after for m in self.movements]], axis=1)
+        return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    @cached_property
+    def turning(self) -> list[Run]:
+        """Each run turning about each of its axes at about its true rate: what effects are asked whether they can be seen."""
+        return [turning_about(r, axis, r.gyro_dps) for r in self.session.runs for axis in AXES]
+
+    @property
+    def cycles(self) -> list[str]:
+        return self.session.scenarios
+
+
+def _rate_hz(session: Session) -> float:
+    return float(np.mean([(len(r) - 1) / float(r.sample_s[-1] - r.sample_s[0]) for r in session.runs]))
+
+
+def _chunks(session: Session, rest: Rest, number: int) -> list[Chunk]:
+    parts = max(1, round(rest.seconds / CHUNK_S))
+    edges = np.linspace(rest.start, rest.stop, parts + 1).astype(int)
+    t_s = session.runs[rest.run].sample_s
+    return [
+        Chunk(rest.run, int(a), int(b), float(t_s[a:b].mean()), number) for a, b in pairwise(edges)
+    ]

@@ -1,0 +1,193 @@
+"""What the verbs answer, and people see, of sessions whose reference is gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.errors import InputError
+from gyrocal.files import replacing
+from gyrocal.gravity import calibrate as calibration
+from gyrocal.gravity import compare as comparison
+from gyrocal.gravity import diagnose as diagnosis
+from gyrocal.gravity.budget import budget
+from gyrocal.gravity.calibrate import Calibration, misalignment
+from gyrocal.gravity.compare import Comparison
+from gyrocal.gravity.diagnose import Diagnosis
+from gyrocal.gravity.heldout import Level
+from gyrocal.gravity.scene import Scene
+from gyrocal.present.output import emit, mdps, plus_minus, stdout, table
+from gyrocal.present.report import BLOCKED, REJECTED_SHOWN, print_warnings, sizes
+from gyrocal.recording.session import Session
+
+
+def show_calibration(
+    session: Session, seconds: Sequence[float] | None, methods: Sequence[str] | None, model: str | None, as_json: bool
+) -> None:
+    found = calibration.calibrate(session, seconds, methods, model)
+    emit(found.to_json()) if as_json else print_calibration(found)
+
+
+def show_compare(session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool) -> None:
+    """Raises InputError if a page or pictures are asked for, which show rates over time."""
+    if page is not None:
+        raise InputError(f"{page}: a page shows rates, and the reference is gravity; use --residuals for a table of movements")
+    found = comparison.compare(session, model)
+    if residuals is not None:
+        frame = comparison.residual_table(found)
+        try:
+            with replacing(residuals) as partial:
+                frame.write_parquet(partial) if residuals.suffix == ".parquet" else frame.write_csv(partial)
+        except OSError as error:
+            raise InputError(f"{residuals}: {error.strerror}") from None
+    emit(found.to_json()) if as_json else print_comparison(found)
+
+
+def show_diagnose(session: Session, path: Path, model: str | None, formulas: Sequence[str], as_json: bool) -> None:
+    found = diagnosis.diagnose(session, model, formulas)
+    emit(found.to_json()) if as_json else print_diagnosis(found, path, model)
+
+
+def show_add(session: Session, effect: str, model: Path, only_day: int | None, as_json: bool) -> None:
+    """Raises InputError for ``--heldout-day``: movements of all units are judged."""
+    if only_day is not None:
+        raise InputError(f"--heldout-day {only_day}: a session by gravity is judged on all its movements; leave the option out")
+    before, after = diagnosis.add(session, model if model.exists() else None, effect)
+    after.fit.model.save(model)
+    if as_json:
+        warnings = [w.to_json() for w in before.warnings]
+        emit({"before": before.to_json(), "after": after.to_json(), "warnings": warnings})
+        return
+    print_warnings(before.warnings)
+    if before.note:
+        stdout.print(before.note, style="bold", markup=False)
+    rows = [_level("before", before.pooled), _level("after", after.pooled)]
+    table("Held-out angle between movements and gravity, deg", LEVELS, rows)
+    stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+    stdout.print(headline(after), style="bold", markup=False)
+
+
+def show_explain(
+    session: Session, path: Path, model: Path, most_steps: int, page: Path | None, as_json: bool
+) -> None:
+    """Raises InputError if a page is asked for."""
+    if page is not None:
+        raise InputError(f"{page}: a page shows rates, and the reference is gravity; leave --html out")
+    found = diagnosis.explain(session, model if model.exists() else None, most_steps)
+    if found.verdict != "implausible":
+        found.model.save(model)
+    if as_json:
+        emit(found.to_json())
+        return
+    rows = [
+        [", ".join(s.effects), ", ".join(s.axes), _deg(s.before.pooled.excess_deg), _deg(s.after.pooled.excess_deg),
+         "yes" if s.matters else "no"]
+        for s in found.steps
+    ]  # fmt: skip
+    table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
+    print_diagnosis(found.last, path, str(model))
+
+
+LEVELS = ["", "rms deg", "floor deg", "excess deg", "± deg"]
+
+
+def _deg(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
+
+
+def _level(name: str, v: Level) -> list[str]:
+    return [name, _deg(v.rms_deg), _deg(v.floor_deg), _deg(v.excess_deg), _deg(v.excess_se_deg)]
+
+
+def headline(c: Comparison) -> str:
+    """The verdict in one sentence."""
+    if c.verdict == "implausible":
+        return BLOCKED
+    if c.verdict == "adequate":
+        return "The model is adequate: what is left over is noise."
+    first = c.where[0]
+    return f"The model does not fit: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
+
+
+def print_comparison(c: Comparison) -> None:
+    """Levels by the axis that a movement mainly turns about, and where the model fails."""
+    print_warnings(c.warnings)
+    scene = c.fit.scene
+    stdout.print(f"{len(scene.rests)} rests, {len(scene.movements)} movements; rests begin at {_begins(scene)} s")
+    table("", LEVELS, [*(_level(f"about {axis}", v) for axis, v in c.per_axis.items()), _level("all", c.pooled)])
+    stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
+    if c.note:
+        stdout.print(c.note, markup=False)
+    if c.where:
+        rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
+        table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+    stdout.print(headline(c), style="bold", markup=False)
+
+
+def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
+    """Candidates, what such a session cannot show, and the verdict."""
+    print_warnings(d.comparison.warnings)
+    passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
+    rejected = [c for c in d.candidates if c.decision == "reject"]
+    table("", ["effect:", "axis:", "decision:", "explained", "held-out gain", "size:"],
+          [_candidate(c) for c in (*passed, *rejected[:REJECTED_SHOWN])])  # fmt: skip
+    unseen = {c.effect.id: c.next_measurement for c in d.candidates if c.decision == "not_measurable"}
+    shown = {c.effect.id for c in (*passed, *rejected)}
+    rows = [[name, text] for name, text in unseen.items() if name not in shown]
+    if rows:
+        table("What rests and movements cannot show", ["effect:", "why:"], rows)
+    best = d.best
+    target = model if model and model.endswith(".toml") else "model.toml"
+    if d.verdict == "add" and best is not None:
+        stdout.print(f"Missing: {best.effect.title.lower()} on {best.axis}. {best.effect.cause.split('. ')[0]}.", style="bold")
+        stdout.print(f"next: gyrocal add {best.effect.id} {session} --model {target}")
+    elif d.verdict == "ambiguous" and best is not None:
+        stdout.print(f"One of {', '.join(best.group)}. To part them: {best.next_measurement}.", style="bold", markup=False)
+    else:
+        stdout.print(headline(d.comparison), style="bold", markup=False)
+
+
+def _candidate(c: Candidate) -> list[str]:
+    return [
+        c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c),
+    ]  # fmt: skip
+
+
+def print_calibration(c: Calibration) -> None:
+    """Rests, estimates, misalignment and the budget of the errors."""
+    print_warnings(c.warnings)
+    for name, fitted in c.fits.items():
+        scene = fitted.scene
+        turned = scene.turned_deg
+        stdout.print(
+            f"{name}: {len(scene.rests)} rests, {len(scene.movements)} movements that turn gravity by {turned.min():.0f} to "
+            f"{turned.max():.0f} deg; rests begin at {_begins(scene)} s",
+            markup=False,
+        )
+    rows = [
+        [e.scenario, e.axis, "-" if e.scale is None else plus_minus(100 * e.scale, _percent(e.scale_se)), mdps(e.bias_dps),
+         mdps(e.bias_se_dps), f"{e.misfit or 0:.2f}", "yes" if e.trusted else "no: " + ", ".join(e.flags)]
+        for e in c.estimates
+    ]  # fmt: skip
+    table("", ["scenario:", "axis:", "scale %", "bias mdps", "± mdps", "misfit", "trusted:"], rows)
+    cross = [
+        [row["scenario"], row["axis"], row["about"],
+         "-" if row["value"] is None else plus_minus(100 * row["value"], _percent(row["se"]))]
+        for name, fitted in c.fits.items() for row in misalignment(fitted, name)
+    ]  # fmt: skip
+    table("What an axis reads of rotation about another", ["scenario:", "axis:", "about:", "%"], cross)
+    shares = [
+        [row.axis, row.cause, f"{100 * row.scale_se:.4f}", mdps(row.bias_se_dps, 2), row.advice]
+        for fitted in c.fits.values() for row in budget(fitted)
+    ]  # fmt: skip
+    table("Where the error comes from", ["axis:", "cause:", "scale ± %", "bias ± mdps", "to lower it:"], shares)
+
+
+def _begins(scene: Scene) -> str:
+    return ", ".join(f"{scene.session.runs[r.run].sample_s[r.start]:.1f}" for r in scene.rests)
+
+
+def _percent(se: float | None) -> float | None:
+    return None if se is None else 100 * se

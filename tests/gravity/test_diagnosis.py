@@ -1,0 +1,106 @@
+"""Sessions by gravity compared, diagnosed and explained: planted effects are named, and nothing is named where nothing is."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.error_model.model import Model
+from gyrocal.gravity.compare import compare, residual_table
+from gyrocal.gravity.diagnose import add, diagnose, explain
+from gyrocal.gravity.fit import full
+from gyrocal.simulation.simulate import simulate
+
+
+def test_explain_finds_the_whole_matrix_and_what_is_left_is_noise() -> None:
+    session, truth = simulate(campaign="hands", seed=2, scenarios=20)
+    found = explain(session)
+    assert found.verdict == "adequate"
+    assert {e for step in found.steps for e in step.effects} == {"misalignment"}
+    for i, axis in enumerate("xyz"):
+        term = found.model.term("misalignment", axis)
+        assert term is not None
+        for j, other in enumerate("xyz"):
+            if j != i:
+                assert term.values[f"m_{other}"] == pytest.approx(truth["misalignment"][i][j], abs=5 * term.se[f"m_{other}"])
+    before, after = found.steps[0].before.pooled.excess_deg, found.steps[-1].after.pooled.excess_deg
+    assert before is not None
+    assert after is not None
+    assert after < 0.1 * before
+
+
+def test_an_asymmetry_is_named_beside_the_matrix() -> None:
+    session, _ = simulate(campaign="hands", seed=2, scenarios=20, effects=["scale_asymmetry:k=0.003"])
+    named = [c for c in diagnose(session, full(Model.open(None))).candidates if c.decision == "add"]
+    assert {c.effect.id for c in named} == {"scale_asymmetry"}
+    for c in named:
+        assert c.values["k"] == pytest.approx(0.003, abs=5 * c.se["k"])
+
+
+def test_sensitivity_to_gravity_is_found_at_the_rests() -> None:
+    session, _ = simulate(
+        campaign="hands", seed=3, scenarios=20, effects=["g_sensitivity:gx_dps_per_g=0.05,gy_dps_per_g=0,gz_dps_per_g=0"]
+    )
+    found = diagnose(session, full(Model.open(None)))
+    named = [c for c in found.candidates if c.decision == "add"]
+    assert {c.effect.id for c in named} == {"g_sensitivity"}
+    for c in named:
+        assert c.values["gx_dps_per_g"] == pytest.approx(0.05, abs=5 * c.se["gx_dps_per_g"])
+
+
+def test_a_complete_model_is_adequate_for_compare_and_diagnose() -> None:
+    session, _ = simulate(campaign="hands", seed=11, scenarios=20)
+    model = full(Model.open(None))
+    compared, found = compare(session, model), diagnose(session, model)
+    assert compared.verdict == found.verdict == "adequate"
+    assert compared.pooled.rms_deg == pytest.approx(compared.pooled.floor_deg, rel=0.25)
+
+
+def test_without_misalignment_the_model_does_not_fit_and_the_residuals_say_where() -> None:
+    session, _ = simulate(campaign="hands", seed=1, scenarios=20)
+    found = compare(session)
+    assert found.verdict == "misfit"
+    assert {w.against for w in found.where} >= {"rate"}
+    table = residual_table(found)
+    assert table.columns[:5] == ["file", "t_s", "axis", "measured_deg", "modelled_deg"]
+    assert table.height == len(found.fit.scene.movements)
+    assert float(np.sqrt((table["residual_deg"] ** 2).mean())) == pytest.approx(found.pooled.rms_deg, rel=1e-6)
+    assert (np.abs(table["measured_deg"] - table["modelled_deg"]) <= table["residual_deg"] + 2e-3).all()
+
+
+def test_adding_an_effect_writes_a_model_that_every_verb_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    simulate(tmp_path / "s", "hands", seed=4, scenarios=16)
+    folder, model = str(tmp_path / "s"), str(tmp_path / "m.toml")
+    assert main(["add", "misalignment", folder, "--model", model, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["after"]["excess_deg"] < 0.5 * told["before"]["excess_deg"]
+    assert "rms_dps" not in told["after"]
+    assert main(["compare", folder, "--model", model, "--residuals", str(tmp_path / "r.csv"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["residual"] == "angle"
+    assert {"rms_deg", "floor_deg", "excess_deg", "per_axis", "where", "parameters", "warnings", "verdict"} <= told.keys()
+    assert pl.read_csv(tmp_path / "r.csv").height == 15
+    assert main(["calibrate", folder, "--model", model, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["estimates"][0]["trusted"]
+    assert main(["diagnose", folder, "--model", model, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    unseen = {c["effect"]: c for c in told["candidates"] if c["decision"] == "not_measurable"}
+    assert {"lag", "clock_error", "table_ripple", "vibration_tone"} <= unseen.keys()
+    assert all(c["next_measurement"] for c in unseen.values())
+
+
+def test_an_effect_that_gravity_does_not_show_is_not_added() -> None:
+    session, _ = simulate(campaign="hands", seed=4, scenarios=8)
+    before, after = add(session, None, "table_ripple")
+    assert "table_ripple was not added" in before.note
+    assert after.fit.model.ids == before.fit.model.ids
+
+
+@pytest.mark.parametrize("verb", ["compare", "diagnose"])
+def test_too_few_rests_end_with_2(verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    simulate(tmp_path / "s", "hands", scenarios=3)
+    assert main([verb, str(tmp_path / "s")]) == 2
+    assert "3 rests found" in capsys.readouterr().err
