@@ -48,7 +48,8 @@ def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding 
 
     At one rate, a line that is no whole number per turn is as well a frequency.
     """
-    turning = [b.run for b in fitted.blocks if not b.run.rate_is_mean and np.any(b.run.rate_dps)]
+    runs = [b.run.about(axis) for b in fitted.blocks]
+    turning = [r for r in runs if not r.rate_is_mean and np.any(r.rate_dps)]
     if not turning:
         return None
     by_run = residuals(fitted, axis)
@@ -169,7 +170,7 @@ def find_misfit(
                 probed.append(finding)
         beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
-        return told_once(found, [b.run for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
+        return told_once(found, [b.run.about(axis) for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
 
     tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))
     found = sorted(chain.from_iterable(findings for findings, _ in tested.values()), key=lambda f: -f.strength)

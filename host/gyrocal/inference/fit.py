@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.blocks import Blocks, by_sample, reduce_session
 from gyrocal.inference.design import SLOW_S, Design
@@ -24,6 +25,7 @@ from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import fit_noise, with_noise
 from gyrocal.inference.noise_shape import shaped
 from gyrocal.inference.nonlinear import refine
+from gyrocal.inference.registering import refined
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.runs_apart import runs_apart
 from gyrocal.inference.standard_errors import finish
@@ -47,12 +49,15 @@ def fit(
     progress: Progress | None = None,
 ) -> Fit:  # fmt: skip
     """Fit a model's terms and noise to a session; the model returned carries values and standard errors."""
+    if blocks is None:
+        session = refined(session, model)
     reduced = reduce_session(session) if blocks is None else blocks
+    seen = {axis: [b.about(axis) for b in reduced] for axis in AXES}
 
     def on(axis: str) -> AxisFit:
         if progress is not None:
             progress(f"fitting {axis}")
-        return fit_axis(reduced, AXES.index(axis), model.on(axis), model.noise_on(axis))
+        return fit_axis(seen[axis], AXES.index(axis), model.on(axis), model.noise_on(axis))
 
     covered = [axis for axis in axes if axis in model.axes]
     fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))
@@ -84,11 +89,18 @@ def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_m
 
 
 def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:
-    """A term whose values are open, with those of the fault of the reading that shows; others as they are."""
-    if term.values or term.effect.fault is None:
+    """A term whose values are open, with those of the fault of the reading that shows, or with its only variant.
+
+    The noise is first fitted beside all terms that leave no choice. Beside a bias that is missing, drift would swallow it.
+    """
+    runs = [b.run for b in blocks]
+    if term.values or isinstance(term.effect, TimingEffect):
         return term
-    found = term.effect.fault.detect([b.run for b in blocks], axis)
-    return term if found is None else replace(term, values=found.values, se=found.se)
+    if term.effect.fault is not None:
+        found = term.effect.fault.detect(runs, axis)
+        return term if found is None else replace(term, values=found.values, se=found.se)
+    variants = term.effect.variants(runs, axis)
+    return replace(term, values=variants[0]) if len(variants) == 1 else term
 
 
 def _needs_choice(term: Term) -> bool:

@@ -10,14 +10,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from gyrocal.error_model.model import Model
-from gyrocal.plausibility import columns, header, noise, readings, rests, sizes, slopes
+from gyrocal.plausibility import columns, header, noise, readings, references, rests, sizes, slopes
 from gyrocal.plausibility.runs import Means
+from gyrocal.recording.register import registered
 from gyrocal.recording.session import Session
 from gyrocal.warning import Warning, accepted
 
 
 def check(session: Session, model: Model | str | Path | None = None) -> list[Warning]:
     """All warnings of a session. ``model`` is the one in use, None = ``default``. Accepted warnings do not block."""
+    session = registered(session)
     dead = readings.constant(session)
     useless = readings.cut_off(session) | columns.mistimed_turns(session)
     means = Means(session, skip={(w.axis, w.file) for w in dead} | useless)
@@ -31,6 +33,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *noise.unit_unsure(session),
         *readings.clipped(session, Model.open(model)),
         *columns.check(session),
+        *references.check(session),
         *readings.first_sample(session),
         *header.check(session),
     ]

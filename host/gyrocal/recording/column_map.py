@@ -109,8 +109,10 @@ def units_of(target: str, scaling: Scaling) -> dict[str, tuple[float, float] | N
         return plain(_TIME) | counted("samples", None if scaling.rate_hz is None else 1.0 / scaling.rate_hz)
     if target == "temp_c":
         return dict(_TEMPERATURE)
-    if target == "table_angle_deg":
+    if target in ("table_angle_deg", "ref_angle_deg"):
         return plain(_ANGLE)
+    if target.startswith("ref_q"):
+        return plain({"1": 1.0})
     if target.endswith("_dps"):
         return plain(_RATE) | counted("counts", scaling.lsb_dps)
     return plain(_ACCELERATION) | counted("counts", scaling.lsb_g)

@@ -36,10 +36,12 @@ class RunEntry(BaseModel):
 
 
 class Reference(BaseModel):
-    """The table ``[reference]`` of session.toml: the noise of one reading where the data cannot show it."""
+    """The table ``[reference]`` of session.toml: its clock, and the noise of one reading where the data cannot show it."""
 
     model_config = ConfigDict(extra="allow", allow_inf_nan=False, frozen=True)
 
+    clock: Literal["own", "same"] = "same"
+    """``own``: the reference was stamped by another clock than the readings."""
     ref_noise_dps: float | None = Field(default=None, ge=0)
     temp_noise_c: float | None = Field(default=None, ge=0)
 

@@ -14,6 +14,8 @@ import polars as pl
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
 from gyrocal.recording.header import FORMAT, Axis, Face, Reference, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
+from gyrocal.recording.registration import Registration, RegistrationFit
 from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
 from gyrocal.recording.stamps import in_bursts, regression, weights
 from gyrocal.recording.table import check_table, read_table_and_damage, write_table
@@ -22,10 +24,12 @@ from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
 """Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
-KEPT = (
-    "_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "motion", "_smooth_reference", "smooth_temp",
+OF_FILE = (
+    "_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "smooth_temp", "measured_rates",
 )  # fmt: skip
-"""What a run has read or computed and that does not depend on its timing."""
+"""What a run has read or computed and that depends on its file alone."""
+KEPT = (*OF_FILE, "reference_dps", "motion", "_smooth_reference")
+"""What does not depend on the run's timing."""
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -60,6 +64,8 @@ class Run:
     """False if noisy columns are taken as they are, sample by sample, as the device takes them."""
     timing: Timing = SYNCHRONOUS
     """How the reading follows the reference; ``rate_dps`` is the true rate that the reading shows with this timing."""
+    registration: Registration = field(default_factory=Registration)
+    """How the reference's frame and clock lie relative to the sensor's."""
 
     @property
     def axis_index(self) -> int:
@@ -143,11 +149,11 @@ class Run:
     def rate_dps(self) -> Array:
         """True rate about the run's axis in the sensor's sign, shape [n], deg/s, with the reference's noise.
 
-        From ``rate_ref_dps`` where the file has it (cells that are missing lie on the line between those that are there: an
+        From the reference where the file has one (cells that are missing lie on the line between those that are there: an
         encoder may be slower than the gyroscope), else the table's rate; for a run known by its angle alone, the mean
         rate ``turn_deg / duration`` (only its integral is meaningful; see :attr:`rate_is_mean`).
         """
-        reference = self.column("rate_ref_dps")
+        reference = self.reference_dps
         if reference is not None:
             known = np.isfinite(reference)
             rate_dps = reference if known.all() else np.interp(self.sample_s, self.sample_s[known], reference[known])
@@ -160,9 +166,46 @@ class Run:
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
 
     @cached_property
+    def measured_rates(self) -> MeasuredRates | None:
+        """The reference in its own frame and by its own clock; None if the rate is not measured but known."""
+        return measured_rates(self.column, self.sample_s, self.file)
+
+    @cached_property
+    def reference_dps(self) -> Array | None:
+        """The measured true rate about the run's axis in the sensor's sign, shape [n], deg/s; NaN where it is missing."""
+        measured = self.measured_rates
+        found = None if measured is None else measured.about(self.axis_index, self.registration)
+        return found if found is not None and np.isfinite(found).any() else None
+
+    @property
+    def three_axes(self) -> bool:
+        """True if the reference measures the true rate about all three axes."""
+        return self.measured_rates is not None and self.measured_rates.three_axes
+
+    def about(self, axis: str) -> Run:
+        """The run with the true rate about another axis of the sensor; the run itself unless its reference has three axes."""
+        if axis == self.axis or not self.three_axes:
+            return self
+        views: dict[str, Run] = self.__dict__.setdefault("_views", {self.axis: self})
+        if axis not in views:
+            views[axis] = self._sharing(OF_FILE, axis=axis)
+            views[axis].__dict__["_views"] = views
+        return views[axis]
+
+    def registered(self, registration: Registration) -> Run:
+        """The run with its reference in another frame or by another clock."""
+        return self if registration == self.registration else self._sharing(OF_FILE, registration=registration)
+
+    def _sharing(self, names: Iterable[str], **changes: Any) -> Run:
+        """A changed run that keeps what this one has read or computed under these names."""
+        out = replace(self, **changes)
+        out.__dict__.update({name: self.__dict__[name] for name in names if name in self.__dict__})
+        return out
+
+    @cached_property
     def _smooth_reference(self) -> Smoothed | None:
         """The reference without its noise, whatever the timing; None if the rate is not measured but known."""
-        reference = self.column("rate_ref_dps")
+        reference = self.reference_dps
         if reference is None or not self.smooth:
             return None
         known = np.isfinite(reference)
@@ -193,25 +236,29 @@ class Run:
 
     @cached_property
     def motion(self) -> Motion | None:
-        """The true rate between the samples of ``rate_ref_dps``; None where the run has fewer than five."""
-        reference = self.column("rate_ref_dps")
+        """The true rate between the samples of the reference; None where the run has fewer than five."""
+        reference = self.reference_dps
         known = np.zeros(0, dtype=bool) if reference is None else np.isfinite(reference)
         return None if reference is None or known.sum() < 5 else Motion(self.sample_s[known], reference[known])
 
     @cached_property
     def reached(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """False for the samples [n] that show a moment at which no reference was recorded (the first of a delayed run)."""
-        if self.timing == SYNCHRONOUS or self.motion is None:
-            return np.ones(len(self), dtype=bool)
+        if self.motion is None or self.timing == SYNCHRONOUS:
+            return self._recorded
         return self.motion.reached(self.sample_s, self.timing)
+
+    @property
+    def _recorded(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """True for the samples [n] with a reference; for all of them where it lies on the line between its samples."""
+        measured, rate_dps = self.measured_rates, self.reference_dps
+        if measured is None or rate_dps is None or (measured.interpolated and self.registration.same_clock):
+            return np.ones(len(self), dtype=bool)
+        return np.isfinite(rate_dps)
 
     def timed(self, timing: Timing) -> Run:
         """The same run with another timing; the run itself where its true rate is constant."""
-        if timing == self.timing or self.motion is None:
-            return self
-        out = replace(self, timing=timing)
-        out.__dict__.update({name: self.__dict__[name] for name in KEPT if name in self.__dict__})
-        return out
+        return self if timing == self.timing or self.motion is None else self._sharing(KEPT, timing=timing)
 
     @property
     def shown_s(self) -> Array:
@@ -227,7 +274,7 @@ class Run:
     @property
     def rate_is_mean(self) -> bool:
         """True where only the run's net angle is known, not its rate at each moment."""
-        return self.table_rate_dps is None and self.turn_deg is not None and self.column("rate_ref_dps") is None
+        return self.table_rate_dps is None and self.turn_deg is not None and self.reference_dps is None
 
     @property
     def duration_s(self) -> float:
@@ -255,6 +302,7 @@ class Run:
             self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
             table_rate_se_dps=self.table_rate_se_dps, reference=self.reference, smooth=self.smooth,
+            registration=self.registration.from_later(float(self.sample_s[start] - self.sample_s[0])),
         )  # fmt: skip
 
 
@@ -276,6 +324,8 @@ class Session:
     """Keys of session.toml that nobody reads."""
     reference: Reference = field(default_factory=Reference)
     """The table ``[reference]``: what is known of references and thermometers."""
+    registration_fit: RegistrationFit | None = None
+    """How well the runs' ``registration`` is known; None where it was not estimated."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
@@ -301,6 +351,20 @@ class Session:
             if check:
                 _check_rate_known(run)
         return session
+
+    def about(self, axis: str) -> Session:
+        """The same session with the true rate about another axis of the sensor in the runs whose reference has three axes."""
+        return self if not self.three_axes else self.with_runs(run.about(axis) for run in self.runs)
+
+    @property
+    def registration_parameters(self) -> tuple[tuple[str, str, float, float | None], ...]:
+        """(effect, name, value, standard error) of what was estimated about the reference's frame and clock."""
+        return () if self.registration_fit is None else self.registration_fit.parameters
+
+    @property
+    def three_axes(self) -> bool:
+        """True if a run's reference measures the true rate about all three axes."""
+        return any(run.three_axes for run in self.runs)
 
     def with_runs(self, runs: Iterable[Run]) -> Session:
         """The same session with other runs."""
@@ -344,7 +408,8 @@ class Session:
         return {
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
-            "accept": list(self.accept) or None, "reference": self.reference.model_dump(exclude_none=True) or None,
+            "accept": list(self.accept) or None,
+            "reference": self.reference.model_dump(exclude_none=True, exclude_defaults=True) or None,
         }  # fmt: skip
 
 
@@ -368,5 +433,5 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
 
 def _check_rate_known(run: Run) -> None:
     where = run.path or run.file
-    if run.column("rate_ref_dps") is None and run.table_rate_dps is None and run.turn_deg is None:
-        raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")
+    if run.reference_dps is None and run.table_rate_dps is None and run.turn_deg is None:
+        raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a reference's columns")

@@ -14,7 +14,10 @@ import polars as pl
 from gyrocal.errors import InputError, first_line
 
 REQUIRED = ("t_s", "gx_dps", "gy_dps", "gz_dps")
-OPTIONAL = ("ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg")
+OPTIONAL = (
+    "ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg", "ref_angle_deg", "ref_x_dps", "ref_y_dps", "ref_z_dps",
+    "ref_qw", "ref_qx", "ref_qy", "ref_qz",
+)  # fmt: skip
 UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
 """The unit at the end of a column's name."""
 NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
@@ -109,6 +112,8 @@ def _check_columns(columns: list[str], label: str) -> None:
 
     for name in OPTIONAL:
         stem, _, unit = name.rpartition("_")
+        if unit not in UNITS:  # a quaternion has none
+            continue
         other = next((c for c in columns if c == stem or c.startswith(f"{stem}_")), None)
         if name not in columns and other is not None:
             raise InputError(

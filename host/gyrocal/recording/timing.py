@@ -49,12 +49,14 @@ class Motion:
 
     known_s: Array
     known_dps: Array
+    twice: bool = False
+    """True if what smoothing takes from the motion is smoothed too and given back (:func:`smooth`)."""
 
     @cached_property
     def _spline(self) -> CubicSpline:
         from scipy.interpolate import CubicSpline
 
-        return CubicSpline(self.known_s, smooth(self.known_s, self.known_dps))
+        return CubicSpline(self.known_s, smooth(self.known_s, self.known_dps, self.twice))
 
     @property
     def _reach_s(self) -> float:
@@ -130,12 +132,16 @@ class Motion:
         return np.asarray(steady + excess[piece] * fading)
 
 
-def smooth(t_s: Array, values: Array) -> Array:
+def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:
     """A noisy reference [n] at times [n], s, smoothed by a cubic smoothing spline; the times may be uneven.
 
     The bandwidth is the one with the least expected error by Mallows' criterion, ``mean square of the residual + 2 sd^2 c``,
     where c is a sample's weight in its own smoothed value and sd the noise (:func:`noise_sd`). A reference whose noise is far
     below what the motion does from sample to sample is left as it is.
+
+    A spline of the width h takes the part ``(2 pi f h)^4`` from a motion of the frequency f, which is as much as the scale of a
+    good sensor is off. With ``twice``, the residual is smoothed too and added (Tukey's twicing), and the square of that part is
+    lost.
     """
     step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     sd = noise_sd(t_s, values)
@@ -143,8 +149,12 @@ def smooth(t_s: Array, values: Array) -> Array:
         return values
     best, least = values, 2 * sd**2
     for width in WIDTHS:
-        trial = smoothing_spline(t_s, values, (width * step_s) ** 4 / step_s)
-        risk = float(np.mean((values - trial) ** 2)) + 2 * sd**2 / (8**0.5 * width)  # c is that of the equivalent kernel
+        penalty = (width * step_s) ** 4 / step_s
+        trial = smoothing_spline(t_s, values, penalty)
+        weight = 1 / (8**0.5 * width)  # of the equivalent kernel
+        if twice:
+            trial, weight = trial + smoothing_spline(t_s, values - trial, penalty), 1.25 * weight
+        risk = float(np.mean((values - trial) ** 2)) + 2 * sd**2 * weight
         if risk < least:
             best, least = trial, risk
     return np.asarray(best)
