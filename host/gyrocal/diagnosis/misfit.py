@@ -66,8 +66,15 @@ def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding 
     return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 
+def _of_angles(fitted: Fit) -> bool:
+    """True if the true rate is the slope of measured angles. Its noise grows with frequency, and no test of power applies."""
+    return any(b.run.measured_rates is not None and b.run.measured_rates.derived for b in fitted.blocks)
+
+
 def _bump(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
     """Test for a bump in the residual's spectrum."""
+    if _of_angles(fitted):
+        return None
     bump = spectrum.bump()
     if bump is None or bump.chance >= alarm:
         return None
@@ -77,6 +84,8 @@ def _bump(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
 
 def _not_white(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
     """Test for more power than noise in a band of frequencies."""
+    if _of_angles(fitted):
+        return None
     return too_much_power(fitted.axes[axis], axis, alarm)
 
 

@@ -25,7 +25,7 @@ from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import fit_noise, with_noise
 from gyrocal.inference.noise_shape import shaped
 from gyrocal.inference.nonlinear import refine
-from gyrocal.inference.registering import refined
+from gyrocal.inference.registering import refined, symmetric
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.runs_apart import runs_apart
 from gyrocal.inference.standard_errors import finish
@@ -62,6 +62,8 @@ def fit(
     covered = [axis for axis in axes if axis in model.axes]
     fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))
     terms = {(t.effect_id, t.axis): t for a in fitted.values() for t in a.terms}
+    if session.three_axes:
+        terms = symmetric(terms)
     noise = {**model.noise, **{axis: a.noise_model for axis, a in fitted.items()}}
     result = Model(model.name, tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms), noise)
     return Fit(session, reduced, result, fitted)

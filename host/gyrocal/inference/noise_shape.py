@@ -18,7 +18,7 @@ from gyrocal.recording.session import Array
 
 GAIN = 2.0
 """Log-likelihood that a shape of the noise must gain."""
-COLORS = np.linspace(-0.3, 0.7, 101)
+COLORS = np.linspace(-0.8, 0.7, 151)
 LOWEST_HZ = 1.0
 """Frequency above which block means show the colour of the fast noise. Below it are drift and effects of a turning table."""
 BANDS = 8

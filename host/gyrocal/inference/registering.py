@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -92,6 +93,26 @@ def refined(session: Session, model: Model) -> Session:
         if np.all(np.abs(moved) <= SETTLED * se + 1e-15):
             break
     return replace(session, registration_fit=replace(start, registration=after, parameters=_parameters(after, step, start)))
+
+
+def symmetric(terms: Mapping[tuple[str, str], Term]) -> dict[tuple[str, str], Term]:
+    """The terms by effect and axis, with the misalignment made symmetric: m_y on x and m_x on y are their mean.
+
+    The alignment is where the antisymmetric part is zero, so the two differ only by what the noise's weights make of it. Their
+    errors are independent.
+    """
+    out = dict(terms)
+    mine = {t.axis: (key, t) for key, t in terms.items() if isinstance(t.effect, Misalignment)}
+    for a, b in combinations(sorted(mine), 2):
+        (key_a, of_a), (key_b, of_b) = mine[a], mine[b]
+        pair = ((of_a, f"m_{b}"), (of_b, f"m_{a}"))
+        if any(name not in t.values or name not in t.se for t, name in pair):
+            continue
+        mean = sum(t.values[name] for t, name in pair) / 2
+        se = sum(t.se[name] ** 2 for t, name in pair) ** 0.5 / 2
+        for key, (_, name) in zip((key_a, key_b), pair, strict=True):
+            out[key] = replace(out[key], values={**out[key].values, name: mean}, se={**out[key].se, name: se})
+    return out
 
 
 def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:

@@ -41,6 +41,8 @@ class MeasuredRates:
     t_s: Array
     rates_dps: Array
     jumps: int = 0
+    derived: bool = False
+    """True if the rates are slopes of angles, whose noise grows with frequency."""
     interpolated: bool = False
     """True if missing samples lie on the line between those that are there: a table's encoder may be slower than the sensor."""
 
@@ -135,10 +137,10 @@ def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> Meas
 
     rows = np.flatnonzero(known)
     steps_deg = turned(rows)
-    jumped = jumps(steps_deg)
     rates = np.full((t_s.size, steps_deg.shape[1]), np.nan)
     steps_s = np.diff(t_s[rows])
     usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
+    jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
     cuts = np.flatnonzero(jumped | (steps_s > GAP_STEPS * usual_s)) + 1
     for piece in np.split(np.arange(rows.size), cuts):
         if piece.size < LEAST:
@@ -146,4 +148,4 @@ def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> Meas
         mine, at_s = steps_deg[piece[:-1]], t_s[rows[piece]]
         angle_deg = np.vstack([np.zeros(mine.shape[1]), np.cumsum(mine, axis=0)])
         rates[rows[piece]] = np.column_stack([CubicSpline(at_s, smooth(at_s, a, twice=True))(at_s, 1) for a in angle_deg.T])
-    return MeasuredRates(t_s, rates, int(jumped.sum()))
+    return MeasuredRates(t_s, rates, int(jumped.sum()), derived=True)

@@ -42,9 +42,8 @@ def turned_deg(quaternion: Array, label: str) -> Array:
 
 
 def jumps(turned: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """True for the steps [n - 1] between which the reference jumped (a marker was exchanged, a tracker found itself again)."""
-    size = np.linalg.norm(turned, axis=1) if turned.ndim == 2 else np.abs(turned)
-    known = np.nan_to_num(size)
+    """True for the steps [n - 1, k] in which the reference jumped: a marker was exchanged, a tracker found itself again."""
+    known = np.linalg.norm(turned, axis=1)
     if known.size < 2 * BESIDE:
         return np.zeros(known.size, dtype=bool)
     padded = np.pad(known, BESIDE, mode="edge")
