@@ -3,9 +3,9 @@
     python benchmarks/references.py [SESSIONS]
 
 Each session is a smooth random motion (sums of sines, up to 2 Hz) seen by a sensor with a planted scale, misalignment and bias,
-and by a reference that is rotated by 0 to 180 deg, late or early by up to 2 s, on a clock that drifts by some 30 ppm, with
-noise. Sample rates, sizes of the motion and noises vary from session to session. The spread of the error over its standard error
-should be within 0.85 to 1.2, widened to what the number of sessions can tell.
+and by a reference that is rotated by 0 to 180 deg, late or early by up to 2 s, by a clock that drifts by some 30 ppm, with
+noise. Sample rates, sizes of the motion and noises vary from session to session. The spread of the error over its standard
+error should be within 0.85 to 1.2, widened to what the number of sessions can tell.
 """
 
 from __future__ import annotations
@@ -81,9 +81,9 @@ def session(planted: Planted, rng: np.random.Generator) -> Any:
     ref = motion(t_s) + rng.normal(0, planted.ref_noise_dps, true.shape)
     columns = {f"g{a}_dps": gyro[:, i] for i, a in enumerate("xyz")} | {f"ref_{a}_dps": ref[:, i] for i, a in enumerate("xyz")}
     reference = Reference(clock="own")
+    frame = pl.DataFrame({"t_s": t_s, **columns})
     run = Run(
-        0, "000_up.csv", "s000", "up", "z", None, None, None, None, planted.rate_hz, frame=pl.DataFrame({"t_s": t_s, **columns}),
-        reference=reference,
+        0, "000_up.csv", "s000", "up", "z", None, None, None, None, planted.rate_hz, frame=frame, reference=reference,
     )  # fmt: skip
     return Session(planted.rate_hz, (run,), reference=reference)
 

@@ -59,7 +59,7 @@ class _Map(Effect):
 
 @dataclass(frozen=True)
 class _Step:
-    """The combined estimate of the map minus I [3, 3] and of the clock [2], with their covariance [11, 11]."""
+    """The combined estimate of the map minus I [3, 3] and of the clock [2], with their covariance [11, 11], inf if unknown."""
 
     map: Array
     clock: Array
@@ -68,10 +68,10 @@ class _Step:
     @property
     def rotation_cov(self) -> Array:
         """Covariance of the small rotation that the antisymmetric part of the map is, [3, 3], rad^2."""
-        jacobian = np.zeros((3, 11))
+        jacobian = np.zeros((3, 9))
         for k, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
             jacobian[k, 3 * row + column], jacobian[k, 3 * column + row] = 0.5, -0.5
-        return np.asarray(jacobian @ self.cov @ jacobian.T)
+        return np.asarray(jacobian @ self.cov[:9, :9] @ jacobian.T)
 
 
 def refined(session: Session, model: Model) -> Session:
@@ -132,9 +132,10 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
         information[np.ix_(places, places)] += weight
         score[places] += weight @ values
     seen = np.flatnonzero(np.diag(information) > 0)
-    cov = np.zeros((11, 11))
+    cov = np.diag(np.where(np.diag(information) > 0, 0.0, np.inf))
     cov[np.ix_(seen, seen)] = np.linalg.inv(information[np.ix_(seen, seen)])
-    found = cov @ score
+    found = np.zeros(11)
+    found[seen] = cov[np.ix_(seen, seen)] @ score[seen]
     return _Step(found[:9].reshape(3, 3), found[9:], cov)
 
 
@@ -153,7 +154,7 @@ def _of_axis(current: AxisFit, i: int, axis: str) -> tuple[list[int], Array, Arr
 
 
 def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[tuple[str, str, float, float | None], ...]:
-    """The parameters by name, as those of the first estimate, with their standard errors."""
+    """The parameters by name, as those of the first estimate, with their standard errors (None if nothing shows one)."""
     jacobian = np.zeros((3, 3))
     for k in range(3):
         turn = Registration(tuple(DIFFERENCE_DEG * np.eye(3)[k])).matrix
@@ -162,7 +163,8 @@ def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tup
     cov = jacobian @ step.rotation_cov @ jacobian.T
     values = dict(zip(("rx_deg", "ry_deg", "rz_deg"), zip(found.rotation_deg, np.sqrt(np.diag(cov)), strict=True), strict=True))
     values |= {"offset_s": (found.offset_s, np.sqrt(step.cov[9, 9])), "e": (found.drift, np.sqrt(step.cov[10, 10]))}
-    return tuple((effect, name, float(values[name][0]), float(values[name][1])) for effect, name, _, _ in start.parameters)
+    errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
+    return tuple((effect, name, float(values[name][0]), errors[name]) for effect, name, _, _ in start.parameters)
 
 
 def _nearest(vector_deg: Array, found: Registration) -> Array:

@@ -32,7 +32,7 @@ def check(session: Session) -> list[Warning]:
         others = ", ".join(f"{s:+.3f}" for s in fit.alternatives_s)
         text = (
             f"the motion repeats itself, so that the offset of the reference's clock may be {offset_s:+.3f} s, or as well "
-            f"{others} s. Scale and alignment are the same for all of them. Move irregularly for a few seconds to tell"
+            f"{others} s. Move irregularly for a few seconds to tell"
         )
         out.append(Warning("offset_ambiguous", None, None, text))
     return out

@@ -21,9 +21,10 @@ Column = Callable[[str], Array | None]
 
 RATES = ("ref_x_dps", "ref_y_dps", "ref_z_dps")
 QUATERNION = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
+THREE_AXES = (*RATES, *QUATERNION)
 ANGLE = "ref_angle_deg"
-LEAST = 8
-"""Fewer samples of an angle in a row give no rate."""
+TRIMMED = 5
+"""Samples at each end of a stretch of angles whose slope is not relied on."""
 END_STEPS = 10
 """Steps of the reference from each of its ends within which a smooth curve through it is not relied on."""
 GAP_STEPS = 3.5
@@ -143,9 +144,10 @@ def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> Meas
     jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
     cuts = np.flatnonzero(jumped | (steps_s > GAP_STEPS * usual_s)) + 1
     for piece in np.split(np.arange(rows.size), cuts):
-        if piece.size < LEAST:
+        if piece.size <= 2 * TRIMMED:
             continue
         mine, at_s = steps_deg[piece[:-1]], t_s[rows[piece]]
         angle_deg = np.vstack([np.zeros(mine.shape[1]), np.cumsum(mine, axis=0)])
-        rates[rows[piece]] = np.column_stack([CubicSpline(at_s, smooth(at_s, a, twice=True))(at_s, 1) for a in angle_deg.T])
+        slopes = np.column_stack([CubicSpline(at_s, smooth(at_s, a, twice=True))(at_s, 1) for a in angle_deg.T])
+        rates[rows[piece[TRIMMED:-TRIMMED]]] = slopes[TRIMMED:-TRIMMED]
     return MeasuredRates(t_s, rates, int(jumped.sum()), derived=True)
