@@ -99,3 +99,13 @@ def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
     for effect_id, spec in (("table_ripple", "table_ripple"), ("order_tone", "order_tone:order=2,A_dps=0.05")):
         named = {c.effect.id for c in diagnose(full(spec)).candidates if c.decision == "add" and c.axis == "z"}
         assert named == {effect_id}
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: int) -> None:
+    """A second line that noise explains had the tone judged on single samples, where nothing else can be compared with it."""
+    session, _ = simulate(None, "paper", ["table_ripple"], seed, scenarios=3, seconds=20.0)
+    found = diagnose(session)
+    assert found.best is not None
+    assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", "table_ripple", "z")
+    assert [c.effect.id for c in found.candidates if c.decision == "add"] == ["table_ripple"]

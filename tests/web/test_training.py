@@ -62,7 +62,7 @@ def test_trained_verified_and_exported(
     assert json.loads((folder / "mine/config.json").read_text())["epochs"] == 1
 
     device = page.locator("[aria-label='to the device']")
-    device.get_by_text("with the network trained for it").wait_for()
+    device.get_by_text("by the network trained for it").wait_for()
     device.get_by_role("button", name="Write it").click()
     device.get_by_text("largest difference").wait_for()
     assert (folder / "firmware/include/weights.h").read_bytes() == (folder / "mine/weights.h").read_bytes()

@@ -104,8 +104,12 @@ class OrderTone(Wave):
         return "session" if known and runs else "run"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
-        """The strongest lines over the table's angle; a whole number per turn where the runs cannot tell it from one."""
-        peaks = _lines(runs, axis)[:PEAKS]
+        """The strongest line over the table's angle and other significant ones.
+
+        An order is a whole number per turn where the runs cannot tell it from one.
+        """
+        lines = _lines(runs, axis)[:PEAKS]
+        peaks = [p for p in lines if p is lines[0] or p.chance <= POLICY.false_discovery_rate]
         return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
