@@ -13,6 +13,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling, mapping_of
 from gyrocal.recording.cut import Cut, Edge, check_names_differ, with_meta
 from gyrocal.recording.header import read_header, write_header
+from gyrocal.recording.measured_rates import REFERENCES
 from gyrocal.recording.session import Array, Run, Session, run_entry
 from gyrocal.recording.source import Source, read_source
 from gyrocal.recording.stamps import goes_back, in_bursts, period_s, regression
@@ -134,9 +135,9 @@ def cut_runs(
             meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
             rate_hz or _nominal_rate_hz(columns["t_s"]), frame=check_table(frame, f"{source.label}: run {cut.name}"),
         )  # fmt: skip
-        if run.table_rate_dps is None and run.turn_deg is None and "rate_ref_dps" not in columns:
+        if run.table_rate_dps is None and run.turn_deg is None and not set(REFERENCES) & set(columns):
             raise InputError(
-                f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map rate_ref_dps"
+                f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map a reference (rate_ref_dps)"
             )
         runs.append(run)
     return runs

@@ -23,6 +23,7 @@ RATES = ("ref_x_dps", "ref_y_dps", "ref_z_dps")
 QUATERNION = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
 THREE_AXES = (*RATES, *QUATERNION)
 ANGLE = "ref_angle_deg"
+REFERENCES = (*THREE_AXES, "rate_ref_dps", ANGLE)
 TRIMMED = 5
 """Samples at each end of a stretch of angles whose slope is not relied on."""
 END_STEPS = 10
