@@ -2,9 +2,10 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+FUZZ_SECONDS ?= 600
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test docs coverage lint typecheck clean
+.PHONY: demo test docs coverage fuzz lint typecheck clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -20,6 +21,9 @@ docs: $(VENV)/.installed
 
 coverage: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/core_coverage.py
+
+fuzz: $(VENV)/.installed-dev
+	$(BIN)/python tests/fuzz/fuzzing.py --seconds $(FUZZ_SECONDS)
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("gyrocal needs Python 3.11 or newer; set PYTHON=/path/to/python3.11") if sys.version_info < (3, 11) else None'

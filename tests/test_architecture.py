@@ -73,6 +73,14 @@ def test_every_folder_and_module_is_a_layer() -> None:
     assert layers_found(HOST) == set(LAYERS)
 
 
+def test_a_folder_of_tests_is_a_layer_or_named_in_the_map() -> None:
+    named = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").split("    tests/  ")[1].split("## ")[0]
+    others = set(re.findall(r"(\w+)/", named))
+    folders = {p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and p.name != "__pycache__"}
+    assert folders - set(LAYERS) <= others
+    assert {layer for layer in LAYERS if (HOST / layer).is_dir()} - folders == {"commands"}, "commands have tests/test_cli.py"
+
+
 def test_imports_point_down() -> None:
     assert list(arrows_up(HOST)) == []
 

@@ -105,7 +105,7 @@ class Story:
 def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> Story:
     """Run the story; recordings, model, headers and picture are left in ``folder``, which must be new."""
     _fresh_folder(folder)
-    progress("simulating a campaign whose table ripples, which nobody is told")
+    progress("simulating a campaign with a hidden ripple of the table's speed")
     hidden, _ = simulate(
         None, "paper", [HIDDEN], seed, scenarios=CAMPAIGN_SCENARIOS, seconds=CAMPAIGN_SECONDS, vary=True
     )

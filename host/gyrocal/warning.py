@@ -1,4 +1,4 @@
-"""What a command warns of: a contradiction in a recording, told beside the answer and not in its place."""
+"""What a command warns of: a contradiction in a recording. It is reported beside the answer and does not replace it."""
 
 from __future__ import annotations
 

@@ -10,8 +10,10 @@ import pytest
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.levels import residuals
-from gyrocal.effects.base import table_angle_rad
+from gyrocal.diagnosis.levels import Cleaned
+from gyrocal.effects.base import elapsed_s, table_angle_rad
+from gyrocal.effects.wave import size_over_rate
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation.simulate import simulate
 
@@ -47,7 +49,7 @@ def test_a_wave_once_per_turn_across_the_table_is_told_by_its_angle() -> None:
         assert first.amplitude_dps == pytest.approx(0.156, rel=0.2)
         assert first.note.endswith("once per turn, of the same phase in each run")
         assert not [f for f in comparison.where if f.axis == axis and f.against == "frequency"]
-        of_runs = residuals(comparison.fit, axis)
+        of_runs = Cleaned.of(comparison.fit, axis).by_run
         seen = np.array([2 * np.mean(of_runs[r.index] * np.exp(1j * table_angle_rad(r))) for r in session.runs])
         assert first.amplitude_dps == pytest.approx(float(np.sqrt(np.mean(np.abs(seen) ** 2))), rel=0.2)
         assert abs(seen.sum()) > 0.9 * np.abs(seen).sum()
@@ -57,7 +59,7 @@ def test_waves_that_begin_anywhere_are_of_another_phase() -> None:
     comparison = compare(paper("table_ripple"))
     first = comparison.where[0]
     assert first.note.endswith("once per turn, of another phase in each run")
-    of_runs = residuals(comparison.fit, "z")
+    of_runs = Cleaned.of(comparison.fit, "z").by_run
     seen = np.array([2 * np.mean(of_runs[b.run.index] * np.exp(1j * table_angle_rad(b.run))) for b in comparison.fit.blocks])
     assert abs(seen.sum()) < 0.9 * np.abs(seen).sum()
     assert first.amplitude_dps == pytest.approx(float(np.sqrt(np.mean(np.abs(seen) ** 2))), rel=0.2)
@@ -99,6 +101,26 @@ def test_at_several_rates_a_ripple_is_no_tone_and_a_tone_no_ripple() -> None:
     for effect_id, spec in (("table_ripple", "table_ripple"), ("order_tone", "order_tone:order=2,A_dps=0.05")):
         named = {c.effect.id for c in diagnose(full(spec)).candidates if c.decision == "add" and c.axis == "z"}
         assert named == {effect_id}
+
+
+@pytest.mark.parametrize("seed", range(3, 8))
+def test_one_size_is_far_from_both_kinds_of_wave(seed: int) -> None:
+    """The figures beside ``Policy.one_size``: sums of squares of the sizes of each run, of order 2, by least squares."""
+
+    def ratio(spec: str) -> float:
+        turning = [r for r in full(spec, seed=seed).runs if np.any(r.rate_dps) and r.axis == "z"]
+        sizes = []
+        for run in turning:
+            angle = 2 * table_angle_rad(run)
+            known = np.column_stack([np.ones(len(run)), elapsed_s(run), np.cos(angle), np.sin(angle)])
+            fitted = np.linalg.lstsq(known, run.gyro_dps[:, 2] - run.rate_dps, rcond=None)[0]
+            sizes.append(float(np.hypot(fitted[2], fitted[3])))
+        found = size_over_rate(turning, np.array(sizes))
+        assert found is not None
+        return found
+
+    assert ratio("order_tone:order=2,A_dps=0.05") < 0.02 < POLICY.one_size
+    assert ratio("table_ripple:amplitude_1=0,amplitude_2=0.002") > 50 > 1 / POLICY.one_size
 
 
 @pytest.mark.parametrize("seed", [3, 5])

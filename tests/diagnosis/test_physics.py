@@ -9,7 +9,7 @@ import pytest
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.levels import residuals
+from gyrocal.diagnosis.levels import Cleaned
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
@@ -126,7 +126,7 @@ def test_a_step_is_as_large_in_words_as_in_the_residual() -> None:
     words = first.note.split("most, ")[1].split()
     told_mdps, low = float(words[0]), float(words[words.index("from") + 1]) if "from" in words else 0.0
     high = float(words[words.index("to") + 1]) if "to" in words else np.inf
-    drawn = np.concatenate(list(residuals(comparison.fit, "x").values())) * 1e3
+    drawn = np.concatenate(list(Cleaned.of(comparison.fit, "x").by_run.values())) * 1e3
     t_all = np.tile(t_s, len(runs))
     inside = (t_all >= low) & (t_all < high)
     assert told_mdps == pytest.approx(drawn[inside].mean() - drawn.mean(), rel=0.2)

@@ -53,7 +53,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
     double value;
     if (gc_parse_real((const char *)data, n, &value) == GC_OK) {
         char text[GC_FORMAT_MAX];
-        double again;
+        double again = 0.0;
         must(value - value == 0.0, "a number that is none");
         const size_t length = gc_format_real(value, text);
         must(length <= GC_FORMAT_MAX && gc_parse_real(text, length, &again) == GC_OK, "number does not come back");

@@ -175,7 +175,7 @@ def test_mpu6050_at_rest_on_the_host(tmp_path: Path) -> None:
     out = tmp_path / "session"
     assert main(["import", str(source), str(out), *columns, "--rate-hz", "100", "--rate", "0"]) == 0
     session = Session.open(out)
-    with pytest.raises(InputError, match="cannot be told"):
+    with pytest.raises(InputError, match="cannot be determined"):
         calibrate(session, methods=["model"])
     model = fit(session, Model.builtin("paper")).model
     bias_dps = [model.value("bias", a, "bias_dps") for a in AXES]

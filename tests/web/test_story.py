@@ -83,44 +83,61 @@ def downloaded(page: Any, button: str) -> str:
 def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     compared = cli(folder, "compare", "hidden")
     added = cli(folder, "add", "table_ripple", "hidden", "--model", "m.toml")
-    calibrated = cli(folder, "calibrate", "hidden", "--model", "m.toml")["estimates"]
+    excess = mdps(compared["excess_dps"], 2)
+    before, after = (mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
 
     page = look(served.url)
-    page.get_by_text("The model does not fit.").wait_for()
-    assert figures(page) == [mdps(compared[name], 2) for name in ("rms_dps", "floor_dps", "excess_dps")]
-    page.get_by_role("button", name=re.compile("z, against table angle")).click()
-    page.locator('[role=img][aria-label="Table angle"]').wait_for()
-
-    page.get_by_role("button", name="What is missing?").click()
-    card = page.locator("article.add", has_text="Ripple of the table's speed")
-    card.wait_for()
-    diagnosed = cli(folder, "diagnose", "hidden")
-    best = diagnosed["candidates"][0]
-    assert f"{best['explained']:.0%} of the excess error on z" in card.inner_text()
-    assert shown_excess(page) == [mdps(compared["excess_dps"], 2)]
-
+    compares(page, compared)
+    card = diagnoses(page, cli(folder, "diagnose", "hidden"))
+    assert shown_excess(page) == [excess]
     card.get_by_role("button", name="Add to the model").click()
     page.get_by_text("The model fits: what is left over is noise.").wait_for()
-    before, after = (mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
     assert shown_excess(page) == [before, after]
     assert page.get_by_text(f"The excess error went from {before} to {after} mdps.").is_visible()
     page.locator('[aria-label="calibration error against seconds"]').wait_for()
 
     page.get_by_role("button", name="Undo").click()
     card.get_by_role("button", name="Add to the model").wait_for()
-    assert shown_excess(page) == [mdps(compared["excess_dps"], 2)]
+    assert shown_excess(page) == [excess]
     page.get_by_role("button", name="Redo").click()
     page.get_by_text("The model fits: what is left over is noise.").wait_for()
     assert shown_excess(page) == [before, after]
 
-    page.get_by_role("button", name="Calibrate & export").click()
-    page.locator("table.plain tbody tr").nth(len(calibrated) - 1).wait_for()
-    rows = page.locator("table.plain tbody tr").all_inner_texts()
-    assert [row.split("\t") for row in rows] == [calibration_row(e) for e in calibrated]
+    calibrates(page, cli(folder, "calibrate", "hidden", "--model", "m.toml")["estimates"])
+    exports(page, folder, [before, after])
+    another_tab_follows(page, look(f"{served.url}diagnose", color_scheme="dark"), served.url, [before, after, before])
 
+
+def compares(page: Any, compared: dict[str, Any]) -> None:
+    """The first page shows the figures of ``compare``, and the residual against the table's angle on request."""
+    page.get_by_text("The model does not fit.").wait_for()
+    assert figures(page) == [mdps(compared[name], 2) for name in ("rms_dps", "floor_dps", "excess_dps")]
+    page.get_by_role("button", name=re.compile("z, against table angle")).click()
+    page.locator('[role=img][aria-label="Table angle"]').wait_for()
+
+
+def diagnoses(page: Any, diagnosed: dict[str, Any]) -> Any:
+    """The card of the missing effect, with the figure of ``diagnose``."""
+    page.get_by_role("button", name="What is missing?").click()
+    card = page.locator("article.add", has_text="Ripple of the table's speed")
+    card.wait_for()
+    assert f"{diagnosed['candidates'][0]['explained']:.0%} of the excess error on z" in card.inner_text()
+    return card
+
+
+def calibrates(page: Any, estimates: list[dict[str, Any]]) -> None:
+    """The table shows the estimates of ``calibrate`` with the model."""
+    page.get_by_role("button", name="Calibrate & export").click()
+    page.locator("table.plain tbody tr").nth(len(estimates) - 1).wait_for()
+    rows = page.locator("table.plain tbody tr").all_inner_texts()
+    assert [row.split("\t") for row in rows] == [calibration_row(e) for e in estimates]
+
+
+def exports(page: Any, folder: Path, excess: list[str]) -> None:
+    """The model is the command line's, the report is self-contained, and the firmware gets both of its files."""
     assert downloaded(page, "Model, TOML") == (folder / "m.toml").read_text()
     report = downloaded(page, "Report, one HTML file")
-    for words in (before, after, "Ripple of the table&#39;s speed", "<td class=\"text\">no: misfit</td>"):
+    for words in (*excess, "Ripple of the table&#39;s speed", "<td class=\"text\">no: misfit</td>"):
         assert words in report
     assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", report)
 
@@ -129,14 +146,15 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     assert "table_ripple" in (folder / "firmware/include/calibration.h").read_text()
     assert (folder / "firmware/model.toml").read_text() == (folder / "m.toml").read_text()
 
-    # another tab sees the same, and what one removes the other sees gone
-    other = look(f"{served.url}diagnose", color_scheme="dark")
+
+def another_tab_follows(page: Any, other: Any, url: str, excess: list[str]) -> None:
+    """Another tab sees the same model, and what one removes the other sees gone."""
     other.get_by_text("The model fits: what is left over is noise.").wait_for()
     assert other.evaluate("document.body.classList.contains('body--dark')")
-    page.goto(f"{served.url}diagnose")
+    page.goto(f"{url}diagnose")
     page.get_by_role("button", name="remove Ripple of the table's speed").click()
     other.get_by_text("Missing: ripple of the table's speed on z.").wait_for()  # as it was found before
-    assert shown_excess(other) == [before, after, before]
+    assert shown_excess(other) == excess
 
 
 def test_zoom_shows_single_samples(served: Any, look: Callable[..., Any]) -> None:

@@ -1,4 +1,4 @@
-/* The register file that stands for the part of part.h. emul_lsm6dso.h says what each function does. */
+/* The register file that emulates the part of part.h. emul_lsm6dso.h documents each function. */
 #ifndef EMUL_H
 #define EMUL_H
 

@@ -29,7 +29,7 @@ enum { TAG_GYRO = 1, TAG_ACC = 2, TAG_TEMP = 3 };
 #define BOOT_US 10000u
 #define RESET_US 50u
 #define SETTLE_US 70000u
-#define ROOT_HZ 6667.0 /* AN5192: every output data rate is this one, halved again and again */
+#define ROOT_HZ 6667.0 /* AN5192: every output data rate is this rate divided by a power of two */
 
 static const double odr_hz[16] = {0,            ROOT_HZ / 512, ROOT_HZ / 256, ROOT_HZ / 128, ROOT_HZ / 64, ROOT_HZ / 32,
                                   ROOT_HZ / 16, ROOT_HZ / 8,   ROOT_HZ / 4,   ROOT_HZ / 2,   ROOT_HZ};
@@ -127,7 +127,7 @@ static void push(emul_lsm6dso_t *chip, unsigned tag, const int16_t *values, int 
     }
 }
 
-/* Whether a word that is batched at rate_hz is due in this time slot of slot_hz. */
+/* Returns true if a word that is batched at rate_hz is due in this time slot of slot_hz. */
 static bool due(double *batched, double rate_hz, double slot_hz) {
     *batched += rate_hz >= slot_hz ? 1.0 : rate_hz / slot_hz;
     const bool yes = *batched > 0.999;
@@ -155,7 +155,7 @@ static void batch(emul_lsm6dso_t *chip, const int16_t value[EMUL_WORDS]) {
     }
 }
 
-/* Reading the last byte of a word takes it out; an empty FIFO reads zeros. */
+/* Reading the last byte of a word removes the word. An empty FIFO reads zeros. */
 static uint8_t fifo_byte(emul_lsm6dso_t *chip, uint8_t reg) {
     uint8_t byte;
     if (chip->fifo_n == 0) {

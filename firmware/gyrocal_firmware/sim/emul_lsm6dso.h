@@ -1,4 +1,4 @@
-/* An LSM6DSO as its bus sees it: a register file that obeys what is written to it. Facts from the datasheet, written
+/* An LSM6DSO as seen from its bus: a register file that reacts to what is written to it. Facts from the datasheet, written
    apart from the driver, so that each checks the other. */
 #ifndef EMUL_LSM6DSO_H
 #define EMUL_LSM6DSO_H
@@ -13,7 +13,7 @@
 
 typedef struct {
     uint8_t reg[128];
-    int16_t world[EMUL_WORDS]; /* what there is to measure, in counts at world_full_scale_dps and 2 g */
+    int16_t world[EMUL_WORDS]; /* the true values, in counts at world_full_scale_dps and 2 g */
     double world_full_scale_dps;
     int16_t out[EMUL_WORDS];
     int16_t next[EMUL_WORDS]; /* waits while a word is half read (BDU) */
@@ -23,8 +23,8 @@ typedef struct {
     uint64_t reset_us;   /* SW_RESET reads 1 until then */
     uint64_t settled_us; /* the gyroscope reads 0 before: its turn-on time */
     double tick_us;      /* next sample by its own clock */
-    double clock;        /* its own, over nominal; to be set before power-on, 0 = nominal */
-    bool fed_only;       /* its own clock stands still: it samples when it is fed */
+    double clock;        /* ratio of its clock to the nominal one, set before power-on; 0 = nominal */
+    bool fed_only;       /* its clock is off, and it samples when it is given a value */
 
     uint8_t fifo[EMUL_FIFO_WORDS][EMUL_FIFO_WORD_BYTES];
     unsigned fifo_first, fifo_n;
@@ -38,17 +38,17 @@ typedef struct {
 /* The clock, over nominal, at which the nearest output data rate is exactly rate_hz. */
 double emul_lsm6dso_clock_for(double rate_hz);
 void emul_lsm6dso_power_on(emul_lsm6dso_t *chip, uint64_t now_us, double world_full_scale_dps);
-/* Registers fall back to their defaults, as in a dip of the supply. */
+/* Resets the registers to their defaults, as a dip of the supply does. */
 void emul_lsm6dso_brown_out(emul_lsm6dso_t *chip);
-/* What there is to measure from now on; sampled at once, so that a row is read at its own time. */
+/* Sets the values to measure from now on and samples them at once, so that a row is read at its own time. */
 void emul_lsm6dso_feed(emul_lsm6dso_t *chip, uint64_t now_us, const int16_t world[EMUL_WORDS]);
-/* Whether samples go to the FIFO. */
+/* Returns true if samples go to the FIFO. */
 bool emul_lsm6dso_batches(const emul_lsm6dso_t *chip);
-/* What the pin INT1 shows. */
+/* Returns the level of the pin INT1. */
 bool emul_lsm6dso_int1(const emul_lsm6dso_t *chip);
-/* Samples by the chip's own clock until now. */
+/* Takes the samples that are due by the chip's clock until now. */
 void emul_lsm6dso_advance(emul_lsm6dso_t *chip, uint64_t now_us);
-/* Bytes transferred, or -1 where the chip does not acknowledge. */
+/* Returns the number of bytes transferred, or -1 if the chip does not acknowledge. */
 int emul_lsm6dso_write(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, const uint8_t *data, size_t n);
 int emul_lsm6dso_read(emul_lsm6dso_t *chip, uint64_t now_us, uint8_t reg, uint8_t *data, size_t n);
 

@@ -18,7 +18,7 @@
 static const struct {
     const char *name;
     const char *means;
-    double length_s; /* unless told; INFINITY: from power-on, for good */
+    double length_s; /* by default; INFINITY: permanent from power-on */
 } kinds[FAULT_KINDS] = {
     [FAULT_NACK] = {"nack", "the sensor does not answer for 0.2 s", 0.2},
     [FAULT_WRONG_ID] = {"wrong_id", "another part answers", INFINITY},

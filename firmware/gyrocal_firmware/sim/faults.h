@@ -1,4 +1,4 @@
-/* Faults on demand: which of them are on at a time, from specifications NAME[@T][:LENGTH][*TIMES].
+/* Determines which faults are active at a time, from specifications NAME[@T][:LENGTH][*TIMES].
  *
  * T and LENGTH are in seconds. T counts from the first sample of the first run, across power cycles; without it a passing fault
  * begins at 1 s and a lasting one at power-on. Repetitions are one second apart.
@@ -11,7 +11,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#define FAULTS_MAX 32u /* of specifications */
+#define FAULTS_MAX 32u /* number of specifications */
 
 typedef enum {
     FAULT_NACK,
@@ -42,7 +42,7 @@ typedef struct {
     fault_kind_t kind;
     double at_s, length_s;
     unsigned times;
-    unsigned begun; /* how many of them have been dealt with, for fault_begins */
+    unsigned begun; /* number of repetitions that fault_begins has reported */
 } fault_t;
 
 #define FAULTS_WORDS 7 /* of a reading: temperature, gyroscope x y z, accelerometer x y z */
@@ -50,21 +50,21 @@ typedef struct {
 typedef struct {
     unsigned n;
     fault_t fault[FAULTS_MAX];
-    bool turned_over;           /* the sensor, by an early flip, until the run is over */
+    bool turned_over;           /* an early flip has turned the sensor until the end of the run */
     int16_t held[FAULTS_WORDS]; /* the last reading */
     unsigned readings;
     uint32_t dice;
 } faults_t;
 
-/* Returns NULL, or what is wrong with the specification. */
+/* Returns NULL, or a description of the error in the specification. */
 const char *faults_add(faults_t *faults, const char *specification);
 bool faults_has(const faults_t *faults, fault_kind_t kind);
 bool faults_on(const faults_t *faults, fault_kind_t kind, double t_s);
-/* True once for each time that the fault begins; *length_s is how long that one lasts. */
+/* Returns true once for each repetition of the fault. *length_s receives its duration, s. */
 bool faults_begins(faults_t *faults, fault_kind_t kind, double t_s, double *length_s);
-/* What a reading becomes: raw counts; axis 0 x, 1 y, 2 z is the table's. */
+/* Applies the active faults to a reading in raw counts. axis is that of the table: 0 x, 1 y, 2 z. */
 void faults_change_reading(faults_t *faults, double t_s, int axis, int16_t reading[FAULTS_WORDS]);
-/* Changes a bit of one line in four, before its end. */
+/* Changes one bit of one line in four, except of its line end. */
 void faults_garble(faults_t *faults, char *line, size_t n);
 /* Writes a line for each kind: name, tab, what happens. */
 void faults_list(FILE *to);

@@ -1,4 +1,4 @@
-/* The board's flash: records by name that survive a power cycle. */
+/* The flash of the board. Its records have names and survive a power cycle. */
 #ifndef FLASH_H
 #define FLASH_H
 
@@ -17,9 +17,9 @@ typedef struct {
     } record[FLASH_RECORDS];
 } flash_t;
 
-/* Writes the first n bytes of a record; what it held beyond them stays. Returns 0, or -1 where there is no room. */
+/* Writes the first n bytes of a record and keeps the bytes beyond them. Returns 0, or -1 if there is no room. */
 int flash_write(flash_t *flash, const char *key, const void *data, size_t n);
-/* Bytes read, or -1 where there is no such record. */
+/* Returns the number of bytes read, or -1 if there is no such record. */
 int flash_read(const flash_t *flash, const char *key, void *data, size_t n);
 
 #endif

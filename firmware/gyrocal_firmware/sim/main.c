@@ -1,4 +1,5 @@
-/* The firmware's core as a Linux process: sentences on stdout, commands on stdin, the sensor an emulator fed with ROWS. */
+/* The firmware's core as a Linux process. It writes sentences to stdout and reads commands from stdin. An emulator that
+   replays a ROWS file replaces the sensor. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "calibration.h"
@@ -24,20 +25,20 @@
 #include <unistd.h>
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
-#define FLASH_US 5000u /* that a write takes */
+#define FLASH_US 5000u /* duration of a write */
 #define FASTEST_SINGLE_HZ 833.0f
 
 typedef struct {
     options_t options;
     rows_t rows;
-    uint64_t now_us; /* since power-on: moves only through waits and the bus */
+    uint64_t now_us; /* since power-on; only waits and bus transfers advance it */
     emul_t chip;
     gc_device_t device;
 
-    /* The run being replayed: row k stands at base_us + t_us. */
+    /* The run that is replayed. Row k has the time base_us + t_us. */
     const rows_row_t *row, *rows_end;
     uint64_t base_us;
-    unsigned long missed; /* rows that nobody read, the sensor being set up */
+    unsigned long missed; /* rows that were not read because the sensor was being set up */
 
     uint64_t past_us;      /* in power cycles before this one */
     bool begun;            /* the first run has: */
@@ -81,7 +82,7 @@ static void pace_from_here(sim_t *sim) {
 
 static void move_to(sim_t *sim, uint64_t t_us);
 
-/* Since the first sample of the first run. */
+/* Time since the first sample of the first run, s. */
 static double fault_s(const sim_t *sim) {
     return sim->begun ? 1e-6 * ((double)(sim->past_us + sim->now_us) - (double)sim->begun_us) : -INFINITY;
 }
@@ -116,7 +117,7 @@ static void misbehave(sim_t *sim) {
     }
 }
 
-/* What the sensor has to measure in a row's place. */
+/* What the sensor measures at a row, including its faults. */
 static void feed(sim_t *sim, uint64_t t_us, const int16_t row[EMUL_WORDS]) {
     int16_t world[EMUL_WORDS];
     memcpy(world, row, sizeof world);
@@ -137,7 +138,7 @@ static void feed_row(sim_t *sim) {
     sim->row++;
 }
 
-/* The FIFO takes each row at its time, whatever the device does meanwhile. */
+/* The FIFO stores each row at its time, whatever the device does meanwhile. */
 static void feed_fifo(sim_t *sim) {
     while (emul_batches(&sim->chip) && in_run(sim) && next_row_us(sim) <= sim->now_us) {
         feed_row(sim);
@@ -154,7 +155,7 @@ static void move_to(sim_t *sim, uint64_t t_us) {
     emul_advance(&sim->chip, sim->now_us);
 }
 
-/* The board's clock may be ahead. */
+/* The time of the board's clock, which may be ahead. */
 static uint64_t of_board(const sim_t *sim, uint64_t t_us) {
     return t_us > sim->jumped_us ? t_us - sim->jumped_us : 0u;
 }
@@ -196,7 +197,7 @@ static uint64_t now_us(void *context) {
     return sim->now_us + sim->jumped_us;
 }
 
-/* A transfer takes its time on the bus, but never the time of the next row. */
+/* A transfer takes time on the bus, but it never reaches the time of the next row. */
 static void spend_bus_time(sim_t *sim, size_t bytes) {
     uint64_t t_us = sim->now_us + (BUS_BIT_NS * (9u * bytes + 3u) + 999u) / 1000u;
     if (in_run(sim) && next_row_us(sim) < t_us && next_row_us(sim) >= sim->now_us) {
@@ -241,13 +242,13 @@ static size_t write_some(const char *data, size_t n) {
         } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
             break;
         } else if (errno != EINTR) {
-            exit(0); /* the reader is gone */
+            exit(0); /* the reader has closed the pipe */
         }
     }
     return done;
 }
 
-/* In real time stdout does not block: a sentence that finds no room at all is dropped whole, by the device's count. */
+/* In real time, stdout does not block. A sentence for which there is no room is dropped whole, and the device counts it. */
 static int send(void *context, const char *data, size_t n) {
     sim_t *sim = context;
     char line[GC_WIRE_MAX];
@@ -278,7 +279,7 @@ static int send(void *context, const char *data, size_t n) {
 
 /* ---- flash ---- */
 
-/* Where the power goes, half of the bytes are written and the board's program does not go on. */
+/* If the power fails during the write, half of the bytes are written and the board's program stops. */
 static int store(void *context, const char *key, const void *data, size_t n) {
     sim_t *sim = context;
     double length_s;
@@ -313,7 +314,7 @@ static void command(sim_t *sim, const char *text) {
     gc_device_receive(&sim->device, "\n", 1);
 }
 
-/* The shortest decimal that is this float32: 77.3, as a person set it, not 77.3000031. */
+/* The shortest decimal number of this float32: 77.3, as a person set it, instead of 77.3000031. */
 static void command_set(sim_t *sim, const char *name, float value, const char *if_nan) {
     char number[32];
     char text[GC_COMMAND_MAX];
@@ -329,14 +330,14 @@ static void command_set(sim_t *sim, const char *name, float value, const char *i
 
 /* ---- replay ---- */
 
-/* Between runs the table stands still in the pose of the run to come. */
+/* Between runs, the table is at rest in the pose of the next run. */
 static void stand_still(sim_t *sim, const rows_run_t *run) {
     rows_row_t row = sim->rows.rows[run->first_row];
     row.world[1] = row.world[2] = row.world[3] = 0;
     feed(sim, sim->now_us, row.world);
 }
 
-/* A part whose own clock makes its nominal output data rate the rows' true one. */
+/* A part whose clock error makes its nominal output data rate equal to the true rate of the rows. */
 static double clock_of(double rate_hz) {
     return gc_part_odr_for(&PART, rate_hz) == rate_hz ? emul_clock_for(rate_hz) : 1.0;
 }
@@ -352,14 +353,14 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
-    /* Refused before the FIFO is in use. */
+    /* The device refuses this before the FIFO is in use. */
     const bool fast = sim->options.fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ;
     command_set(sim, "rate_hz", fast ? FASTEST_SINGLE_HZ : sim->rows.sample_rate_hz, "");
     command_set(sim, "fifo", (float)sim->options.fifo, "");
     if (fast) {
         command_set(sim, "rate_hz", sim->rows.sample_rate_hz, "");
     }
-    command(sim, "hello"); /* the one at boot came before these */
+    command(sim, "hello"); /* the sentence at boot came before these settings */
     if (sim->options.stream) {
         command(sim, "stream raw");
     }
@@ -372,7 +373,7 @@ static void replay(sim_t *sim, const rows_run_t *run) {
         start_us = (uint64_t)llrint((double)run->power_on_s * 1e6);
     }
     stand_still(sim, run);
-    /* Someone may be watching, the FIFO fills: the device goes on, idle. */
+    /* The FIFO fills and a reader may be connected, so the device keeps running in state idle. */
     if (sim->options.speed > 0.0 || sim->options.fifo > 0u) {
         while (sim->now_us + (uint64_t)((2.0 + sim->options.fifo) * 1e6 / (double)sim->rows.sample_rate_hz) < start_us) {
             hear(sim);
@@ -388,7 +389,7 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     sim->chip.fed_only = emul_batches(&sim->chip);
     command(sim, run->face > 0 ? "start up" : "start down");
 
-    /* Only differences of t_us count; the first row may stand anywhere. */
+    /* Only differences of t_us matter. The first row may have any time. */
     start_us = sim->now_us;
     sim->base_us = start_us - first->t_us;
     sim->row = first;
@@ -406,7 +407,7 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     sim->chip.fed_only = false;
 }
 
-/* After a loss of power the board starts anew, and the run that went on is over. */
+/* After a loss of power the board starts again, and the current run has ended. */
 static void replay_all(sim_t *sim, const gc_device_config_t *config) {
     sim->is_off = true;
     if (setjmp(sim->power_lost) != 0) {
@@ -464,7 +465,7 @@ int main(int argc, char **argv) {
         return 2;
     }
     stdout_flags = fcntl(STDOUT_FILENO, F_GETFL);
-    /* Faster than real time waits for its reader. */
+    /* Faster than real time, the simulator waits for its reader. */
     if (options->speed > 0.0 && options->speed <= 1.0 && stdout_flags >= 0) {
         fcntl(STDOUT_FILENO, F_SETFL, stdout_flags | O_NONBLOCK);
         atexit(restore_stdout);
@@ -478,7 +479,7 @@ int main(int argc, char **argv) {
         .wait_until_us = wait_until_us,
         .wait_sample_us = wait_sample_us,
         .send = send,
-        /* Else each power cycle begins with nothing kept. */
+        /* Otherwise each power cycle begins with empty flash. */
         .store = faults_has(&sim.options.faults, FAULT_POWER_LOSS) ? store : NULL,
         .load = load,
     };

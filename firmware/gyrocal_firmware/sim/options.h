@@ -11,15 +11,15 @@
     "[--fault NAME[@T][:LENGTH][*TIMES]|list]..."
 
 typedef struct {
-    const char *path; /* of the ROWS file */
-    double speed;     /* virtual seconds a second; 0 = as fast as the reader takes it */
+    const char *path; /* path of the ROWS file */
+    double speed;     /* virtual seconds per second; 0 = as fast as the reader accepts them */
     unsigned imu, fifo;
     bool stream, hold;
-    bool list; /* the faults, and no more */
+    bool list; /* only list the faults */
     faults_t faults;
 } options_t;
 
-/* Returns NULL, or what is wrong. */
+/* Returns NULL, or a description of the error. */
 const char *options_parse(options_t *options, int argc, char **argv);
 
 #endif

@@ -31,7 +31,7 @@ typedef struct {
     rows_row_t *rows;
 } rows_t;
 
-/* NULL, or what is wrong with the file. */
+/* Returns NULL, or a description of the error in the file. */
 const char *rows_load(rows_t *rows, const char *path);
 void rows_free(rows_t *rows);
 

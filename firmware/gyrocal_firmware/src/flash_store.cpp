@@ -16,12 +16,12 @@ void FlashStore::begin(unsigned bus, uint8_t address) {
     }
 }
 
-/* Earlier versions kept records by the order in which sensors answered: whose they are is not known. */
+/* Earlier versions stored records by the order in which sensors answered. The sensor of such a record is unknown. */
 void FlashStore::forget_older() {
     for (unsigned imu = 0; imu < MAX_SENSORS; imu++) {
         const char name[] = {'i', 'm', 'u', static_cast<char>('0' + imu), '\0'};
         Preferences older;
-        if (older.begin(name, true, PARTITION)) { /* reading alone: what is not there is not made */
+        if (older.begin(name, true, PARTITION)) { /* read-only, so that a missing partition is not created */
             older.end();
             older.begin(name, false, PARTITION);
             older.clear();

@@ -1,4 +1,5 @@
-/* gc_port.h's store and load for one sensor, in the NVS partition `gyrocal` (partitions.csv), which flashing leaves alone. */
+/* Implements store and load of gc_port.h for one sensor, in the NVS partition `gyrocal` (partitions.csv). Flashing the firmware
+   does not erase this partition. */
 #ifndef FLASH_STORE_H
 #define FLASH_STORE_H
 

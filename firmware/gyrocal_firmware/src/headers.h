@@ -1,4 +1,4 @@
-/* The generated headers, compiled as the C that they are. */
+/* The generated headers are compiled as C. */
 #ifndef HEADERS_H
 #define HEADERS_H
 

@@ -25,7 +25,7 @@ I2cBus::I2cBus(unsigned number, TwoWire &wire, int sda, int scl)
     configASSERT(mutex_ != nullptr);
 }
 
-/* The board may have restarted in the middle of a transfer. */
+/* The board may have restarted during a transfer. */
 void I2cBus::begin() {
     clock_free();
     start();
@@ -60,7 +60,7 @@ int I2cBus::read(uint8_t address, uint8_t reg, uint8_t *data, size_t n) {
     Lock lock(mutex_);
     wire_.beginTransmission(address);
     wire_.write(reg);
-    wire_.endTransmission(false); /* does nothing yet: requestFrom sends both, and its count tells */
+    wire_.endTransmission(false); /* sends nothing yet: requestFrom sends both, and its count shows errors */
     const size_t got = wire_.requestFrom(address, n, true);
     for (size_t i = 0; i < got && i < n; i++) {
         data[i] = static_cast<uint8_t>(wire_.read());
@@ -82,7 +82,7 @@ void I2cBus::recover() {
     start();
 }
 
-/* A part that was interrupted in the middle of a byte holds SDA low until it has clocked the rest of it out. */
+/* A part that was interrupted during a byte holds SDA low until it has sent the remaining bits. */
 void I2cBus::clock_free() {
     pinMode(sda_, INPUT_PULLUP);
     pinMode(scl_, OUTPUT_OPEN_DRAIN | PULLUP);
@@ -92,7 +92,7 @@ void I2cBus::clock_free() {
         digitalWrite(scl_, HIGH);
         delayMicroseconds(HALF_CLOCK_US);
     }
-    pinMode(sda_, OUTPUT_OPEN_DRAIN | PULLUP); /* a stop: SDA rises while SCL is high */
+    pinMode(sda_, OUTPUT_OPEN_DRAIN | PULLUP); /* stop condition: SDA rises while SCL is high */
     digitalWrite(sda_, LOW);
     delayMicroseconds(HALF_CLOCK_US);
     digitalWrite(sda_, HIGH);

@@ -1,4 +1,4 @@
-/* An I2C bus that gets free again: 400 kHz, transfers that end, and nine clocks for a part that holds the line. */
+/* An I2C bus at 400 kHz. Transfers have a timeout, and nine clock pulses free a bus whose data line a part holds low. */
 #ifndef I2C_BUS_H
 #define I2C_BUS_H
 
@@ -12,7 +12,7 @@ public:
     void begin();
     unsigned number() const { return number_; }
     bool answers(uint8_t address);
-    /* As gc_port.h wants them; from any task. */
+    /* The functions of gc_port.h. They may be called from any task. */
     int write(uint8_t address, uint8_t reg, const uint8_t *data, size_t n);
     int read(uint8_t address, uint8_t reg, uint8_t *data, size_t n);
 

@@ -1,4 +1,4 @@
-/* The ESP32's port of the core: finds the sensors, gives each a task, passes commands on and shows the light. */
+/* The port of the core to the ESP32. It finds the sensors, starts a task for each, forwards commands and sets the LED. */
 #include "board.h"
 #include "i2c_bus.h"
 #include "output.h"
@@ -10,10 +10,10 @@
 #include <esp_task_wdt.h>
 
 #define WATCHDOG_S 5
-#define BOOT_MS 20 /* the sensors' own */
+#define BOOT_MS 20 /* start-up time of the sensors */
 #define IDLE_MS 4
 
-static Sensor *sensors[MAX_SENSORS]; /* by their number; null where none answered */
+static Sensor *sensors[MAX_SENSORS]; /* by number; null if no sensor answered */
 static const uint8_t addresses[SENSORS_A_BUS] = PART_ADDRESSES;
 
 static void add(I2cBus &bus, unsigned which) {
@@ -51,7 +51,7 @@ void setup() {
     found += add_those_that_answer(second);
 #endif
     if (found == 0) {
-        add(first, 0); /* it says what is wrong, and finds the sensor once it is there */
+        add(first, 0); /* it reports the error, and finds the sensor when it is connected */
     }
     esp_task_wdt_init(WATCHDOG_S, true);
     for (Sensor *sensor : sensors) {

@@ -11,7 +11,7 @@
 #include <string.h>
 
 #define RING_BYTES 16384 /* 0.18 s of the wire */
-#define KEPT_FREE_BYTES 2048 /* of it for what is no sample: an answer to a command finds room while samples flood the wire */
+#define KEPT_FREE_BYTES 2048 /* reserved for answers to commands while samples fill the wire */
 #define TX_BYTES 2048
 #define RX_BYTES 1024
 #define STACK_BYTES 3072
@@ -20,7 +20,7 @@
 
 static RingbufHandle_t ring;
 
-/* Only what there is room for: a write that waits for the wire would hold the port's lock, and no command would be heard. */
+/* Writes only as many bytes as fit. A write that waits would hold the port's lock, and no command could be received. */
 static void write_all(const uint8_t *data, size_t n) {
     while (n > 0) {
         const int room = Serial.availableForWrite();
@@ -47,7 +47,7 @@ static void run(void *) {
 }
 
 void output_begin() {
-    Serial.setTxBufferSize(TX_BYTES); /* both before begin */
+    Serial.setTxBufferSize(TX_BYTES); /* both must be set before begin */
     Serial.setRxBufferSize(RX_BYTES);
     Serial.begin(BAUD);
     ring = xRingbufferCreate(RING_BYTES, RINGBUF_TYPE_NOSPLIT);

@@ -9,13 +9,13 @@
 #include <esp_task_wdt.h>
 
 #define STACK_BYTES 12288 /* the core takes 4 kB of it (docs/cpus.md) */
-#define PRIORITY 18      /* above everything of ours, below the timers that wake it */
+#define PRIORITY 18      /* above all other tasks of this firmware, below the timers that wake it */
 #define COMMAND_BYTES 512
-#define SHORT_US 80u     /* a timer is not worth its while */
+#define SHORT_US 80u     /* waits shorter than this do not use a timer */
 #define WAKE_EARLY_US 40u
 #define LATE_TICKS pdMS_TO_TICKS(20)
 
-/* The callbacks of gc_port.h; context is the Sensor. */
+/* The callbacks of gc_port.h. Their context is the Sensor. */
 struct Port {
     static Sensor &of(void *context) { return *static_cast<Sensor *>(context); }
 
@@ -91,7 +91,7 @@ void IRAM_ATTR Sensor::on_data_ready(void *self) {
     }
 }
 
-/* Sleeps on a timer of microseconds, whatever else wakes it, then looks at the clock for the last few of them. */
+/* Sleeps until a microsecond timer fires, whatever else wakes the task, then polls the clock for the last microseconds. */
 void Sensor::wait(uint64_t t_us) {
     uint64_t now = Port::now_us(this);
     if (t_us > now + SHORT_US) {

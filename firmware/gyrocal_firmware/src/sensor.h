@@ -1,4 +1,4 @@
-/* One sensor: the core's device on this board, in a task of its own. */
+/* One sensor on this board. Each sensor runs the core's device in a separate task. */
 #ifndef SENSOR_H
 #define SENSOR_H
 
@@ -13,10 +13,10 @@
 
 class Sensor {
 public:
-    /* pin_int1: -1 where it is not wired. */
+    /* pin_int1 is -1 if INT1 is not wired. */
     Sensor(I2cBus &bus, uint8_t address, unsigned imu, int pin_int1);
     void start();
-    /* Commands, as they come; those that find no room are lost, as on a wire. */
+    /* Accepts bytes of commands as they arrive. Bytes that do not fit into the buffer are lost. */
     void hear(const char *data, size_t n);
 
 private:

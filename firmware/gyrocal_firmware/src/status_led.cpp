@@ -48,7 +48,7 @@ void status_led_set(unsigned imu, gc_led_t state) {
     state_of[imu] = state;
 }
 
-/* The sensor that is furthest behind; when all are done, a misfit before none. */
+/* Shows the sensor that is furthest behind. If all are done, a misfit of any sensor is shown. */
 static gc_led_t shown() {
     gc_led_t least = GC_LED_MISFIT, most = GC_LED_IDLE;
     for (unsigned i = 0; i < MAX_SENSORS; i++) {

@@ -1,4 +1,5 @@
 """Scale and bias from the first seconds: baseline, network and estimator, the exact limit, the device's ``calibration.h``.
 
-It imports ``inference``, ``simulation`` and what lies below them; of ``diagnosis`` it knows nothing.
+This folder imports ``inference``, ``simulation`` and the folders below them, but not ``diagnosis``. From the firmware it reads
+``gc_flags.h``.
 """

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
-from gyrocal.calibration.trust import Evidence, answer_flags, ordered, reading_flags, warning_flags, with_table
+from gyrocal.calibration.flags import ordered
+from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
@@ -29,7 +30,7 @@ DEFAULT_SECONDS = (2.0, 4.0, 6.0)
 POOLED = "all"
 """The scenario of an estimate from all power cycles together."""
 NAMED = 5
-"""Scenarios without an estimate that are named; of more, their number is told."""
+"""Scenarios without an estimate that are named; if there are more, only their number is reported."""
 STEADY = 0.03
 """Of the rate: what a rate may vary and still be one rate; the device has the same."""
 
@@ -48,7 +49,7 @@ class Estimate:
     bias_se_dps: float | None
     misfit: float | None = None
     flags: tuple[str, ...] = ()
-    """What speaks against it (:data:`gyrocal.calibration.trust.FLAGS`)."""
+    """What speaks against it (:data:`gyrocal.calibration.flags.FLAGS`)."""
 
     @property
     def trusted(self) -> bool:
@@ -133,7 +134,7 @@ def _described(run: Run) -> str:
 
 
 def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[str]) -> str:
-    """What keeps scale and bias from being told, and what to do."""
+    """Why scale and bias cannot be determined, and what to do."""
     session = task.session
     for warning in task.warnings:
         if warning.code == "sample_rate":  # times that are wrong, such as milliseconds, leave no seconds to cut
@@ -149,7 +150,7 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
         if any(consecutive(run) < len(run) for run in session.runs):
             return "samples are missing in the first seconds, and the network takes windows without a gap; use another --method"
         return "the runs are too short for the network, which takes windows of 2 s; give --seconds 2 or more, or a --method"
-    return "scale and bias cannot be told; record both faces, or rest and a known turn"
+    return "scale and bias cannot be determined; record both faces, or rest and a known turn"
 
 
 def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class Calibration:
     """What a device knows before it measures. Parameters in the order [run columns, shared columns, bias, scale].
 
     The last ``alternatives`` run columns exclude each other: one of them acts in a run, each as likely as another before it is
-    measured. So a nonlinear parameter that differs from run to run (a time constant) is told from a few of its values.
+    measured. So a nonlinear parameter that differs from run to run (a time constant) is chosen from a few values.
     """
 
     name: str
@@ -189,8 +190,16 @@ def _prior(model: Model, axis: str, role: Role, spread: float | None, spread_se:
     return term.values[name], float(np.sqrt(np.sum(np.square(parts))) + TIGHTEST)
 
 
-def run_blocks(run: Run, calibration: Calibration) -> tuple[Array, Array, Array]:
-    """Block means of [run, shared, bias, scale, y - w], shape [q, m], the blocks' times (s) and numbers of samples [m]."""
+class RunBlocks(NamedTuple):
+    """Block means [q, m] of the columns [run, shared, bias, scale, y - w]; start times [m], s, and numbers of samples [m]."""
+
+    means: Array
+    start_s: Array
+    samples: Array
+
+
+def run_blocks(run: Run, calibration: Calibration) -> RunBlocks:
+    """The blocks of a run on the calibration's axis. Blocks with fewer than half of their samples are left out."""
     axis = AXES.index(calibration.axis)
     for c in calibration.columns:
         run = run.timed(c.effect.set(run.timing, c.values)) if isinstance(c.effect, TimingEffect) else run
@@ -208,7 +217,7 @@ def run_blocks(run: Run, calibration: Calibration) -> tuple[Array, Array, Array]
     for kind, values in calibration.faults:
         usable = kind.usable(run, axis, values)
         full = full if usable is None else full & np.logical_and.reduceat(usable, first)
-    return means[full].T, blocks[full] * BLOCK_US * 1e-6, count[full].astype(float)
+    return RunBlocks(means[full].T, blocks[full] * BLOCK_US * 1e-6, count[full].astype(float))
 
 
 @dataclass(frozen=True)
@@ -326,7 +335,7 @@ def _likeliest(equations: Array, logdet: Array, most: int, prior: Array) -> tupl
 def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
     """Scale and bias from runs that share them; None where the runs do not fix both."""
     k, a = len(calibration.run_columns), calibration.alternatives
-    blocks = [b for b in (run_blocks(run, calibration) for run in runs) if b[2].size]
+    blocks = [b for b in (run_blocks(run, calibration) for run in runs) if b.samples.size]
     if not blocks:
         return None
     grams = [normal_equations(means[None], t_s, count, calibration.noise)[0] for means, t_s, count in blocks]
@@ -337,7 +346,7 @@ def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
     shared_norm = sum(np.diag(gram[0])[k:-1] for gram in grams)
     absent = int(np.count_nonzero((shared_norm == 0) & flat[k:]))
     # each alternative has a prior and is a parameter; of the others, those with a prior count as data
-    dof = sum(count.size for _, _, count in blocks) - len(blocks) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
+    dof = sum(b.samples.size for b in blocks) - len(blocks) * int(flat[: k - a].sum()) - int(flat[k:].sum()) + absent
     return Answer(
         float(found.scale[0]), float(found.scale_se[0]), float(found.bias_dps[0]), float(found.bias_se_dps[0]),
         float(np.sqrt(found.chi2[0] / dof)) if dof > 0 else None,

@@ -54,7 +54,7 @@ def table2(grid: int = GRID) -> Calibration:
 
 
 def flat(calibration: Calibration) -> Calibration:
-    """The same without what it knows of scale and bias: for a sensor that nobody has measured before."""
+    """The same without what it knows of scale and bias: for a sensor that has not been measured before."""
     return replace(calibration, bias_dps=(0.0, np.inf), scale=(0.0, np.inf))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -113,6 +114,15 @@ def answers(
     return Posterior(*(np.concatenate([getattr(p, name) for p in parts]) for name in Posterior.__dataclass_fields__))
 
 
+class Drawn(NamedTuple):
+    """Simulated calibrations: measured minus true rate of both faces [n, m], deg/s, and their true scale and bias [n]."""
+
+    up: Array
+    down: Array
+    scale: Array
+    bias_dps: Array
+
+
 class Simulation:
     """Scenarios drawn from what a calibration knows: its effects with their spreads, scale, bias and noise.
 
@@ -134,8 +144,8 @@ class Simulation:
         self._white_dps = calibration.noise.white_sd_dps / np.sqrt(1.0 if by_sample else count)
         self._columns = columns if by_sample else [block_means(c, run) for c, run in zip(columns, runs, strict=True)]
 
-    def draw(self, n: int, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-        """``up`` and ``down`` [n, m], measured - true rate in deg/s; their ``scale`` and ``bias_dps`` [n]."""
+    def draw(self, n: int, rng: np.random.Generator) -> Drawn:
+        """``n`` calibrations with effects, noise and drift drawn from the calibration's priors."""
         calibration = self.calibration
         own, k, a = calibration.run_columns, len(calibration.run_columns), calibration.alternatives
         bias_dps, scale = rng.normal(*calibration.bias_dps, n), rng.normal(*calibration.scale, n)
@@ -153,7 +163,7 @@ class Simulation:
             y += rng.standard_normal(y.shape) * self._white_dps
             y += drift(calibration.noise, float(self.t_s[1] - self.t_s[0]), y.shape, rng)
             faces.append(y)
-        return faces[0], faces[1], scale, bias_dps
+        return Drawn(faces[0], faces[1], scale, bias_dps)
 
 
 class Faces:

@@ -1,6 +1,6 @@
-"""What speaks against an answer: its flags, and the standard errors that a pair of runs earns.
+"""The rules that raise a flag against an answer, and its standard errors by the evidence of a pair of runs.
 
-Names and meaning of the flags are those of ``gc_flags.h``; ``gc_trust`` is the twin of the rules on the device.
+``gc_judge`` and ``gc_trust`` are the twins of these rules on the device.
 """
 
 from __future__ import annotations
@@ -22,22 +22,11 @@ from gyrocal.calibration.uncertainty import (
     misfit_of,
     white_variance,
 )
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
 from gyrocal.warning import Warning
 
-FLAGS = {
-    "misfit": "the readings scatter more than model and noise allow",
-    "clipped": "a reading is at full scale",
-    "direction": "the sensor turns against what face and rate say",
-    "implausible": "scale or bias is beyond what a working sensor has",
-    "constant_reading": "the reading stands still where noise should move it",
-    "net_range": "the network was not trained for such readings or rates",
-    "disagrees": "a fit that holds the same effects gives another answer",
-    "missed": "samples are missing",
-}
-"""Every flag in the contract's order, with what it says."""
-
-LARGEST_SCALE, LARGEST_BIAS_DPS = 0.15, 50.0
+LARGEST_SCALE, LARGEST_BIAS_DPS = POLICY.largest_scale, POLICY.largest_bias_dps
 OPPOSITE, OPPOSITE_ERRORS = 0.1, 5.0
 """A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The
 response of an axis across the table's is within this, of either sign: misalignment."""
@@ -53,11 +42,6 @@ population`)."""
 
 FLAG_OF_CODE = {"sign_flipped": "direction", "face_wrong": "direction", "constant_reading": "constant_reading"}
 """The flag that a blocking warning puts on the estimates that it concerns; that of any other code is ``implausible``."""
-
-
-def ordered(flags: set[str]) -> tuple[str, ...]:
-    """Flags in the contract's order."""
-    return tuple(name for name in FLAGS if name in flags)
 
 
 def warning_flags(warnings: Iterable[Warning], axis: str, runs: Sequence[Run]) -> set[str]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -130,6 +130,14 @@ def _of_one(squares: Array, count: Array) -> Array:
     return squares[:, count > 0] / count[count > 0]
 
 
+class Under(NamedTuple):
+    """Logarithm of the evidence for some effects; mean (dps) and variance (dps^2) of u if they act: [N] each."""
+
+    log_evidence: Array
+    u_dps: Array
+    variance: Array
+
+
 @dataclass(frozen=True)
 class FacePosterior:
     """What a face says of u under each hypothesis, [N, H]; the first one holds neither ripple nor transient.
@@ -143,8 +151,8 @@ class FacePosterior:
     log_evidence: Array
     blocks: int
 
-    def under(self, effects: slice) -> tuple[Array, Array, Array]:
-        """Logarithm of the evidence for some effects, mean and variance of u if they act: [N] each."""
+    def under(self, effects: slice) -> Under:
+        """The average over the hypotheses in which some effects act."""
         log_evidence, u, variance = self.log_evidence[:, effects], self.u_dps[:, effects], self.variance[:, effects]
         top = log_evidence.max(1, keepdims=True)
         weight = np.exp(log_evidence - top)
@@ -152,7 +160,7 @@ class FacePosterior:
         weight /= total
         mean = (weight * u).sum(1)
         spread = (weight * (variance + (u - mean[:, None]) ** 2)).sum(1)
-        return (top + np.log(total / weight.shape[1]))[:, 0], mean, spread
+        return Under((top + np.log(total / weight.shape[1]))[:, 0], mean, spread)
 
     def excess(self) -> Array:
         """Chi-square per degree of freedom [N] that the likeliest hypothesis leaves, at least 1 (Birge's ratio)."""
@@ -255,9 +263,9 @@ class Combined:
             some = _of_effects(which)
             under = [face.under(some) for face in faces]
             prior = float(np.sum(np.log(np.where(act, PRESENT, 1 - PRESENT))))
-            log_weights.append(prior + sum(log_evidence for log_evidence, _, _ in under))
-            u = np.stack([mean for _, mean, _ in under], 1)
-            precision = np.stack([1 / (spread * more) for (_, _, spread), more in zip(under, excess, strict=True)], 1)
+            log_weights.append(prior + sum(one.log_evidence for one in under))
+            u = np.stack([one.u_dps for one in under], 1)
+            precision = np.stack([1 / (one.variance * more) for one, more in zip(under, excess, strict=True)], 1)
             s0, s1, s2 = precision.sum(1), (precision * w).sum(1), (precision * w**2).sum(1)
             t0, t1 = (precision * u).sum(1), (precision * w * u).sum(1)
             det = s0 * s2 - s1**2

@@ -17,7 +17,7 @@ def _load(folder: Path | None) -> Path | None:
     return folder
 
 
-def model_file(model: Path) -> Path:
+def _writable(model: Path) -> Path:
     """Check the file name of a model to write: any name except those of the built-in models."""
     if str(model) in ("paper", "default"):
         from gyrocal.errors import InputError
@@ -26,6 +26,15 @@ def model_file(model: Path) -> Path:
     return model
 
 
+SessionFolder = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")]
+ModelFile = Annotated[
+    Path,
+    typer.Option(
+        callback=_writable, help="The model file that gains the effects. Without such a file, it is made from `default`."
+    ),
+]  # fmt: skip
+GivenModel = Annotated[str | None, typer.Option(help="The model: paper, default, or a model file.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 OwnEffects = Annotated[
     Path | None,
     typer.Option("--effects", callback=_load, help="A folder with effects of your own (Python files, which are run)."),

@@ -1,22 +1,19 @@
 """``gyrocal add``."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects, model_file
+from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
 
 
 def run(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="An effect's id, e.g. table_ripple, or [NAME:] FORMULA.")],
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
-    model: Annotated[
-        Path, typer.Option(help="The model file that gains the effect; made from `default` if it is not there.")
-    ],
+    session: SessionFolder,
+    model: ModelFile,
     heldout_day: Annotated[int | None, typer.Option(help="Judge on this day alone.")] = None,
     effects: OwnEffects = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""
     from gyrocal.diagnosis.add import add
@@ -24,7 +21,6 @@ def run(
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session
 
-    model_file(model)
     opened = Session.open(session)
     with working(as_json) as say:
         before, after, fitted = add(

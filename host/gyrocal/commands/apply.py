@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects
+from gyrocal.commands import AsJson, OwnEffects
 
 
 def run(
@@ -17,7 +17,7 @@ def run(
                           "seconds at rest, or the output of `gyrocal calibrate --json`.")
     ] = "model",
     effects: OwnEffects = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:  # fmt: skip
     """Correct recorded rates with a model."""
     from gyrocal.calibration.apply import apply

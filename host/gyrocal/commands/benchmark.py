@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import AsJson
+
 NAMES = (
     "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors) or "
     "real (recordings by others)."
@@ -15,7 +17,7 @@ def run(
         str, typer.Argument(metavar="NAME", help=NAMES)
     ],
     sample: Annotated[bool, typer.Option("--sample", help="A few cases alone, for a quick look.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
     from gyrocal.benchmark import benchmark, show

@@ -1,26 +1,25 @@
 """``gyrocal calibrate``."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects
+from gyrocal.commands import AsJson, OwnEffects, SessionFolder
 
 
 def run(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
+    session: SessionFolder,
     seconds: Annotated[str | None, typer.Option(help="From the first seconds of each run: 2, or 2,4,6.")] = None,
     method: Annotated[str | None, typer.Option(help="baseline, cnn, model, or several with commas.")] = None,
     model: Annotated[
         str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")
     ] = None,
     effects: OwnEffects = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
     from gyrocal.calibration.calibrate import calibrate, unanswered
-    from gyrocal.calibration.trust import FLAGS
+    from gyrocal.calibration.flags import FLAGS
     from gyrocal.errors import InputError
     from gyrocal.plausibility import check
     from gyrocal.present.output import emit, mdps, stdout, table

@@ -5,19 +5,19 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects
+from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
 
 
 def run(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
-    model: Annotated[str | None, typer.Option(help="paper, default, or a model file.")] = None,
+    session: SessionFolder,
+    model: GivenModel = None,
     html: Annotated[Path | None, typer.Option(help="Write a page with pictures.")] = None,
     pictures: Annotated[Path | None, typer.Option(help="Write the pictures alone, as PNG, into a folder.")] = None,
     residuals: Annotated[
         Path | None, typer.Option(help="Write file,t_s,axis,measured_dps,modelled_dps as CSV or Parquet.")
     ] = None,
     effects: OwnEffects = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Hold the model against the measurements: the error left beyond the noise, and where it shows."""
     from gyrocal.diagnosis.compare import compare

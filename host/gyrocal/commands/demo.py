@@ -5,13 +5,15 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import AsJson
+
 
 def run(
     out: Annotated[Path, typer.Option(help="Where recording, model, headers and picture go; made anew.")] = Path(
         "demo-out"
     ),
     seed: Annotated[int, typer.Option(help="Another seed, another sensor.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """The whole story with no hardware: an effect hidden in a simulated device is found, added, and its error falls."""
     from gyrocal.demo import demo, show

@@ -19,7 +19,7 @@ def run(
         int, typer.Option(min=1, max=4, help="On the board, each with its own simulated scenario or the same session.")
     ] = 1,
     speed: Annotated[str, typer.Option(help="Times real time, or max: as fast as it is read.")] = "1",
-    stream: Annotated[str, typer.Option(help="raw or off: what it sends until told otherwise.")] = "raw",
+    stream: Annotated[str, typer.Option(help="raw or off: what it sends until another `stream` command.")] = "raw",
     fault: Annotated[
         list[str] | None,
         typer.Option(

@@ -1,21 +1,20 @@
 """``gyrocal diagnose``."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects
+from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
 
 
 def run(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
-    model: Annotated[str | None, typer.Option(help="paper, default, or a model file.")] = None,
+    session: SessionFolder,
+    model: GivenModel = None,
     formula: Annotated[
         list[str] | None, typer.Option(metavar="[NAME:] FORMULA", help="Try a formula of your own too; may be repeated.")
     ] = None,
     effects: OwnEffects = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Find the physical effect that the model is missing, with evidence on held-out data."""
     from gyrocal.diagnosis.diagnose import diagnose

@@ -5,18 +5,17 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects, model_file
+from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
+from gyrocal.policy import POLICY
 
 
 def run(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
-    model: Annotated[
-        Path, typer.Option(help="The model file that gains the effects; made from `default` if it does not exist.")
-    ],
-    most_steps: Annotated[int, typer.Option("--max", metavar="N", help="Stop after this many steps.")] = 12,
+    session: SessionFolder,
+    model: ModelFile,
+    most_steps: Annotated[int, typer.Option("--max", metavar="N", help="Stop after this many steps.")] = POLICY.most_steps,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the whole explanation as one page.")] = None,
     effects: OwnEffects = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Find and add every missing effect that is certain, and state what stays open."""
     from gyrocal.diagnosis.explain import explain
@@ -24,7 +23,6 @@ def run(
     from gyrocal.present.output import emit, working
     from gyrocal.recording.session import Session
 
-    model_file(model)
     opened = Session.open(session)
     with working(as_json) as say:
         found = explain(opened, model if model.exists() else None, most_steps=most_steps, progress=say)

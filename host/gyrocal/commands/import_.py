@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gyrocal.commands import AsJson
+
 if TYPE_CHECKING:
     from gyrocal.recording.session import Session
     from gyrocal.warning import Warning
@@ -51,7 +53,7 @@ def run(
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
     power_on_s: Annotated[float | None, typer.Option(help="From power-on to the first sample, s.")] = None,
     append: Annotated[bool, typer.Option("--append", help="Add runs to a session that is there.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make a session of somebody else's recording.
 

@@ -5,18 +5,18 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects, model_file
+from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
 
 
 def run(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")],
-    model: Annotated[Path, typer.Option(help="The model file that gains it; made from `default` if it is not there.")],
+    session: SessionFolder,
+    model: ModelFile,
     name: Annotated[str, typer.Option(help="What the effect is to be called.")] = "custom",
     file: Annotated[
         Path | None, typer.Option(help="A new Python file for it, to be edited and named by --effects FOLDER, not a formula.")
     ] = None,
     effects: OwnEffects = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Keep what `diagnose` calls unknown as an effect of your own: find a formula, add it, show the error before and after."""
     from gyrocal.diagnosis.keep import keep
@@ -24,7 +24,6 @@ def run(
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session
 
-    model_file(model)
     opened = Session.open(session)
     with working(as_json) as say:
         found, before, after, fitted = keep(opened, model if model.exists() else None, name, file, progress=say)

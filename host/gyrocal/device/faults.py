@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from gyrocal.errors import InputError
 
 LASTING = ("wrong_id", "stuck_bit", "reset_timeout", "table_off", "reversed_mount")
-"""Faults that last from power-on unless told otherwise; random ones do not include them."""
+"""Faults that last from power-on unless specified otherwise; random ones do not include them."""
 OF_FIFO = "bad_tags"
 MOST_RANDOM = 6
 LATEST_S = 20.0

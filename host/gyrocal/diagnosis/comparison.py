@@ -16,7 +16,7 @@ import numpy as np
 
 from gyrocal import plausibility
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, floor_of, noise_beside, pooled, white_power
+from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
 from gyrocal.diagnosis.misfit import Misfit, find_misfit
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -110,10 +110,10 @@ class Comparison:
 
 @dataclass(frozen=True)
 class _Measured:
-    """One axis: mean squares of held-out residuals, the residual's spectrum, the power of the white noise (dps^2)."""
+    """One axis: mean squares of held-out residuals, in-sample residuals, the power of the white noise (dps^2)."""
 
     squares: MeanSquares
-    spectrum: Spectrum
+    remainder: Remainder
     white_power: float
 
 
@@ -145,14 +145,14 @@ def measure(
         squares = MeanSquares.of(heldout.predictions(fitted.on(axis), folds))
         n = float(np.median(np.concatenate([b.n for b in fitted.blocks])))
         tail = cleaned.tail_power * n / max(n - 1, 1.0)  # outliers count in the means of blocks too
-        return _Measured(squares, lines, white_power(fitted, axis, cleaned.by_run, lines) + tail)
+        return _Measured(squares, Remainder(cleaned.by_run, lines), white_power(fitted, axis, cleaned.by_run, lines) + tail)
 
     on = dict(zip(fitted.axes, each(measured, fitted.axes, session.rows), strict=True))
-    spectra = {axis: m.spectrum for axis, m in on.items()}
+    spectra = {axis: m.remainder.spectrum for axis, m in on.items()}
     white = {axis: m.white_power for axis, m in on.items()}
     blocked = plausibility.blocked(warnings, AXES)
     judged = [a for a in fitted.axes if a not in blocked]
-    misfit = find_misfit(fitted, spectra, judged, progress)
+    misfit = find_misfit(fitted, {axis: m.remainder for axis, m in on.items()}, judged, progress)
 
     def floor(axis: str) -> Floor:
         return floor_of(noise_beside(fitted.axes[axis], axis, misfit.found), folds, white[axis])

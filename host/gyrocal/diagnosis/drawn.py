@@ -16,7 +16,7 @@ from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, Wave
 
 def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     """Amplitude in deg/s and words of a shape that is the same in all runs. The amplitude is that of a sine of equal power."""
-    residuals = _residuals(current)
+    residuals = [current.block_residuals(i) for i in range(len(current.design.blocks))]
     if isinstance(shape, Steps):
         return _steps(current, shape, residuals)
     columns = np.concatenate([b.mean(shape.columns(b.run, current.design.axis, {})) for b in current.design.blocks])
@@ -43,15 +43,6 @@ def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float
     shown = squares > 0
     amplitude = float(np.sqrt(np.mean(squares[shown]))) if shown.any() else 0.0
     return amplitude, f"{amplitude * 1e3:.3g} mdps, {shape.words(sizes)}"
-
-
-def _residuals(current: AxisFit) -> list[Array]:
-    """Block means of measured minus modelled rate of each run [m], deg/s, as far as no random offset describes them."""
-    p, out = len(current.design.layout.fixed), []
-    for i in range(len(current.design.blocks)):
-        columns, u = current.design.columns(i), current.run_coefficients(i, current.solution.beta, current.spreads)
-        out.append(np.asarray(columns[0] - current.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :]))
-    return out
 
 
 def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[float, str]:

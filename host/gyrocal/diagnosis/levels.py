@@ -217,9 +217,12 @@ class Cleaned:
         return Cleaned(by_run, 0.0 if fault else taken / sum(y.size for y in raw))
 
 
-def residuals(fitted: Fit, axis: str) -> dict[int, Array]:
-    """In-sample residuals of each run [n] by its index, deg/s. Outliers are moved back to their neighbours."""
-    return Cleaned.of(fitted, axis).by_run
+@dataclass(frozen=True)
+class Remainder:
+    """What the model leaves of an axis in sample: residuals [n] of each run by its index, deg/s, and their spectrum."""
+
+    by_run: dict[int, Array]
+    spectrum: Spectrum
 
 
 def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:

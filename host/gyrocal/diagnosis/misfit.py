@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.levels import residuals
+from gyrocal.diagnosis.levels import Remainder
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.whiteness import too_much_power
@@ -19,7 +19,6 @@ from gyrocal.effects.wave import ONE_RATE
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.noise.orders import order_spectrum
-from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run
 from gyrocal.threads import each
@@ -31,8 +30,9 @@ from gyrocal.variables.table_angle import TableAngle
 Progress = Callable[[str], None]
 
 
-def _line(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a line in the residual's spectrum."""
+    spectrum = remainder.spectrum
     peak = spectrum.peak()
     if peak is None or peak.chance >= alarm:
         return None
@@ -43,7 +43,7 @@ def _line(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding |
     return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
 
 
-def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a line in the residual's spectrum over the table's angle.
 
     At one rate, a line that is no whole number per turn is as well a frequency.
@@ -52,8 +52,7 @@ def _order(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding 
     turning = [r for r in runs if not r.rate_is_mean and np.any(r.rate_dps)]
     if not turning:
         return None
-    by_run = residuals(fitted, axis)
-    peaks = order_spectrum([by_run[r.index] for r in turning], [turned_turn(r) for r in turning]).peaks(1)
+    peaks = order_spectrum([remainder.by_run[r.index] for r in turning], [turned_turn(r) for r in turning]).peaks(1)
     if not peaks or peaks[0].chance >= alarm:
         return None
     (peak,) = peaks
@@ -71,31 +70,31 @@ def _of_angles(fitted: Fit) -> bool:
     return any(b.run.measured_rates is not None and b.run.measured_rates.derived for b in fitted.blocks)
 
 
-def _bump(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+def _bump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a bump in the residual's spectrum."""
     if _of_angles(fitted):
         return None
-    bump = spectrum.bump()
+    bump = remainder.spectrum.bump()
     if bump is None or bump.chance >= alarm:
         return None
     note = f"{bump.amplitude_dps * 1e3:.3g} mdps that wander between {bump.low_hz:.3g} and {bump.high_hz:.3g} Hz"
     return Finding(axis, Frequency.name, bump.sigma, bump.chance, bump.amplitude_dps, note)
 
 
-def _not_white(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+def _not_white(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for more power than noise in a band of frequencies."""
     if _of_angles(fitted):
         return None
     return too_much_power(fitted.axes[axis], axis, alarm)
 
 
-def _code(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+def _code(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a bit of the reading that does not toggle."""
     steps_dps = (fault.step_dps(values) for fault, values in fitted.model.faults(axis))
     return reading_fault(fitted.session, axis, alarm, max(steps_dps, default=0.0))
 
 
-def _outliers(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Finding | None:
+def _outliers(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for outliers that neither the model nor the noise's own tail explains."""
     known = any(fault.throws_out(values) for fault, values in fitted.model.faults(axis))
     return None if known else single_readings(fitted.session, axis, alarm)
@@ -156,9 +155,9 @@ class Misfit:
 
 
 def find_misfit(
-    fitted: Fit, spectra: dict[str, Spectrum], axes: Sequence[str], progress: Progress | None = None,
+    fitted: Fit, remainders: dict[str, Remainder], axes: Sequence[str], progress: Progress | None = None,
 ) -> Misfit:  # fmt: skip
-    """The findings of every test on each of the ``axes``.
+    """The findings of every test on each of the ``axes``. ``remainders`` holds what the model leaves of each axis.
 
     A test reports a finding if the probability that noise alone produces it is below the test's share of
     ``Policy.misfit_alarm``. One share of each axis is left for the test of the excess, which needs the floor.
@@ -177,7 +176,7 @@ def find_misfit(
             finding = probe(fitted.axes[axis], axis, against, shape, share)
             if finding is not None:
                 probed.append(finding)
-        beyond = [test(fitted, axis, spectra[axis], share) for test in BEYOND_NOISE]
+        beyond = [test(fitted, axis, remainders[axis], share) for test in BEYOND_NOISE]
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
         return told_once(found, [b.run.about(axis) for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
 

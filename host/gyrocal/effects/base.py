@@ -220,7 +220,7 @@ class OfEachRun(Effect):
     """
 
     scope = "run"
-    uncorrected = "it differs from run to run, so a model cannot foretell it"
+    uncorrected = "it differs from run to run, so a model cannot predict it"
 
 
 @cache

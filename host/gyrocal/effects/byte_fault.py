@@ -11,6 +11,7 @@ from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import grid_dps, rate_about
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
 
@@ -136,6 +137,7 @@ def _noise_dps(runs: Sequence[Run], axis: int) -> float:
     return float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2)) or 1e-9
 
 
+@once
 def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
     """The lost carry that the residual shows, regressed on each bit's carry beside the true rates; None if there is none."""
     if not runs:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyrocal.effects.base import Case, Law, Parameter, Values, elapsed_s, table_angle_rad
-from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL
-from gyrocal.effects.wave import ONE_RATE, Wave, size_over_rate
+from gyrocal.effects.quantities import TURNING_AT_ALL
+from gyrocal.effects.wave import ONE_RATE, Tone, size_over_rate
 from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
+from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
 PEAKS = 2
@@ -37,6 +38,7 @@ def _rest_dps(run: Run, axis: int) -> Array:
     return np.asarray(y_dps - known @ np.linalg.lstsq(known, y_dps, rcond=None)[0])
 
 
+@once
 def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     """The strongest lines over the table's angle, strongest first.
 
@@ -62,7 +64,7 @@ def _turns(run: Run) -> bool:
     return not run.rate_is_mean and bool(np.any(run.rate_dps))
 
 
-class OrderTone(Wave):
+class OrderTone(Tone):
     id = "order_tone"
     title = "A tone fixed to the table's angle"
     cause = (
@@ -87,11 +89,7 @@ class OrderTone(Wave):
         Parameter("A_dps", "dps", (0.005, 0.3), "shaking of small turntables, as vibration_tone", 0.03),
         Parameter("phase_deg", "deg", (-180.0, 180.0), "the table's angle at the start", sized=False),
     )  # fmt: skip
-    linear = ("A_dps",)
     nonlinear = ("order",)
-    phases = ("phase_deg",)
-    fast = True
-    same_size = True
     on_device = True
     law = Law({"order": 5.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(5*theta)")
     cases = (Case({"order": 5.0, "A_dps": 0.05}, ("order",), "full"), Case({"order": 2.5, "A_dps": 0.05}, ("order",), "full"))
@@ -119,9 +117,8 @@ class OrderTone(Wave):
         peaks = _lines(runs, axis)
         return bool(peaks) and peaks[0].chance <= POLICY.false_discovery_rate
 
-    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
-        fastest_dps = max(float(np.abs(r.rate_dps).max()) for r in runs)
-        return any(values["order"] * fastest_dps / 360 > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis))
+    def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
+        return values["order"] * max(float(np.abs(r.rate_dps).max()) for r in runs) / 360
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         turned = max((float(np.ptp(turned_turn(r))) for r in runs if _turns(r)), default=1.0)
@@ -131,8 +128,9 @@ class OrderTone(Wave):
         turning = np.array([_turns(r) for r in runs])
         return super().holds(runs, sizes[turning]) and (size_over_rate(runs, sizes) or 0.0) < 1.0 / POLICY.one_size
 
+    def periods(self, run: Run, values: Mapping[str, float]) -> Array:
+        return values["order"] * turned_turn(run)
+
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
-        """A sine is a cosine a quarter of a period earlier. A table that rests shows an offset and no wave."""
-        if not _turns(run):
-            return np.zeros(len(run), dtype=complex)
-        return np.asarray(-1j * np.exp(2j * np.pi * values["order"] * turned_turn(run)))
+        """The wave of a tone. A table at rest shows an offset and no wave."""
+        return super().wave(run, axis, values, name) if _turns(run) else np.zeros(len(run), dtype=complex)

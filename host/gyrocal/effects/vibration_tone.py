@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyrocal.effects.base import Law, Parameter, Values, elapsed_s
-from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ
-from gyrocal.effects.wave import Wave
+from gyrocal.effects.wave import Tone
 from gyrocal.parameter import POSITIVE
+from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
 LOWEST_HZ = 1.0
 PEAKS = 2
 
 
+@once
 def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
     """Frequencies [k] in Hz, and the mean periodogram [k] of the readings divided by its level between lines."""
     from gyrocal.noise.spectrum import spectrum
@@ -27,7 +27,7 @@ def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
     return found.frequency_hz, found.ratio
 
 
-class VibrationTone(Wave):
+class VibrationTone(Tone):
     id = "vibration_tone"
     title = "A vibration's tone"
     cause = (
@@ -51,12 +51,8 @@ class VibrationTone(Wave):
         Parameter("A_dps", "dps", (0.002, 0.2), "consumer MEMS gyroscopes near motors and fans", 0.03),
         Parameter("phase_deg", "deg", (-180.0, 180.0), "unknown at the start of each run", sized=False),
     )
-    linear = ("A_dps",)
     nonlinear = ("f_hz",)
-    phases = ("phase_deg",)
-    fast = True
     is_line = True
-    same_size = True
     offered_as = "a vibration"
     law = Law({"f_hz": 3.0, "A_dps": 0.02, "phase_deg": 90.0}, "0.02*cos(2*pi*3*t)")
 
@@ -70,12 +66,11 @@ class VibrationTone(Wave):
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         return int(_power(runs, axis)[0].size)
 
-    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
-        return any(values["f_hz"] > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis))
+    def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
+        return values["f_hz"]
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         return 0.2 / (values["f_hz"] * max(r.duration_s for r in runs))
 
-    def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
-        """A sine is a cosine a quarter of a period earlier."""
-        return np.asarray(-1j * np.exp(2j * np.pi * values["f_hz"] * elapsed_s(run)))
+    def periods(self, run: Run, values: Mapping[str, float]) -> Array:
+        return values["f_hz"] * elapsed_s(run)

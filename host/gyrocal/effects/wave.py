@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyrocal.effects.base import Array, OfEachRun, Run, Values, stack, table_angle_rad
-from gyrocal.effects.quantities import TURNING_AT_ALL
+from gyrocal.effects.quantities import LOST_IN_BLOCKS_HZ, TURNING_AT_ALL
 from gyrocal.policy import POLICY
 
 ONE_RATE = 0.2
@@ -77,6 +77,30 @@ class Wave(OfEachRun):
 
     def _phase(self, name: str) -> str:
         return self.phases[self.linear.index(name)]
+
+
+class Tone(Wave):
+    """A wave ``A_dps·sin(2π·periods + phase)`` of one size in all runs. Its frequency is the only nonlinear parameter."""
+
+    linear = ("A_dps",)
+    phases = ("phase_deg",)
+    fast = True
+    same_size = True
+
+    @abstractmethod
+    def periods(self, run: Run, values: Mapping[str, float]) -> Array:
+        """Number of periods since the start of the run at each sample, shape [n]."""
+
+    @abstractmethod
+    def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
+        """The highest frequency that the tone has in these runs, Hz."""
+
+    def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
+        return any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis))
+
+    def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
+        """A sine is a cosine a quarter of a period earlier."""
+        return np.asarray(-1j * np.exp(2j * np.pi * self.periods(run, values)))
 
 
 class TableWave(Wave):

@@ -20,6 +20,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise, Summed
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS, Timing
 
@@ -31,8 +32,6 @@ LEAST_DPS = 1e-9
 """Smallest root mean square of a column that is used, deg/s per unit of its coefficient."""
 SLOW_S = 4.0
 """Shortest time scale of drift, s. Variations that are faster are left to the tests of whiteness."""
-LEAST_SCENARIOS = 3
-"""Smallest number of power cycles from which their spread is estimated."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +254,7 @@ class Design:
         for b in self.blocks:
             on_axis = b.run.axis_index == self.axis
             rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
-        return len(rates) >= LEAST_SCENARIOS and all(len(r) > 1 for r in rates.values())
+        return len(rates) >= POLICY.least_scenarios and all(len(r) > 1 for r in rates.values())
 
     @cached_property
     def origin(self) -> Array:

@@ -37,9 +37,9 @@ from gyrocal.threads import each, one_thread
 
 Progress = Callable[[str], None]
 MANY_BLOCKS = 5000
-"""Fewer are fitted without haste: drift is not taken to be constant within any time."""
+"""Below this many blocks, the exact noise model is used. Above it, drift is constant within short cells of time."""
 NEGLIGIBLE_DRIFT = 0.01
-"""Of the white noise's spectral density: drift that is taken to be constant in a cell of time does less beyond it."""
+"""Largest contribution of drift beyond the cell rate, as a fraction of the white noise's spectral density."""
 LONGEST_CELL_S = SLOW_S / 4
 
 

@@ -64,8 +64,8 @@ class AxisFit:
     def spreads_without(self, held_out: Mask) -> Spreads:
         """Spreads of what runs have of their own, estimated again from the runs that are not held out.
 
-        The spread of power cycles is noise and stays as fitted, as white noise and drift do: a few cycles that happen to agree
-        would have none, and foretell the next with a certainty that nobody has.
+        The spread of power cycles is noise and stays as fitted, as white noise and drift do: re-estimating
+        the spread from the training cycles can underestimate it when these agree by chance.
         """
         if not self.spreads.run.size:
             return self.spreads

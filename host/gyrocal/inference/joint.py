@@ -24,15 +24,13 @@ from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import profile_loglik
 from gyrocal.inference.noise_search import with_noise
 from gyrocal.inference.reml import unknown_spreads
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 FALL = 0.5
 """Fall of the log-likelihood at the ends of an interval of one standard error."""
 LOPSIDED = 0.1
 """Largest difference of the falls on either side, over their sum, of a profile that counts as a parabola."""
-SHOWN = 6.0
-"""Log-likelihood that a term must gain for its nonlinear parameters to be determined. Noise gains as much with a probability of
-a few thousandths, if the parameter is searched over a range of a hundred times its smallest value."""
 BISECTIONS, WITHIN = 6, 3
 """Bisections for an end of a profile's interval, and points between the maximum and that end."""
 
@@ -172,7 +170,7 @@ def joint(current: AxisFit) -> Joint:
         return Joint(nonlinear, at, current.solution.cov)
     for k, (i, _) in enumerate(nonlinear):
         absent = likelihood.without(i)
-        if absent.fall < SHOWN:
+        if absent.fall < POLICY.determined_gain:
             return Joint(nonlinear, at, None, (at, replace(absent, fall=0.0), *_everywhere(likelihood, k)), one_sided=True)
     runs = [b.run for b in current.design.blocks]
     first = [current.design.terms[i].effect.step(name, current.design.terms[i].values, runs) / 6 for i, name in nonlinear]

@@ -13,17 +13,14 @@ from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise, with_noise
 from gyrocal.noise.steady import relative_levels
+from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array
 
-GAIN = 2.0
-"""Log-likelihood that a shape of the noise must gain."""
 COLORS = np.linspace(-0.8, 0.7, 151)
 LOWEST_HZ = 1.0
 """Frequency above which block means show the colour of the fast noise. Below it are drift and effects of a turning table."""
 BANDS = 8
-SURE = 3.0
-"""Standard errors, ``1 / sqrt(blocks)`` each, from which on a correlation counts."""
 LEAST_IN_BAND = 12
 """Bands, each with so many values of the periodogram at the least, whose medians are compared. A median ignores lines."""
 
@@ -38,7 +35,7 @@ def shaped(current: AxisFit) -> AxisFit:
 
 
 def _better(current: AxisFit, trial: AxisFit) -> AxisFit:
-    return trial if trial.loglik > current.loglik + GAIN else current
+    return trial if trial.loglik > current.loglik + POLICY.noise_shape_gain else current
 
 
 def _refitted(current: AxisFit, color: float) -> AxisFit:
@@ -93,4 +90,4 @@ def _color(current: AxisFit) -> float:
     middle = np.array([float(np.mean(np.cos(angle[band]))) for band in bands])
     off = level[:, None] + np.log(1 + COLORS**2 - 2 * COLORS * middle[:, None])
     color = float(COLORS[int(np.argmin(off.var(axis=0)))])
-    return color if abs(color) > SURE / np.sqrt(2 * angle.size) else 0.0
+    return color if abs(color) > POLICY.color_errors / np.sqrt(2 * angle.size) else 0.0

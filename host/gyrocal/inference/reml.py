@@ -16,6 +16,7 @@ import numpy as np
 
 from gyrocal.effects.base import Role
 from gyrocal.inference.design import Design, Layout
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
@@ -24,8 +25,10 @@ TOLERANCE = 1e-3
 """Approximate log-likelihood to which noise and spreads converge. The optimiser uses it divided by the number of blocks."""
 NO_SPREAD = 1e-6
 """A variance below this fraction of the variance with which one run determines the coefficient counts as zero."""
-LARGEST_SPREAD: dict[Role | None, float] = {Role.BIAS: 5.0, Role.SCALE: 0.05}
-"""Largest spread over power cycles, deg/s and fraction: a hundred times the repeatability in datasheets."""
+LARGEST_SPREAD: dict[Role | None, float] = {
+    Role.BIAS: POLICY.largest_bias_spread_dps, Role.SCALE: POLICY.largest_scale_spread
+}  # fmt: skip
+"""Largest standard deviation over power cycles, deg/s and a fraction."""
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,13 @@ from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import first_noise, fit_noise, with_noise
 from gyrocal.inference.reml import integrate
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 APART_GRID, APART_RATIO, APART_ROUNDS = 25, 6.0, 5
 """Values of a parameter that may be each run's own, from a sixth of the common one (in the middle) to six times it."""
 APART_SETTLED = 0.1
 """Of its standard error: the common value has moved by less."""
-APART_GAIN = 5.0
-"""Log-likelihood that its spread must gain."""
 
 
 def runs_apart(current: AxisFit) -> AxisFit:
@@ -35,7 +34,7 @@ def runs_apart(current: AxisFit) -> AxisFit:
             trials = [current.design.with_values(i, {name: float(v)}) for v in values]
             logliks = np.column_stack([_each_run(current, trial) for trial in trials])
             common = _common(np.log(values), logliks)
-            if not current.design.terms[i].of_run and common.gain < APART_GAIN:
+            if not current.design.terms[i].of_run and common.gain < POLICY.run_spread_gain:
                 break
             mean, count = float(np.exp(common.log_mean)), len(logliks)
             sd = mean * common.log_sd

@@ -8,13 +8,13 @@ import numpy as np
 
 from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
-from gyrocal.inference.design import LEAST_SCENARIOS
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.joint import Joint, errors_of, joint
 from gyrocal.inference.spread_errors import settled, spread_errors
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 
@@ -55,7 +55,7 @@ def _fitted_noise(current: AxisFit, scenario_se: Array) -> AxisNoise:
     if wanted.drift is not None:
         fitted = fitted.having(Drift(current.noise.ou_sd_dps, current.noise.ou_tau_s))
     if wanted.turn_on_bias is not None:
-        known = np.unique(current.design.scenarios).size >= LEAST_SCENARIOS
+        known = np.unique(current.design.scenarios).size >= POLICY.least_scenarios
         se = {"sd_dps": current.scenario_sd(scenario_se, Role.BIAS)}
         fitted = fitted.having(TurnOnBias(current.turn_on_sd_dps, se=se) if known else TurnOnBias())
     if len(current.design.layout.scenario) > 1:

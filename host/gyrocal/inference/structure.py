@@ -15,9 +15,7 @@ from gyrocal.inference.likelihood_ratio import likelihood_ratio, profile_loglik
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.timing import with_timing
 from gyrocal.noise.whitening import Noise
-
-ORDER_CHANCE = 0.01
-"""Chance that noise gains as much as a richer structure of the same effect does: above it, the simpler one is taken."""
+from gyrocal.policy import POLICY
 
 
 def choose_variant(current: AxisFit, term: Term) -> AxisFit:
@@ -29,7 +27,7 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
     if isinstance(term.effect, TimingEffect):
         return with_timing(current, term)
     noise, chosen = current.noise, None
-    for _ in range(3):  # drift swallows what it was fitted without: judge again at the noise fitted with the choice
+    for _ in range(3):  # drift absorbs an effect that the model lacks, so the choice is repeated at the noise fitted with it
         values = _likeliest(current, term, noise)
         if values == chosen:
             break
@@ -63,6 +61,6 @@ def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
     _, most, best, richest = max(tried, key=lambda t: t[0])
     for _, parameters, values, trial in sorted(tried, key=lambda t: t[1]):
         nested = parameters < most and values.keys() < best.keys()
-        if nested and likelihood_ratio(trial, richest, most - parameters)[1] > ORDER_CHANCE:
+        if nested and likelihood_ratio(trial, richest, most - parameters)[1] > POLICY.structure_chance:
             return values
     return best

@@ -17,14 +17,13 @@ from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
 
 SETTLED = 0.02
 """A value has settled if a step moves it by less than this fraction of its standard error."""
 ROUNDS = 20
-SHAPE_GAIN = 3.0
-"""Log-likelihood that another shape of an effect must gain over the simplest: odds of twenty."""
 FIRST_S = 20.0
 """The search for a clock's error begins with so much of each run, s, and doubles it until it has all of it."""
 LATEST_S = 0.5
@@ -115,7 +114,7 @@ class _Search:
         for shape in others:
             x = self._refined(shape, start, self.longest_s)
             squares = self._squares(shape, x, self.longest_s)
-            if squares < least * (1 - 2 * SHAPE_GAIN / self.samples):
+            if squares < least * (1 - 2 * POLICY.shape_gain / self.samples):
                 best, least = self._values(shape, x), squares
         return best
 

@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.plausibility.runs import told
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.warning import Warning
 
-RATE_OFF = 0.05
-MILLISECONDS = (300.0, 3000.0)
-SLOWEST_HZ = 1.0
-GRAVITY_OFF = 0.1
-TEMPERATURES_C = (-60.0, 150.0)
 STANDARD_GRAVITY = 9.80665
 
 
@@ -42,9 +38,9 @@ def _acceleration(session: Session) -> list[Warning]:
     if not norms.size:
         return []
     norm = float(np.median(norms))
-    if abs(norm - 1) <= GRAVITY_OFF:
+    if abs(norm - 1) <= POLICY.gravity_off:
         return []
-    unit = next((u for u, g in (("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if abs(norm / g - 1) < GRAVITY_OFF), None)
+    unit = next((u for u, g in (("m/s2", STANDARD_GRAVITY), ("mg", 1e3)) if abs(norm / g - 1) < POLICY.gravity_off), None)
     guess = f"it is in {unit}" if unit else "its unit or its scale is wrong"
     text = (
         f"the acceleration at rest is {norm:.4g}, and gravity is 1 g: {guess}. "
@@ -54,7 +50,7 @@ def _acceleration(session: Session) -> list[Warning]:
 
 
 def _temperature(session: Session) -> list[Warning]:
-    low, high = TEMPERATURES_C
+    low, high = POLICY.temperatures_c
 
     def median(run: Run) -> float:
         return float("nan") if run.temp_c is None else float(np.nanmedian(run.temp_c))
@@ -72,7 +68,12 @@ def _temperature(session: Session) -> list[Warning]:
 
 def _sample_rate(session: Session) -> list[Warning]:
     rates = {r.file: measured_hz(r) for r in session.runs}
-    hit = [r for r in session.runs if rates[r.file] < SLOWEST_HZ or abs(rates[r.file] / r.sample_rate_hz - 1) > RATE_OFF]
+
+    def off(run: Run) -> bool:
+        hz = rates[run.file]
+        return hz < POLICY.slowest_hz or abs(hz / run.sample_rate_hz - 1) > POLICY.sample_rate_off
+
+    hit = [r for r in session.runs if off(r)]
 
     def text(run: Run | None) -> str:
         one = run or hit[0]
@@ -89,12 +90,12 @@ def _sample_rate(session: Session) -> list[Warning]:
 
 def _too_slow(rate_hz: float, run: Run) -> bool:
     """Are the times of a run of so many samples a second in milliseconds?"""
-    return rate_hz < SLOWEST_HZ or MILLISECONDS[0] < run.sample_rate_hz / rate_hz < MILLISECONDS[1]
+    return rate_hz < POLICY.slowest_hz or POLICY.milliseconds[0] < run.sample_rate_hz / rate_hz < POLICY.milliseconds[1]
 
 
 def _too_fast(rate_hz: float, run: Run) -> bool:
     """Are they thousandths of seconds that were divided by 1000?"""
-    return MILLISECONDS[0] < rate_hz / run.sample_rate_hz < MILLISECONDS[1]
+    return POLICY.milliseconds[0] < rate_hz / run.sample_rate_hz < POLICY.milliseconds[1]
 
 
 def measured_hz(run: Run) -> float:

@@ -6,17 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
-DENSITY_DPS = 0.005
-"""Noise density of consumer MEMS gyroscopes, dps/sqrt(Hz): 0.003 to 0.015 by their data sheets."""
-LEAST_BAND_HZ = 50.0
-"""Smallest bandwidth of a sensor, Hz. Recording at a lower rate does not reduce the bandwidth."""
-WITHIN = 3.5
-"""Factor by which the noise of sensors may differ from the usual, in both directions."""
-LEAST_STEP_DPS = 0.0035
-"""One count of the finest usual range, in deg/s: a grid as coarse as this is in deg/s."""
 ROUNDING_DPS = 1e-6
 """Steps below this are of the numbers' own rounding."""
 STRETCHES, LEAST_STRETCH, STILLEST = 16, 32, 0.1
@@ -65,16 +58,17 @@ def unit_unsure(session: Session) -> list[Warning]:
     """``unit_unsure``: no run turns, and the noise differs from the usual by a factor of 57."""
     if any(r.rate_is_mean or bool(np.any(r.rate_dps)) for r in session.runs):
         return []
-    usual_dps = DENSITY_DPS * float(np.sqrt(max(session.sample_rate_hz / 2, LEAST_BAND_HZ)))
+    usual_dps = POLICY.usual_density_dps * float(np.sqrt(max(session.sample_rate_hz / 2, POLICY.least_band_hz)))
     unstated = replace(session, lsb_dps=None)  # a stated count would be in the right unit
     found = [sd for sd in (own_sd_dps(unstated, i) for i in range(len(AXES))) if sd]
     if not found:
         return []
     ratio = float(np.median(found)) / usual_dps
     steps = [s for r in session.runs for s in r.step_dps if s > 0]
-    fine = min(steps, default=0.0) < LEAST_STEP_DPS
+    fine = min(steps, default=0.0) < POLICY.finest_step_dps
     deg = 180 / np.pi
-    small, large = 1 / WITHIN < ratio * deg < WITHIN and fine, 1 / WITHIN < ratio / deg < WITHIN
+    low, high = 1 / POLICY.density_factor, POLICY.density_factor
+    small, large = low < ratio * deg < high and fine, low < ratio / deg < high
     if not (small or large):
         return []
     text = (

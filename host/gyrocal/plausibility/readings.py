@@ -12,28 +12,12 @@ from gyrocal.error_model.model import Model
 from gyrocal.plausibility.noise import own_sd_dps, step_dps
 from gyrocal.plausibility.noise import still_dps as still
 from gyrocal.plausibility.runs import lag_samples, longest_lag, told
+from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
-HALF_COUNT = 0.5
-STANDS_S = 0.5
-LEAST_STANDING = 5
-NOISE_AT_LEAST = 0.7
-"""Part of the estimated noise that is relied on: drift over the edge of a count passes for noise."""
-FOLLOWS_AT_ALL = 0.1
-BY_CHANCE = 1e-6
-MOVES_COUNTS = 6.0
-REFERENCE_NOISE = 3.0
-"""Standard deviations of second differences by which noise of the reference alone moves it in half a second."""
-TYPICAL_DENSITY_DPS = 0.004
 USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
-LEAST_RANGE_DPS = 15.0
-DIFFER = 0.03
-"""Stated rates differ by this much of themselves anyway."""
-LEAST_HEAP, FAR_BELOW = 5, 0.5
-"""Readings at the limit by which true rates are compared, and the part of the limit that these exceed."""
-CUT_OFF = 0.01
 
 
 def constant(session: Session) -> list[Warning]:
@@ -55,7 +39,8 @@ def constant(session: Session) -> list[Warning]:
         noise_counts = _noise_counts(session, i)
         stuck = [
             r for r in still_runs
-            if not _at(r.gyro_dps[0, i], level) and (noise_counts > HALF_COUNT or _moves(r, i, 0, len(r), session))
+            if not _at(r.gyro_dps[0, i], level)
+            and (noise_counts > POLICY.noise_shows_counts or _moves(r, i, 0, len(r), session))
         ]  # fmt: skip
         text = f"{axis} reads one value throughout; the sensor hung or a column was filled. Record the run again"
         out += [Warning("constant_reading", axis, r.file, text, True) for r in stuck]
@@ -71,9 +56,9 @@ def _should_move(session: Session, axis: int) -> bool:
     ):
         return True
     others = [sd for sd in (own_sd_dps(session, i) for i in range(len(AXES)) if i != axis) if sd is not None]
-    usual = TYPICAL_DENSITY_DPS * float(np.sqrt(session.sample_rate_hz / 2))
+    usual = POLICY.quiet_density_dps * float(np.sqrt(session.sample_rate_hz / 2))
     count = session.lsb_dps or max((step_dps(session, i) for i in range(len(AXES))), default=0.0)
-    return (float(np.median(others)) if others else usual) > HALF_COUNT * count
+    return (float(np.median(others)) if others else usual) > POLICY.noise_shows_counts * count
 
 
 def _noise_counts(session: Session, axis: int) -> float:
@@ -85,9 +70,9 @@ def _moves(run: Run, axis: int, start: int, stop: int, session: Session) -> bool
     """True if the true rate about this axis changes between two rows by far more than one count and the noise."""
     if run.axis_index != axis or run.rate_is_mean:
         return False
-    least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0), 0.1)
+    least = max(POLICY.moves_counts * step_dps(session, axis), POLICY.moves_counts * (own_sd_dps(session, axis) or 0.0), 0.1)
     rate = run.rate_dps[start:stop]
-    jitter = REFERENCE_NOISE * float(np.std(np.diff(rate, 2))) if rate.size > 3 else 0.0
+    jitter = POLICY.reference_spreads * float(np.std(np.diff(rate, 2))) if rate.size > 3 else 0.0
     return rate.size > 1 and float(np.ptp(rate)) > max(least, jitter)
 
 
@@ -98,12 +83,12 @@ def _standing(session: Session, axis: int, runs: list[Run], level: float | None,
     for run in runs:
         y = run.gyro_dps[:, axis]
         start, length = _longest(y, level)
-        if length < max(LEAST_STANDING, STANDS_S * run.sample_rate_hz):
+        if length < max(POLICY.least_standing, POLICY.standing_s * run.sample_rate_hz):
             continue
         rest = np.delete(y, slice(start, start + length))
         equal = float(np.mean(np.diff(rest) == 0)) if rest.size > 2 else 0.0
-        rare = samples * max(equal, _chance_of_equal(noise_counts)) ** (length - 1) < BY_CHANCE
-        if (noise_counts > HALF_COUNT and rare) or _misses_the_rate(run, axis, start, start + length, session):
+        rare = samples * max(equal, _chance_of_equal(noise_counts)) ** (length - 1) < POLICY.standing_chance
+        if (noise_counts > POLICY.noise_shows_counts and rare) or _misses_the_rate(run, axis, start, start + length, session):
             text = (
                 f"{AXES[axis]} stands still at {y[start]:.6g} dps for {length / run.sample_rate_hz:.2g} s from "
                 f"{run.t_s[start]:.4g} s on. The sensor or its driver hung: cut the stretch out, or record the run again"
@@ -114,7 +99,7 @@ def _standing(session: Session, axis: int, runs: list[Run], level: float | None,
 
 def _chance_of_equal(noise_counts: float) -> float:
     """Largest chance that noise leaves a reading where it was: its mean lies in the middle of a count."""
-    return erf(0.5 / (NOISE_AT_LEAST * noise_counts * sqrt(2))) if noise_counts > 0 else 1.0
+    return erf(0.5 / (POLICY.noise_share * noise_counts * sqrt(2))) if noise_counts > 0 else 1.0
 
 
 def _misses_the_rate(run: Run, axis: int, start: int, stop: int, session: Session) -> bool:
@@ -125,7 +110,7 @@ def _misses_the_rate(run: Run, axis: int, start: int, stop: int, session: Sessio
     rest[start:stop] = False
     y, rate = run.gyro_dps[rest, axis], run.rate_dps[rest]
     about = rate - rate.mean() if rate.size else rate
-    follows = float(about @ about) > 0 and abs(float(about @ y) / float(about @ about)) > FOLLOWS_AT_ALL
+    follows = float(about @ about) > 0 and abs(float(about @ y) / float(about @ about)) > POLICY.follows_at_all
     late = longest_lag(run)
     return follows and stop - start > 2 * late and _moves(run, axis, start + late, stop - late, session)
 
@@ -164,9 +149,9 @@ def clip_level_dps(session: Session, axis: int) -> float | None:
     by_noise = Saturation().detect(session.runs, axis) is not None
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
-    if stuck or limit < (session.full_scale_dps or LEAST_RANGE_DPS):
+    if stuck or limit < (session.full_scale_dps or POLICY.least_range_dps):
         return None
-    seen = (by_noise and _noise_counts(session, axis) > HALF_COUNT) or _rates_differ(session, axis, at, limit)
+    seen = (by_noise and _noise_counts(session, axis) > POLICY.noise_shows_counts) or _rates_differ(session, axis, at, limit)
     return limit if seen else None
 
 
@@ -180,23 +165,24 @@ def _rates_differ(session: Session, axis: int, at: list[Mask], limit: float) -> 
         if run.axis_index == axis and not run.rate_is_mean:
             for sign, rates in limits.items():
                 rates.append(np.abs(run.rate_dps[mask & (np.sign(run.gyro_dps[:, axis]) == sign)]))
-    least = max(MOVES_COUNTS * step_dps(session, axis), MOVES_COUNTS * (own_sd_dps(session, axis) or 0.0))
+    least = max(POLICY.moves_counts * step_dps(session, axis), POLICY.moves_counts * (own_sd_dps(session, axis) or 0.0))
     for stated in (np.concatenate(parts) for parts in limits.values() if parts):
-        if stated.size < LEAST_HEAP:
+        if stated.size < POLICY.least_heap:
             continue
         low, high = np.quantile(stated, (0.05, 0.95))
-        if low > FAR_BELOW * limit and high - low > max(least, DIFFER * float(stated.max())):
+        if low > POLICY.far_below * limit and high - low > max(least, POLICY.rates_differ * float(stated.max())):
             return True
     return False
 
 
 def cut_off(session: Session) -> set[tuple[str | None, str | None]]:
-    """(axis, file) of runs whose mean is unreliable, because more than :data:`CUT_OFF` of their readings are clipped."""
+    """(axis, file) of runs whose mean is unreliable, because too many of their readings are clipped."""
     out: set[tuple[str | None, str | None]] = set()
     for i, axis in enumerate(AXES):
         level = clip_level_dps(session, i)
         if level is not None:
-            out |= {(axis, r.file) for r in session.runs if np.mean(np.abs(r.gyro_dps[:, i]) > level - 1e-6) > CUT_OFF}
+            parts = {r.file: np.mean(np.abs(r.gyro_dps[:, i]) > level - 1e-6) for r in session.runs}
+            out |= {(axis, file) for file, part in parts.items() if part > POLICY.clipped_part}
     return out
 
 

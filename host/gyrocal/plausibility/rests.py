@@ -6,16 +6,11 @@ import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means, spread
 from gyrocal.plausibility.slopes import Lines
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run
 from gyrocal.warning import Warning
 
-OFF_DPS = 1.0
-SPREADS = 6.0
-"""Standard deviations of the other rests by which a rest must deviate, so that none is reported if all scatter."""
-TURNED_DEG = 5.0
 WINDOW_S = 1.0
-VIBRATION_ERRORS = 6.0
-"""Standard errors of a mean acceleration by which its direction may deviate while the part is shaken."""
 
 
 def moved(means: Means, lines: Lines) -> list[Warning]:
@@ -24,7 +19,7 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
     seen: set[str] = set()
     for run in (r for r in means.session.runs if _said_at_rest(r)):
         angle_deg = _gravity_turns_deg(run)
-        if angle_deg > TURNED_DEG:
+        if angle_deg > POLICY.rest_turned_deg:
             text = f"gravity turns by {angle_deg:.0f} deg in this run at rest. Cut the movement out of it, or give its turn_deg"
             out.append(Warning("not_at_rest", run.axis, run.file, text, True))
             seen.add(run.file)
@@ -56,14 +51,15 @@ def _bias_dps(means: Means, lines: Lines, axis: str) -> float:
 
 def _apart(rests: list[Mean], scatter_dps: float, bias_dps: float) -> list[Mean]:
     """Rests whose mean deviates from the other rests. Of two rests that disagree, the one farther from the bias is reported."""
-    if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > max(OFF_DPS, SPREADS * scatter_dps):
+    apart_dps = max(POLICY.rest_off_dps, POLICY.rest_spreads * scatter_dps)
+    if len(rests) == 2 and abs(rests[0].mean_dps - rests[1].mean_dps) > apart_dps:
         return [max(rests, key=lambda m: abs(m.mean_dps - bias_dps))]
     values = np.array([m.mean_dps for m in rests])
     out = []
     for i, m in enumerate(rests if len(rests) > 2 else []):
         others = np.delete(values, i)
         off = abs(m.mean_dps - float(np.median(others)))
-        if off > max(OFF_DPS, SPREADS * spread(others)):
+        if off > max(POLICY.rest_off_dps, POLICY.rest_spreads * spread(others)):
             out.append(m)
     return out
 
@@ -95,4 +91,4 @@ def _gravity_turns_deg(run: Run) -> float:
     directions = means / norms[:, None]
     angle_deg = float(np.rad2deg(np.arccos(np.clip(np.min(directions @ directions[0]), -1.0, 1.0))))
     shaken_g = float(np.sqrt(np.mean(seconds.var(axis=1)) / size))
-    return max(0.0, angle_deg - VIBRATION_ERRORS * float(np.rad2deg(shaken_g / np.median(norms))))
+    return max(0.0, angle_deg - POLICY.vibration_errors * float(np.rad2deg(shaken_g / np.median(norms))))

@@ -8,16 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
-MOVES_DPS = 1.0
-"""Smallest standard deviation of a varying true rate, deg/s. The noise of an encoder is far smaller."""
-STILL_DPS = 0.01
-FOLLOWS = 0.9
 CLUSTERS = 16
 """Number of segments of a run whose scatter gives standard errors. Noise within a segment may be correlated."""
-LONGEST_LAG_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -36,7 +32,7 @@ class Mean:
 
     @property
     def rests(self) -> bool:
-        return self.slope is None and abs(self.rate_dps) < STILL_DPS
+        return self.slope is None and abs(self.rate_dps) < POLICY.rest_dps
 
 
 class Means:
@@ -70,7 +66,8 @@ class Means:
 
 def _mean(run: Run, axis: int) -> Mean:
     y, rate = run.gyro_dps[:, axis], run.rate_dps
-    if not run.rate_is_mean and float(np.std(rate)) > STILL_DPS and (np.std(rate) > MOVES_DPS or _follows(y, rate)):
+    varies_dps = 0.0 if run.rate_is_mean else float(np.std(rate))
+    if varies_dps > POLICY.rest_dps and (varies_dps > POLICY.rate_varies_dps or _follows(y, rate)):
         y, rate = _shifted(y, rate, lag_samples(y, rate, longest_lag(run)))
         slope, se, offset = _regression(y, rate)
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset)
@@ -80,8 +77,8 @@ def _mean(run: Run, axis: int) -> Mean:
 
 
 def _follows(y: Array, rate: Array) -> bool:
-    """Does a reading follow a reference that moves little, as one in rad/s does? An encoder's noise nobody follows."""
-    return bool(np.ptp(y) > 0) and abs(float(np.corrcoef(y, rate)[0, 1])) > FOLLOWS
+    """Does a reading follow a reference of small variation, as one in rad/s has? It does not follow the noise of an encoder."""
+    return bool(np.ptp(y) > 0) and abs(float(np.corrcoef(y, rate)[0, 1])) > POLICY.follows_correlation
 
 
 def _regression(y: Array, rate: Array) -> tuple[float, float, float]:
@@ -120,7 +117,7 @@ def lag_samples(y: Array, rate: Array, longest: int) -> int:
 
 def longest_lag(run: Run) -> int:
     """Samples of the longest delay that is no contradiction."""
-    return round(LONGEST_LAG_S * run.sample_rate_hz)
+    return round(POLICY.longest_lag_s * run.sample_rate_hz)
 
 
 def _shifted(y: Array, rate: Array, lag: int) -> tuple[Array, Array]:

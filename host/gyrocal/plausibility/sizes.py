@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.effects.base import Role
-from gyrocal.inference.reml import LARGEST_SPREAD
 from gyrocal.plausibility.runs import Mean, Means
-from gyrocal.plausibility.slopes import BIAS_LIMIT_DPS, FEW, Lines, agreed, contradictions, middle_of
+from gyrocal.plausibility.slopes import Lines, agreed, contradictions, middle_of
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES
 from gyrocal.warning import Warning
-
-TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE = LARGEST_SPREAD[Role.BIAS], LARGEST_SPREAD[Role.SCALE]
-OFFSET_DPS = 2.0
-"""Spread of power cycles' offsets that is granted before their slopes are said to scatter."""
 
 
 def check(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
@@ -36,7 +31,7 @@ def check(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
         if bias is None:
             out += [] if axis in whole else _at_one_rate(axis, points)
             continue
-        if abs(bias) > BIAS_LIMIT_DPS:
+        if abs(bias) > POLICY.largest_bias_dps:
             text = (
                 f"the bias of {axis} is {bias:.4g} dps; gyroscopes have a few. Check the zero of the counts "
                 "(an offset that was not subtracted), the unit, and that the table stood still in runs at rest"
@@ -57,7 +52,7 @@ def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[W
     for runs in cycles.values():
         rates = np.array([m.rate_dps for m in runs])
         left = np.array([m.mean_dps - bias - slope * m.rate_dps for m in runs])
-        if slope and np.ptp(rates) > 0.1 * np.max(np.abs(rates)):
+        if slope and np.ptp(rates) > POLICY.two_rates * np.max(np.abs(rates)):
             offset, scale = np.linalg.lstsq(np.column_stack([np.ones(rates.size), rates]), left, rcond=None)[0]
             scales.append(float(scale))
         else:
@@ -66,9 +61,9 @@ def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[W
     bias_sd, scale_sd = _sd(offsets), _sd(scales)
     if slope and len(points) == len(cycles):
         scale_sd = _scale_sd_of_single_runs(points, bias)
-    if bias_sd <= TURN_ON_LIMIT_DPS and scale_sd <= TURN_ON_LIMIT_SCALE:
+    if bias_sd <= POLICY.largest_bias_spread_dps and scale_sd <= POLICY.largest_scale_spread:
         return []
-    how = f"bias by {bias_sd:.3g} dps" if bias_sd > TURN_ON_LIMIT_DPS else f"scale by {scale_sd:.0%}"
+    how = f"bias by {bias_sd:.3g} dps" if bias_sd > POLICY.largest_bias_spread_dps else f"scale by {scale_sd:.0%}"
     return [_scatters(axis, len(cycles), f"their {how}")]
 
 
@@ -80,7 +75,7 @@ def _at_one_rate(axis: str, points: list[Mean]) -> list[Warning]:
         cycles.setdefault(m.run.scenario, []).append(m.mean_dps)
     sd = _sd([float(np.mean(means)) for means in cycles.values()])
     rate_dps = max((abs(m.rate_dps) for m in turning), default=0.0)
-    if sd <= np.hypot(TURN_ON_LIMIT_DPS, TURN_ON_LIMIT_SCALE * rate_dps):
+    if sd <= np.hypot(POLICY.largest_bias_spread_dps, POLICY.largest_scale_spread * rate_dps):
         return []
     return [_scatters(axis, len(cycles), f"what they read at {rate_dps:.4g} dps by {sd:.3g} dps")]
 
@@ -98,10 +93,10 @@ def _scatters(axis: str, cycles: int, how: str) -> Warning:
 
 
 def _scale_sd_of_single_runs(points: list[Mean], bias: float) -> float:
-    """Scatter of the scale over power cycles of one run each, beyond what :data:`OFFSET_DPS` of offset make of it."""
+    """Scatter of the scale over power cycles of one run each, beyond what ``Policy.granted_offset_dps`` makes of it."""
     turning = [m for m in points if m.slope is None and not m.rests]
-    if len(turning) < FEW:
+    if len(turning) < POLICY.few_runs:
         return 0.0
     rates = np.array([m.rate_dps for m in turning])
     values = (np.array([m.mean_dps for m in turning]) - bias) / rates
-    return float(np.sqrt(max(0.0, np.var(values, ddof=1) - np.mean((OFFSET_DPS / rates) ** 2))))
+    return float(np.sqrt(max(0.0, np.var(values, ddof=1) - np.mean((POLICY.granted_offset_dps / rates) ** 2))))

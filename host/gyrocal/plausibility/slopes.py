@@ -14,30 +14,12 @@ from itertools import combinations
 import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means, told
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.warning import Warning
 
 DEG = 180.0 / np.pi
-UNIT_WITHIN, SIGN_WITHIN = 0.1, 0.15
-FOLLOWS_NOT, FOLLOWS = 0.1, (0.9, 1.1)
-RATE_OFF, RATE_ERRORS = 0.02, 10.0
-SCALE_LIMIT, BIAS_LIMIT_DPS = 0.15, 50.0
-TURN_ON_DPS = 0.05
-"""Assumed spread over fewer than FEW power cycles: the upper end of the values in datasheets."""
-FEW = 4
-UNKNOWN_BIAS_DPS = 10.0
-"""Standard error of a bias that no run determines."""
-STANDS_STILL = 5.0
-"""A slope of fewer standard errors than this may come from a table that does not turn."""
-INFORMATIVE = 0.05
-"""Largest relative standard error of a slope that is used."""
-AGREE_DPS, AGREE = 0.3, 0.02
-"""Runs agree on a line if they differ by less than this (and this fraction of their rate)."""
 MOST_POINTS = 80
-CYCLES_EXPLAIN = 4.0
-"""Offsets of power cycles explain runs that differ by this many times what their slopes then differ by."""
-POINTS_ALONG = 0.7
-"""Part of gravity that must lie along an axis for the accelerometer to say which way it points."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +34,7 @@ class Slope:
     @property
     def informs(self) -> bool:
         """Is its error small against itself, or against 1 where the axis does not follow?"""
-        return self.se < INFORMATIVE * max(1.0, abs(self.value))
+        return self.se < POLICY.slope_se * max(1.0, abs(self.value))
 
 
 @dataclass(frozen=True)
@@ -89,9 +71,9 @@ def _line(points: list[Mean]) -> Line:
     if bias is not None and steady:
         signed = values - bias - slope * rates
         scatter = float(np.median(np.abs(signed))) * 1.4826
-    if len({m.run.scenario for m in steady}) < FEW:
-        scatter = max(scatter, TURN_ON_DPS * min(1.0, abs(slope)))
-    unknown = UNKNOWN_BIAS_DPS if bias is None else 0.0
+    if len({m.run.scenario for m in steady}) < POLICY.few_runs:
+        scatter = max(scatter, POLICY.turn_on_dps * min(1.0, abs(slope)))
+    unknown = POLICY.unknown_bias_dps if bias is None else 0.0
     own = _of_cycles(steady, bias or 0.0, slope)
     found = [Slope(m.run, float(m.slope), m.slope_se, float(m.slope)) for m in swings if m.slope is not None]
     for m in steady:
@@ -112,7 +94,7 @@ def _of_cycles(points: list[Mean], bias: float, slope: float) -> dict[str, float
     for scenario in {m.run.scenario for m in points}:
         cycle = [m for m in points if m.run.scenario == scenario]
         rates = np.array([m.rate_dps for m in cycle])
-        if np.ptp(rates) <= 0.1 * float(np.max(np.abs(rates))):
+        if np.ptp(rates) <= POLICY.two_rates * float(np.max(np.abs(rates))):
             return {}
         slopes[scenario] = float(np.polyfit(rates, [m.mean_dps for m in cycle], 1)[0])
     if len(slopes) < 2:
@@ -120,7 +102,7 @@ def _of_cycles(points: list[Mean], bias: float, slope: float) -> dict[str, float
     apart = float(np.ptp(list(slopes.values())))
     single = max((abs((m.mean_dps - bias) / m.rate_dps - slope) for m in points if not m.rests), default=0.0)
     middle = abs(float(np.median(list(slopes.values()))))
-    return slopes if apart < RATE_OFF * middle and single > CYCLES_EXPLAIN * apart else {}
+    return slopes if apart < POLICY.rate_off * middle and single > POLICY.cycles_explain * apart else {}
 
 
 def agreed(rates: Array, values: Array) -> tuple[float | None, float]:
@@ -132,7 +114,7 @@ def agreed(rates: Array, values: Array) -> tuple[float | None, float]:
         return None, 1.0
     if np.all(np.abs(rates) < 1e-9):
         return float(np.median(values)), 1.0
-    least = 0.1 * float(np.max(np.abs(rates)))
+    least = POLICY.two_rates * float(np.max(np.abs(rates)))
     every = np.unique(np.linspace(0, rates.size - 1, min(rates.size, MOST_POINTS)).astype(np.intp))
     pairs = np.array([(i, j) for i, j in combinations(every, 2) if abs(rates[i] - rates[j]) > least])
     if not pairs.size:
@@ -140,7 +122,7 @@ def agreed(rates: Array, values: Array) -> tuple[float | None, float]:
     i, j = pairs.T
     slope = (values[i] - values[j]) / (rates[i] - rates[j])
     bias = values[i] - slope * rates[i]
-    tolerance = AGREE_DPS + AGREE * np.abs(rates)
+    tolerance = POLICY.agree_dps + POLICY.agree * np.abs(rates)
     apart = (values - bias[:, None] - slope[:, None] * rates) / tolerance
     cost = np.log1p(apart**2).sum(axis=1) + 0.5 * np.log1p(((slope - 1) / 0.05) ** 2)
     best = int(np.argmin(cost))
@@ -176,15 +158,15 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     small = where(_is_in_rad)
     if small:
         return _told(means, "unit_rad_s", axis, small, informed, _rad_readings)
-    large = where(lambda s: abs(s.value / DEG - 1) < UNIT_WITHIN)
+    large = where(lambda s: abs(s.value / DEG - 1) < POLICY.unit_within)
     if large:
         return _told(means, "unit_rad_s", axis, large, informed, _rad_reference)
     for other in (a for a in AXES if a != axis):
-        swapped = [s for s in where(lambda s: abs(s.value) < FOLLOWS_NOT) if _follows(found[axis, other], s.run)]
+        swapped = [s for s in where(lambda s: abs(s.value) < POLICY.follows_not) if _follows(found[axis, other], s.run)]
         if swapped:
             follows = float(np.median([s.value for s in found[axis, other].slopes]))
             return _told(means, "axes_swapped", axis, swapped, informed, partial(_swapped_text, other, follows))
-    flipped = where(lambda s: abs(s.value + 1) < SIGN_WITHIN)
+    flipped = where(lambda s: abs(s.value + 1) < POLICY.sign_within)
     if flipped and len(flipped) == len(informed):
         return _told(means, "sign_flipped", axis, flipped, informed, _flipped_text)
     if flipped:
@@ -195,9 +177,9 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     values = np.array([s.value for s in sure])
     middle = middle_of(values)
     beyond = abs(values - middle) / [max(s.se, 1e-12) for s in sure]
-    errors = RATE_ERRORS * (max(1.0, 1.4826 * float(np.median(beyond))) if values.size >= FEW else 1.0)
-    off = [s for s in sure if abs(s.value - middle) > max(RATE_OFF * abs(middle), errors * s.se)]
-    scaled = abs(middle - 1) > SCALE_LIMIT and line.bias_dps is not None
+    errors = POLICY.rate_errors * (max(1.0, 1.4826 * float(np.median(beyond))) if values.size >= POLICY.few_runs else 1.0)
+    off = [s for s in sure if abs(s.value - middle) > max(POLICY.rate_off * abs(middle), errors * s.se)]
+    scaled = abs(middle - 1) > POLICY.largest_scale and line.bias_dps is not None
     turned = _one_face(means.about(axis)) if scaled else None
     if turned is not None:
         return [Warning("face_wrong", axis, turned.run.file, _face_text(turned, axis), True)]
@@ -218,7 +200,7 @@ def _beyond_any_bias(slopes: list[Slope], axis: str) -> list[Warning]:
     """``scale_implausible`` at a single rate, which shows no bias: no plausible bias and scale together give these readings."""
     middle = middle_of(np.array([s.value for s in slopes]))
     rate_dps = max(abs(float(s.run.rate_dps.mean())) for s in slopes)
-    return [_scale(middle, axis)] if abs(middle - 1) > SCALE_LIMIT + BIAS_LIMIT_DPS / rate_dps else []
+    return [_scale(middle, axis)] if abs(middle - 1) > POLICY.largest_scale + POLICY.largest_bias_dps / rate_dps else []
 
 
 def _one_face(points: list[Mean]) -> Slope | None:
@@ -232,20 +214,22 @@ def _one_face(points: list[Mean]) -> Slope | None:
         if bias is None:
             bias, slope = 0.0, float(np.median(values / rates))
         left = np.abs(values - bias - slope * rates)
-        agrees = bool(np.all(left < STANDS_STILL * (AGREE_DPS + AGREE * np.abs(rates))))
-        if not m.rests and m.slope is None and agrees and abs(slope - 1) < SIGN_WITHIN and abs(bias) < BIAS_LIMIT_DPS:
+        agrees = bool(np.all(left < POLICY.turning_errors * (POLICY.agree_dps + POLICY.agree * np.abs(rates))))
+        plausible = abs(slope - 1) < POLICY.sign_within and abs(bias) < POLICY.largest_bias_dps
+        if not m.rests and m.slope is None and agrees and plausible:
             found.append(Slope(m.run, -slope, 0.0, -slope))
     return found[0] if len(found) == 1 else None
 
 
 def _is_in_rad(s: Slope) -> bool:
-    by_itself = abs(s.raw * DEG - 1) < UNIT_WITHIN and abs(s.value) > STANDS_STILL * s.se and abs(s.value - 1) > SIGN_WITHIN
-    return by_itself or abs(s.value * DEG - 1) < UNIT_WITHIN
+    turns = abs(s.value) > POLICY.turning_errors * s.se
+    by_itself = abs(s.raw * DEG - 1) < POLICY.unit_within and turns and abs(s.value - 1) > POLICY.sign_within
+    return by_itself or abs(s.value * DEG - 1) < POLICY.unit_within
 
 
 def _follows(line: Line, run: Run) -> bool:
     slope = line.of(run)
-    return slope is not None and FOLLOWS[0] <= abs(slope.value) <= FOLLOWS[1]
+    return slope is not None and POLICY.follows[0] <= abs(slope.value) <= POLICY.follows[1]
 
 
 def middle_of(values: Array) -> float:
@@ -320,7 +304,7 @@ def _against_gravity(means: Means, axis: str, line: Line | None) -> list[Warning
     up = {r.index: _upwards(r) for r in runs}
     hit = [r for r in runs if up[r.index] * r.face_sign < 0]
     known = [r for r in runs if up[r.index] != 0]
-    turned = line is not None and any(abs(s.value - 1) < SIGN_WITHIN for s in line.slopes)
+    turned = line is not None and any(abs(s.value - 1) < POLICY.sign_within for s in line.slopes)
     if not hit or (len(hit) == len(known) and turned):
         return []
 
@@ -341,4 +325,4 @@ def _upwards(run: Run) -> float:
     """+1 where the run's axis points up by its accelerometer, -1 down, 0 where neither or gravity turns about it."""
     assert run.acc_g is not None
     along = float(np.nanmean(run.acc_g[:, run.axis_index])) / max(float(np.nanmedian(np.linalg.norm(run.acc_g, axis=1))), 1e-12)
-    return float(np.sign(along)) if abs(along) > POINTS_ALONG else 0.0
+    return float(np.sign(along)) if abs(along) > POLICY.gravity_along else 0.0

@@ -42,7 +42,7 @@ CAPTION = (
     "What the effect adds to the reading at the size that `gyrocal simulate` plants. Left, within three runs of one "
     "power cycle: face up, turned over, and swinging. Right, the mean of a run against the table's rate, face up "
     "(filled) and face down (open). The part warms up by some degrees after power-on, the table is tilted by 2 "
-    "degrees. Two effects that look alike in every part of the picture that a session records cannot be told apart "
+    "degrees. Two effects that look alike in every part of the picture that a session records cannot be distinguished "
     "by it."
 )
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gyrocal import __version__
 from gyrocal.diagnosis.explain import Explanation, Open, Step
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.errors import InputError
-from gyrocal.files import replace_text
-from gyrocal.present import report
+from gyrocal.present import page, report
 from gyrocal.present.output import mdps, stdout, table
 from gyrocal.variables.base import variables
-from gyrocal.warning import by_weight, line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,8 +65,6 @@ def conclusion(e: Explanation) -> str:
 
 def write_explanation(path: Path, e: Explanation) -> None:
     """Write the explanation as one self-contained HTML page. Raises InputError if the file cannot be written."""
-    import jinja2
-
     from gyrocal.present import pictures
 
     start = e.first.comparison
@@ -85,17 +78,13 @@ def write_explanation(path: Path, e: Explanation) -> None:
          "after": mdps(s.after.pooled.excess_dps, 2), "remark": remark(s), "causes": _causes(s), "picture": _data(evidence(s))}
         for s in e.steps
     ]  # fmt: skip
-    template = (files("gyrocal") / "present" / "explanation.html").read_text(encoding="utf-8")
-    text = jinja2.Environment(autoescape=True).from_string(template).render(
-        name=start.fit.session.path.name if start.fit.session.path else "session", conclusion=conclusion(e),
-        adequate=e.verdict == "adequate", warnings=[(w.blocking, line(w)) for w in by_weight(e.last.comparison.warnings)],
-        overview=overview, steps=steps, left=[open_words(one) for one in e.left], levels=report.level_rows(e.last.comparison),
-        parameters=report.parameter_rows(e.last.comparison), model=", ".join(e.model.ids), version=__version__,
+    text = page.render(
+        "present/explanation.html", page.name_of(start.fit.session), conclusion(e), e.verdict == "adequate",
+        e.last.comparison.warnings, overview=overview, steps=steps, left=[open_words(one) for one in e.left],
+        levels=report.level_rows(e.last.comparison), parameters=report.parameter_rows(e.last.comparison),
+        model=", ".join(e.model.ids),
     )  # fmt: skip
-    try:
-        replace_text(path, text)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
+    page.write(path, text)
 
 
 def _causes(step: Step) -> list[str]:

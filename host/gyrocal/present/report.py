@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from gyrocal import __version__
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.levels import explained
-from gyrocal.errors import InputError
-from gyrocal.files import replace_text
 from gyrocal.policy import POLICY
 from gyrocal.present.output import mdps, plus_minus, stdout, table
 from gyrocal.warning import Warning, by_weight, line
@@ -165,24 +161,16 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
 
 
 def write_page(path: Path, c: Comparison) -> None:
-    """One self-contained HTML page."""
-    import jinja2
-
-    from gyrocal.present import pictures
+    """Write the comparison as one self-contained HTML page. Raises InputError if the file cannot be written."""
+    from gyrocal.present import page, pictures
 
     drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
-    template = (files("gyrocal") / "present" / "report.html").read_text(encoding="utf-8")
-    page = jinja2.Environment(autoescape=True).from_string(template)
     text = page.render(
-        name=c.fit.session.path.name if c.fit.session.path else "session", adequate=c.verdict == "adequate",
-        headline=headline(c), warnings=[(w.blocking, line(w)) for w in by_weight(c.warnings)],
+        "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
-        parameters=parameter_rows(c), version=__version__,
+        parameters=parameter_rows(c),
     )  # fmt: skip
-    try:
-        replace_text(path, text)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
+    page.write(path, text)
 
 
 def parameter_rows(c: Comparison) -> list[list[Any]]:

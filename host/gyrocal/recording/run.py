@@ -53,7 +53,7 @@ class Run:
     lsb_dps: float | None = None
     latitude_deg: float | None = None
     unread: tuple[str, ...] = ()
-    """Keys of the run's entry in session.toml that nobody reads."""
+    """Keys of the run's entry in session.toml that no command reads."""
     table_rate_se_dps: float | None = None
     """Standard error of ``table_rate_dps``."""
     reference: Reference = field(default_factory=Reference)

@@ -32,7 +32,7 @@ class Session:
     accept: tuple[str, ...] = ()
     """Warnings that the user overrules, each a ``code`` or ``code:axis``."""
     unread: tuple[str, ...] = ()
-    """Keys of session.toml that nobody reads."""
+    """Keys of session.toml that no command reads."""
     reference: Reference = field(default_factory=Reference)
     """The table ``[reference]``: what is known of references and thermometers."""
     registration_fit: RegistrationFit | None = None

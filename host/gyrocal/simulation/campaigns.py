@@ -13,7 +13,7 @@ from gyrocal.recording.session import AXES
 
 TABLE_RATE_DPS = 78.0
 RIPPLE, TRANSIENT = "table_ripple", "spin_up"
-"""What each run of the campaign ``table2`` has. The first is also what a demonstration hides unless told otherwise."""
+"""What each run of the campaign ``table2`` has. The first is also the effect that a demonstration hides by default."""
 OFF_S = 10.0
 """Without power between power cycles."""
 PAUSE_S = 600.0

@@ -49,7 +49,7 @@ OU_SD_DPS = 0.002
 OU_TAU_S = 30.0
 TURN_ON_SD_DPS = 0.005
 SCALE_LIMIT, BIAS_LIMIT_DPS = 0.03, 10.0
-"""Each axis of a part has a scale and a bias of its own, drawn evenly within these: what is met before a calibration."""
+"""Each axis of a part has its own scale and bias, drawn uniformly within these limits of uncalibrated parts."""
 SCALE_MEAN, BIAS_MEAN_DPS = 0.004, -0.05
 """Mean scale and bias of the paper's sensors (its Fig. 4), which the campaign ``table2`` has instead."""
 SCALE_SD, BIAS_SD_DPS = 0.0005, 0.04

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -79,12 +79,20 @@ def quarters(first: Array, last: Array) -> Array:
     return np.column_stack([0.75 * first + 0.25 * last, 0.25 * first + 0.75 * last]).ravel()
 
 
-def binned(x: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
-    """Means of ``y`` [n] in equal bins of ``x`` [n] without empty bins: (centre, mean, standard error of the mean)."""
+class Binned(NamedTuple):
+    """Centres of bins [k], and the means in them with their standard errors [k]."""
+
+    centre: Array
+    mean: Array
+    se: Array
+
+
+def binned(x: Array, y: Array, bins: int) -> Binned:
+    """Means of ``y`` [n] in equal bins of ``x`` [n], without empty bins. Values that are not finite are left out."""
     use = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x[use], dtype=float), np.asarray(y[use], dtype=float)
     if x.size == 0:
-        return np.zeros(0), np.zeros(0), np.zeros(0)
+        return Binned(np.zeros(0), np.zeros(0), np.zeros(0))
     low, high = float(x.min()), float(x.max())
     width = (high - low) / bins or 1.0
     place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)
@@ -94,7 +102,7 @@ def binned(x: Array, y: Array, bins: int) -> tuple[Array, Array, Array]:
     mean = np.bincount(place, y, bins)[kept] / n
     scatter = np.bincount(place, (y - mean[np.cumsum(kept)[place] - 1]) ** 2, bins)[kept]
     error = np.sqrt(scatter / np.maximum(n - 1, 1) / n)
-    return low + (np.flatnonzero(kept) + 0.5) * width, mean, error
+    return Binned(low + (np.flatnonzero(kept) + 0.5) * width, mean, error)
 
 
 def thinned(x: Array, y: Array, stretches: int) -> tuple[Array, Array]:

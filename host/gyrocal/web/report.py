@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 
-from gyrocal import __version__
 from gyrocal.api import Comparison
 from gyrocal.present import pictures
+from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows
-from gyrocal.warning import by_weight, line
 from gyrocal.web import charts
 from gyrocal.web.views import Bar, CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence
@@ -20,8 +18,6 @@ def page(
     diagnosis: DiagnosisView | None, calibration: CalibrationView | None,
 ) -> str:  # fmt: skip
     """The report as HTML text."""
-    import jinja2
-
     drawn = [
         ("Residual against time", pictures.png_data(pictures.residual_against_time(found))),
         ("Spectrum", pictures.png_data(pictures.spectra(found))),
@@ -29,15 +25,12 @@ def page(
     ]
     compared = found.to_json()
     blocks = charts.blocks(charts.LIGHT, bars)
-    template = (files("gyrocal") / "web" / "report.html").read_text(encoding="utf-8")
-    text: str = jinja2.Environment(autoescape=True).from_string(template).render(
-        name=name, adequate=found.verdict == "adequate", headline=headline(found),
-        warnings=[(w.blocking, line(w)) for w in by_weight(found.warnings)], model=", ".join(compared["model"]),
-        held_out=found.held_out, levels=level_rows(found), where=found.where, pictures=drawn,
-        bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, floor_mdps=floor_mdps, diagnosis=diagnosis,
-        calibration=calibration, parameters=compared["parameters"], evidence=evidence, drawn=_drawn, version=__version__,
+    return render(
+        "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
+        model=", ".join(compared["model"]), held_out=found.held_out, levels=level_rows(found), where=found.where,
+        pictures=drawn, bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, floor_mdps=floor_mdps,
+        diagnosis=diagnosis, calibration=calibration, parameters=compared["parameters"], evidence=evidence, drawn=_drawn,
     )  # fmt: skip
-    return text
 
 
 def _drawn(card: Card) -> str:

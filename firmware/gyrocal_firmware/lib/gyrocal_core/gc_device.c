@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define NET_ROOM 20u /* of $HEL: long names are cut */
-#define TABLE_RATE_FRACTION 0.03 /* the table's rate is told to be another */
+#define TABLE_RATE_FRACTION 0.03 /* a rate that differs by more is reported */
 
 static bool is_recording(const gc_device_t *d) {
     return d->state == GC_STATE_RECORDING;

@@ -62,15 +62,15 @@ typedef struct gc_device {
     gc_run_t alone; /* the run without a partner: at rest, or of known angle, or of unknown rate */
 
     gc_state_t state;
-    gc_run_t *run; /* the one that goes on or ended last: alone, or of the pair; NULL = none yet */
+    gc_run_t *run; /* the current or the last run, alone or of the pair; NULL = none yet */
     gc_verdict_t verdict; /* on the last answer */
     gc_stream_t stream;
     gc_led_t led;
     bool led_known;
 } gc_device_t;
 
-/* config and what it points to must outlive the device; the device must stay where it is. A sensor that fails is told on the
-   wire and tried again. */
+/* config and what it points to must outlive the device; the device must stay where it is. The failure of a sensor is
+   reported on the wire, and the sensor is set up again. */
 void gc_device_init(gc_device_t *device, const gc_device_config_t *config);
 void gc_device_receive(gc_device_t *device, const char *data, size_t n);
 void gc_device_step(gc_device_t *device);

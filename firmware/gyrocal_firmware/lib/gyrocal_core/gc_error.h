@@ -1,4 +1,4 @@
-/* Error codes: every failure has one of its own, a name for programs and an advice for people. */
+/* Error codes. Every failure has a unique code, a name for programs and a piece of advice for people. */
 #ifndef GC_ERROR_H
 #define GC_ERROR_H
 

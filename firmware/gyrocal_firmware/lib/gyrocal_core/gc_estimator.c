@@ -374,6 +374,12 @@ int gc_estimator_begin_solve(gc_solution_t *s, const gc_calibration_t *c, const 
     return GC_OK;
 }
 
+/* Columns or priors beyond what a double holds leave no number. */
+static bool is_answer(const gc_answer_t *a) {
+    return is_finite(a->scale) && is_finite(a->bias_dps) && is_finite(a->scale_se) && a->scale_se > 0.0 &&
+           is_finite(a->bias_se_dps) && a->bias_se_dps > 0.0;
+}
+
 int gc_estimator_go_on(gc_solution_t *s, bool *done, gc_answer_t *answer) {
     const unsigned columns = common_columns(s->calibration);
     double prior[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)];
@@ -400,6 +406,7 @@ int gc_estimator_go_on(gc_solution_t *s, bool *done, gc_answer_t *answer) {
         answer->bias_dps = all->first[1] + bias_off;
         answer->bias_se_dps = sqrt(all->sum_sq[1] / all->weight - bias_off * bias_off);
         answer->misfit = s->dof > 0 ? sqrt(all->chi2 / all->weight / (double)s->dof) : NAN;
+        return is_answer(answer) ? GC_OK : GC_E_UNIDENTIFIED;
     }
     return GC_OK;
 }

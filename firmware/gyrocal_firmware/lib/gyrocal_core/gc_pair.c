@@ -65,7 +65,7 @@ static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, co
     }
 }
 
-/* Told at the last checkpoint, when most can be seen. */
+/* A misfit is reported at the last checkpoint, where most data are available. */
 static void judge(gc_pair_t *pair, double misfit, unsigned k) {
     pair->verdict->misfit = misfit;
     if (k + 1u == GC_CHECKPOINTS && !(misfit <= GC_MISFIT_LIMIT(blocks(k)))) {

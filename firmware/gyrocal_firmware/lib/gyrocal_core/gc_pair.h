@@ -31,9 +31,9 @@ typedef struct {
     gc_evidence_t evidence;
     bool solving;   /* the model's answer is in progress: */
     unsigned solved; /* the checkpoint that it is for */
-    int model_error; /* told for this pair */
+    int model_error; /* reported for this pair */
     gc_solution_t solution;
-    bool net_off;    /* an error was told for this pair */
+    bool net_off;    /* an error was reported for this pair */
     bool range_told; /* readings beyond the network's range */
     unsigned net_next; /* the checkpoint whose answer by the network comes next */
     gc_net_work_t net_work;

@@ -1,5 +1,5 @@
-/* Samples from the sensor, each at its time: by timer, by data-ready, or in batches out of its FIFO. A failure of the sensor is
- * told, and the sensor is set up again.
+/* Takes samples from the sensor by timer, by data-ready, or in batches from its FIFO, and gives each sample its time.
+ * A failure of the sensor is reported, and the sensor is set up again.
  *
  *     if (gc_sampler_wait(&sampler)) {
  *         gc_sampler_begin_reading(&sampler);
@@ -31,17 +31,17 @@ typedef struct {
     uint8_t address;
     gc_sensor_t sensor;
     bool ready;        /* the sensor is set up */
-    int error;         /* of the episode that goes on, told once */
+    int error;         /* of the current failure, which is reported once */
     uint64_t good_us;  /* last time that a sample came */
     uint64_t retry_us; /* when to set the sensor up again */
     uint64_t epoch_us; /* ticks of the sample timer are counted from here */
-    uint64_t tick;     /* the last that was sampled */
+    uint64_t tick;     /* of the last sample */
     uint64_t samples;  /* taken since boot */
     uint64_t sample_us; /* of the last one; 0 = none at these settings */
 
-    uint64_t read_us; /* the last reading, and */
-    int read_error;   /* how it ended */
-    gc_batch_t batch; /* what it gave */
+    uint64_t read_us; /* time of the last reading */
+    int read_error;   /* its result */
+    gc_batch_t batch; /* its samples */
     unsigned reads;   /* of the FIFO in a row */
     double newest_us, step_us; /* when its last sample was taken, how far apart they are */
     bool fifo_known; /* newest_us is known, and no sample is missing since */

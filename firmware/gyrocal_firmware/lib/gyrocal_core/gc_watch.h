@@ -1,6 +1,6 @@
 /* The automatic watcher decides when a run should begin and end, from a table that turns steadily in one of its faces.
  *
- * It asks for a rate that stays, not for the stated one: scale and bias are what is to be found.
+ * It requires a steady rate, but not the stated one, because scale and bias are still unknown.
  */
 #ifndef GC_WATCH_H
 #define GC_WATCH_H
@@ -17,7 +17,7 @@ typedef enum {
     GC_WATCH_START_UP,
     GC_WATCH_START_DOWN,
     GC_WATCH_STOP,
-    GC_WATCH_OPPOSED /* the table turns steadily against what face and rate say; told once */
+    GC_WATCH_OPPOSED /* the table turns steadily against what face and rate say; reported once */
 } gc_watch_action_t;
 
 typedef struct {

@@ -5,6 +5,10 @@ GC_EFFECT(g2_sensitivity);
 
 GC_EFFECT(g2_sensitivity) {
     const float *a = in->acc_g;
-    const int axis = (int)arg[0];
-    return axis < 3 ? a[axis] * a[axis] : a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
+    for (unsigned axis = 0; axis < 3u; axis++) {
+        if (arg[0] == (float)axis) {
+            return a[axis] * a[axis];
+        }
+    }
+    return a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
 }

@@ -4,5 +4,5 @@
 GC_EFFECT(g_sensitivity);
 
 GC_EFFECT(g_sensitivity) {
-    return in->acc_g[(int)arg[0]];
+    return arg[0] == 0.0f ? in->acc_g[0] : arg[0] == 1.0f ? in->acc_g[1] : in->acc_g[2];
 }

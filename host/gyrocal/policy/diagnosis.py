@@ -1,28 +1,15 @@
-"""The thresholds that decide a verdict, in one place.
-
-Each threshold states its meaning, the effect of a larger and a smaller value, and its origin: a command whose figures chose it,
-a test that protects it, or a law. A threshold without such an origin is marked as chosen by judgement. ``gyrocal benchmark
-blind`` measured all thresholds together on 180 sessions (docs/blind.md). Unless stated otherwise, a threshold was not varied by
-itself.
-"""
+"""Whether a model fits, and which effect it lacks."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
-JUDGEMENT = "chosen by judgement; not yet measured by itself"
-
-
-def threshold(value: float, meaning: str, *, larger: str, smaller: str, chosen_by: str = JUDGEMENT) -> Any:
-    """A field of the policy with its documentation."""
-    words = {"meaning": meaning, "larger": larger, "smaller": smaller, "chosen_by": chosen_by}
-    return field(default=value, metadata=words)
+from gyrocal.policy.threshold import threshold
 
 
 @dataclass(frozen=True)
-class Policy:
-    """Every threshold of outliers, held-out data, comparison, diagnosis and ``keep``."""
+class Diagnosis:
+    """Thresholds of outliers, held-out data, comparison, diagnosis and ``keep``."""
 
     # Outliers: single readings
     outlier_spreads: float = threshold(
@@ -221,7 +208,8 @@ class Policy:
         "below which (or above the inverse of which) the other kind of wave is not named",
         larger="a wave in few runs is named neither a tone of its order nor a ripple",
         smaller="a tone of one size is named a ripple of the speed, or the reverse",
-        chosen_by="pytest tests/diagnosis/test_orders.py (at +-30, +-78 and +-150 dps the ratio is below 0.05 or above 20)",
+        chosen_by="pytest tests/diagnosis/test_orders.py (at the rates of campaign full, the ratio of a wave of 0.05 dps is "
+        "below 0.02 or above 50)",
     )  # fmt: skip
 
     # Diagnosis: rivals
@@ -275,6 +263,3 @@ class Policy:
         8, "largest number of terms of a formula",
         larger="formulas become unreadable", smaller="a curve with several bends is not described completely",
     )  # fmt: skip
-
-
-POLICY = Policy()

@@ -9,7 +9,7 @@ import pytest
 
 from gyrocal.policy import JUDGEMENT, POLICY
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 HOST = ROOT / "host/gyrocal"
 NO_THRESHOLDS = {
     "HANN_NEIGHBOURS",  # a property of the window
@@ -18,10 +18,18 @@ NO_THRESHOLDS = {
     "BITS",  # of the part's code
     "SHEPPARD",  # variance of rounding
     "RATE_UNIT_DPS",  # a unit
+    "STANDARD_GRAVITY", "DEG",  # units
+    "ROUNDING_DPS",  # of the numbers' own digits
+    "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S",  # parts of a run by which noise is estimated
+    "MOST_POINTS",  # limits the time of a search
+    "USUAL_RANGES_DPS",  # of parts on the market
     "WIDE",  # parts bands from lines, which are a percent wide
 }
-"""Numbers of ``diagnosis/`` that decide nothing."""
-JUDGES = [*sorted((HOST / "diagnosis").glob("*.py")), HOST / "inference/heldout.py", HOST / "recording/outliers.py"]
+"""Numbers of ``diagnosis/`` and ``plausibility/`` that decide nothing."""
+JUDGES = [
+    *sorted((HOST / "diagnosis").glob("*.py")), *sorted((HOST / "plausibility").glob("*.py")),
+    HOST / "inference/heldout.py", HOST / "recording/outliers.py",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("field", dataclasses.fields(POLICY), ids=lambda f: f.name)

@@ -1,0 +1,58 @@
+"""Which structure of the noise and of an effect a fit takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gyrocal.policy.threshold import threshold
+
+
+@dataclass(frozen=True)
+class Inference:
+    """Thresholds of the fit: power cycles, and the gain in log-likelihood that a richer structure must reach."""
+
+    least_scenarios: int = threshold(
+        3, "smallest number of power cycles from which their spread is estimated",
+        larger="sessions of few power cycles have no spread, and their standard errors are too small",
+        smaller="a spread is estimated from two values, with one degree of freedom",
+    )  # fmt: skip
+    largest_bias_spread_dps: float = threshold(
+        5.0, "largest standard deviation of the bias over power cycles, dps",
+        larger="a wrong face or rate counts as a spread of power cycles", smaller="poor sensors are called implausible",
+        chosen_by="a hundred times the repeatability in datasheets; pytest tests/plausibility/test_plausible.py",
+    )  # fmt: skip
+    largest_scale_spread: float = threshold(
+        0.05, "largest standard deviation of the scale over power cycles",
+        larger="a wrong rate counts as a spread of power cycles", smaller="poor sensors are called implausible",
+        chosen_by="a hundred times the repeatability in datasheets; pytest tests/plausibility/test_plausible.py",
+    )  # fmt: skip
+    structure_chance: float = threshold(
+        0.01, "probability that noise gains as much as a richer variant of an effect, above which the simpler one is taken",
+        larger="a second order or time constant is fitted to noise", smaller="weak parts of an effect are not fitted",
+    )  # fmt: skip
+    shape_gain: float = threshold(
+        3.0, "log-likelihood that another shape of a delay must gain over the simplest",
+        larger="a low-pass is described as a delay", smaller="the shape of the delay is chosen by noise",
+        chosen_by="odds of 20 to 1 (3 = ln 20); chosen by judgement",
+    )  # fmt: skip
+    run_spread_gain: float = threshold(
+        5.0, "log-likelihood that a spread of a nonlinear parameter over the runs must gain",
+        larger="a time constant that differs from run to run is described by one value",
+        smaller="runs have values of their own by noise",
+    )  # fmt: skip
+    determined_gain: float = threshold(
+        6.0, "log-likelihood that a term must gain for its nonlinear parameters to be determined",
+        larger="parameters that the session determines are given no standard error",
+        smaller="a standard error is stated for a parameter that was fitted to noise",
+        chosen_by="noise gains as much with a probability of a few thousandths if the parameter is searched over a factor of "
+        "100; chosen by judgement",
+    )  # fmt: skip
+    noise_shape_gain: float = threshold(
+        2.0, "log-likelihood that a changing level or a colour of the noise must gain",
+        larger="bursts and filtered noise are described as white noise", smaller="white noise is given a shape by chance",
+    )  # fmt: skip
+    color_errors: float = threshold(
+        3.0, "standard errors from which on a correlation of successive blocks counts as a colour of the noise",
+        larger="filtered noise is described as white", smaller="white noise is described as coloured once in 370 axes",
+        chosen_by="tail of the normal distribution; chosen by judgement",
+    )  # fmt: skip

@@ -1,0 +1,264 @@
+"""When a session contradicts itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gyrocal.policy.threshold import threshold
+
+SLOPES = "chosen by judgement; pytest tests/plausibility/test_plausible.py holds a session on both sides"
+READINGS = "chosen by judgement; pytest tests/plausibility/test_readings.py holds a session on both sides"
+COLUMNS = "chosen by judgement; pytest tests/plausibility/test_columns.py holds a session on both sides"
+EXPLAINED = "chosen by judgement; pytest tests/plausibility/test_explanations.py holds a session on both sides"
+
+
+@dataclass(frozen=True)
+class Plausibility:
+    """Thresholds of the warnings. The slope of a run is what its readings follow of the true rate, 1 for a perfect sensor."""
+
+    # Slopes: unit, sign, face, rate, scale
+    unit_within: float = threshold(
+        0.1, "relative deviation of a slope from pi/180 or 180/pi up to which the unit is wrong",
+        larger="a small slope of another cause is called rad/s", smaller="poor sensors in rad/s are not recognised",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    sign_within: float = threshold(
+        0.15, "deviation of a slope from 1 or -1 up to which the sensor follows the rate or its opposite",
+        larger="a wrong rate is called a wrong sign", smaller="a wrong sign of a poor sensor is called a wrong scale",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    follows_not: float = threshold(
+        0.1, "absolute slope below which an axis does not follow the rate",
+        larger="a sensor on a wrong range is called exchanged", smaller="misalignment hides that axes are exchanged",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    follows: tuple[float, float] = threshold(
+        (0.9, 1.1), "absolute slope between which another axis follows the rate in place of the table's",
+        larger="a strong misalignment is called an exchange of axes", smaller="exchanged axes of poor sensors pass",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    rate_off: float = threshold(
+        0.02, "relative deviation of a run's slope from that of the other runs from which on its rate is wrong",
+        larger="small errors of the stated rate spoil the fit", smaller="nonlinearity and temperature are called wrong rates",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    rate_errors: float = threshold(
+        10.0, "standard errors by which a run's slope must also deviate from that of the other runs",
+        larger="wrong rates in noisy or short runs are not reported", smaller="noise and drift are called wrong rates",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    largest_scale: float = threshold(
+        0.15, "largest error of the scale that a working sensor has; the device's limit is equal",
+        larger="a wrong rate or range passes", smaller="poor sensors are called implausible",
+        chosen_by="five times the 3 % of datasheets; pytest tests/parity/test_constants.py",
+    )  # fmt: skip
+    largest_bias_dps: float = threshold(
+        50.0, "largest bias that a working sensor has, dps; the device's limit is equal",
+        larger="an offset of the counts that was not subtracted passes", smaller="poor sensors are called implausible",
+        chosen_by="five times the 10 dps of datasheets; pytest tests/parity/test_constants.py",
+    )  # fmt: skip
+    turn_on_dps: float = threshold(
+        0.05, "standard deviation of the bias over power cycles that is assumed where they are few, dps",
+        larger="wrong rates are not reported in sessions of few power cycles",
+        smaller="differences between power cycles are called wrong rates",
+        chosen_by="the upper end of the values in datasheets; chosen by judgement",
+    )  # fmt: skip
+    few_runs: int = threshold(
+        4, "number of runs or power cycles below which their own scatter is not used",
+        larger="the assumed scatter is used for more sessions", smaller="a scatter is estimated from three values",
+    )  # fmt: skip
+    unknown_bias_dps: float = threshold(
+        10.0, "standard error of a bias that no run determines, dps",
+        larger="sessions at one rate are judged less", smaller="a large bias at one rate is called a wrong unit",
+        chosen_by="the largest bias in datasheets of consumer parts; chosen by judgement",
+    )  # fmt: skip
+    turning_errors: float = threshold(
+        5.0, "standard errors by which the slope of a turning run must differ from zero; also the tolerances of a common line",
+        larger="readings in rad/s at low rates are not recognised", smaller="a table that stands still is called a wrong unit",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    slope_se: float = threshold(
+        0.05, "largest relative standard error of a slope that is judged",
+        larger="slow and noisy runs are judged by their noise", smaller="contradictions of slow runs are not reported",
+    )  # fmt: skip
+    agree_dps: float = threshold(
+        0.3, "deviation from a line up to which runs agree on it, dps, besides `agree` of their rate",
+        larger="wrong runs pull the line", smaller="power cycles with different offsets do not agree",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    agree: float = threshold(
+        0.02, "deviation from a line, as a fraction of the rate, up to which runs agree on it",
+        larger="wrong rates pull the line", smaller="nonlinearity keeps runs from agreeing", chosen_by=SLOPES,
+    )  # fmt: skip
+    two_rates: float = threshold(
+        0.1, "difference of two rates, as a fraction of the largest, from which on they determine a slope and an offset",
+        larger="more sessions count as recorded at one rate", smaller="a slope is the ratio of two small differences",
+    )  # fmt: skip
+    cycles_explain: float = threshold(
+        4.0, "ratio of the runs' deviations from the common line to the spread of the power cycles' slopes, from which on "
+        "offsets of power cycles explain the deviations",
+        larger="different offsets of power cycles are called wrong rates", smaller="a wrong rate is called an offset",
+        chosen_by=EXPLAINED,
+    )  # fmt: skip
+    gravity_along: float = threshold(
+        0.7, "fraction of gravity along an axis from which on the accelerometer says whether the axis points up or down",
+        larger="inclined sensors are not judged", smaller="a level axis is judged by its tilt",
+        chosen_by="cosine of 45 degrees; pytest tests/plausibility/test_explanations.py",
+    )  # fmt: skip
+    granted_offset_dps: float = threshold(
+        2.0, "standard deviation of the offset that is granted before the scale of power cycles of one run each scatters, dps",
+        larger="wrong rates pass as offsets", smaller="offsets of power cycles are called scatter of the scale",
+    )  # fmt: skip
+
+    # Motion and rest
+    rate_varies_dps: float = threshold(
+        1.0, "standard deviation of the true rate from which on a run has a slope of its own, dps",
+        larger="slow swings are judged by their mean", smaller="the noise of an encoder is taken for motion",
+        chosen_by="the noise of encoders is far smaller; pytest tests/plausibility/test_plausible.py",
+    )  # fmt: skip
+    rest_dps: float = threshold(
+        0.01, "mean rate below which a run is at rest, dps",
+        larger="very slow turns count as rests", smaller="rounding of the reference counts as a turn",
+    )  # fmt: skip
+    follows_correlation: float = threshold(
+        0.9, "correlation of readings with a reference of small variation from which on the readings follow it",
+        larger="a swing in rad/s counts as a constant rate", smaller="noise common to both counts as motion",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    longest_lag_s: float = threshold(
+        0.1, "longest delay between readings and reference that is no contradiction, s",
+        larger="checks of slopes take longer", smaller="slopes of delayed readings are too small",
+    )  # fmt: skip
+    rest_off_dps: float = threshold(
+        1.0, "smallest deviation of a rest's mean from the other rests that is reported, dps",
+        larger="slow motion in a run at rest is not reported", smaller="warm-up and drift are called motion", chosen_by=SLOPES,
+    )  # fmt: skip
+    rest_spreads: float = threshold(
+        6.0, "standard deviations of the other rests by which a rest must also deviate",
+        larger="motion is not reported if power cycles scatter", smaller="one is reported if all rests scatter",
+    )  # fmt: skip
+    rest_turned_deg: float = threshold(
+        5.0, "angle by which gravity may turn in a run at rest, deg",
+        larger="a sensor that is moved slowly passes", smaller="drift of the accelerometer is called motion",
+        chosen_by=EXPLAINED,
+    )  # fmt: skip
+    vibration_errors: float = threshold(
+        6.0, "standard errors of a mean acceleration that are subtracted from the angle by which gravity turns",
+        larger="motion of a vibrating part is not reported", smaller="vibration is called motion",
+        chosen_by=EXPLAINED,
+    )  # fmt: skip
+
+    # Readings that do not change
+    noise_shows_counts: float = threshold(
+        0.5, "noise of one sample from which on a constant reading contradicts it, counts",
+        larger="dead readings of quiet sensors are not reported", smaller="a quiet sensor of coarse counts is called dead",
+        chosen_by=READINGS,
+    )  # fmt: skip
+    standing_s: float = threshold(
+        0.5, "shortest time without a change of the reading that is reported, s",
+        larger="short failures of the bus are not reported", smaller="a slow output rate is called a failure",
+        chosen_by=READINGS,
+    )  # fmt: skip
+    least_standing: int = threshold(
+        5, "smallest number of equal readings that is reported",
+        larger="failures at low sample rates are not reported", smaller="chance makes a few readings equal",
+    )  # fmt: skip
+    noise_share: float = threshold(
+        0.7, "fraction of the estimated noise that is certain: drift across the edge of a count looks like noise",
+        larger="drift of a quiet sensor is called a failure", smaller="failures of quiet sensors are not reported",
+    )  # fmt: skip
+    standing_chance: float = threshold(
+        1e-6, "probability that noise leaves so many readings equal, below which the stretch is reported",
+        larger="quiet sensors are called failed by chance", smaller="short failures of quiet sensors are not reported",
+        chosen_by=READINGS,
+    )  # fmt: skip
+    follows_at_all: float = threshold(
+        0.1, "absolute slope outside a constant stretch above which the reading follows the rate",
+        larger="failures of badly scaled sensors are not reported", smaller="an axis across the table's is judged by the rate",
+    )  # fmt: skip
+    moves_counts: float = threshold(
+        6.0, "counts, and standard deviations of the noise, by which the true rate must change for the reading to change",
+        larger="failures in slow swings are not reported", smaller="a coarse count in a slow swing is called a failure",
+        chosen_by=READINGS,
+    )  # fmt: skip
+    reference_spreads: float = threshold(
+        3.0, "standard deviations of the reference's second differences that its noise alone covers in half a second",
+        larger="failures with a noisy reference are not reported", smaller="the noise of a reference is taken for motion",
+        chosen_by=READINGS,
+    )  # fmt: skip
+    quiet_density_dps: float = threshold(
+        0.004, "noise density that a constant axis is assumed to have if no other axis shows noise, dps/sqrt(Hz)",
+        larger="a quiet sensor of coarse counts is called dead", smaller="dead axes of fine counts are not reported",
+        chosen_by="the lower part of the 0.003 to 0.015 of datasheets; chosen by judgement",
+    )  # fmt: skip
+
+    # Readings at the end of the range
+    least_range_dps: float = threshold(
+        15.0, "smallest reading that may be the end of an unstated range, dps",
+        larger="clipping of very small ranges is not reported", smaller="the largest reading of a slow swing is called clipped",
+        chosen_by=READINGS,
+    )  # fmt: skip
+    rates_differ: float = threshold(
+        0.03, "relative spread of the true rates of equal readings from which on the readings are clipped",
+        larger="slight clipping is not reported", smaller="errors of the stated rates count as clipping", chosen_by=READINGS,
+    )  # fmt: skip
+    least_heap: int = threshold(
+        5, "smallest number of readings at the limit whose true rates are compared",
+        larger="rare clipping is not reported", smaller="the quantiles of a few values decide",
+    )  # fmt: skip
+    far_below: float = threshold(
+        0.5, "fraction of the limit that the true rates of clipped readings exceed",
+        larger="clipping of badly scaled sensors is not reported", smaller="a reading that hangs is called clipped",
+    )  # fmt: skip
+    clipped_part: float = threshold(
+        0.01, "fraction of clipped readings above which the mean of a run is not used",
+        larger="clipping is called a wrong rate", smaller="runs with a few clipped readings are not checked",
+        chosen_by=READINGS,
+    )  # fmt: skip
+
+    # Noise against the unit
+    usual_density_dps: float = threshold(
+        0.005, "usual noise density of consumer MEMS gyroscopes, dps/sqrt(Hz)",
+        larger="quiet sensors at rest are called rad/s", smaller="noisy sensors at rest are called converted twice",
+        chosen_by="0.003 to 0.015 in datasheets; chosen by judgement",
+    )  # fmt: skip
+    least_band_hz: float = threshold(
+        50.0, "smallest bandwidth of a sensor that is assumed, Hz; a lower sample rate does not reduce the bandwidth",
+        larger="slowly recorded quiet sensors are called rad/s", smaller="slowly recorded sensors in rad/s are not recognised",
+    )  # fmt: skip
+    density_factor: float = threshold(
+        3.5, "factor by which the noise of sensors may differ from the usual in both directions",
+        larger="very good and very poor sensors are called a wrong unit", smaller="a wrong unit is not recognised",
+        chosen_by="below the square root of 57.3, so that both units exclude each other; chosen by judgement below it",
+    )  # fmt: skip
+    finest_step_dps: float = threshold(
+        0.0035, "step of the readings from which on they are in deg/s, dps",
+        larger="coarse sensors in rad/s are asked about their unit", smaller="readings in deg/s are asked about their unit",
+        chosen_by="one count of the finest usual range (125 dps, 16 bit) is 0.0038 dps; chosen by judgement below it",
+    )  # fmt: skip
+
+    # Other columns
+    sample_rate_off: float = threshold(
+        0.05, "relative deviation of the times' sample rate from the stated one that is reported",
+        larger="wrong sample rates pass", smaller="the tolerance of a part's clock is reported",
+        chosen_by=COLUMNS,
+    )  # fmt: skip
+    milliseconds: tuple[float, float] = threshold(
+        (300.0, 3000.0), "ratio of the sample rates between which the times are in another unit by a factor of 1000",
+        larger="other errors of the rate are called milliseconds", smaller="milliseconds are not recognised at a wrong rate",
+        chosen_by=COLUMNS,
+    )  # fmt: skip
+    slowest_hz: float = threshold(
+        1.0, "slowest sample rate that a recording has, Hz",
+        larger="slow logs are called milliseconds", smaller="milliseconds are not recognised if the stated rate agrees",
+        chosen_by=COLUMNS,
+    )  # fmt: skip
+    gravity_off: float = threshold(
+        0.1, "deviation of the acceleration at rest from 1 g that is reported, g",
+        larger="a wrong range passes", smaller="the bias of an accelerometer is reported", chosen_by=COLUMNS,
+    )  # fmt: skip
+    temperatures_c: tuple[float, float] = threshold(
+        (-60.0, 150.0), "temperatures of a working part, degC",
+        larger="degrees Fahrenheit and kelvin pass", smaller="hot parts are reported",
+        chosen_by="the usual -40 to 125 degC with a margin; pytest tests/plausibility/test_columns.py",
+    )  # fmt: skip

@@ -1,0 +1,133 @@
+"""A write that ends at any byte of any file leaves what was there before, or what it makes, and no third thing."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gyrocal.calibration import header
+from gyrocal.error_model.model import Model
+from gyrocal.errors import GyrocalError
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.recording.importer import import_recording
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
+
+FULL_DISK_STEP = {"model": 7, "header": 61, "session": 5, "import": 5}
+"""Bytes between two limits. The header is the longest file."""
+KILLED_AT = (0, 1, 50, 150)
+Write = Callable[[Path], object]
+
+
+def samples(face: int) -> np.ndarray:
+    return np.round(np.random.default_rng(3).normal(78.0 * face, 0.1, (5, 3)), 3)
+
+
+def write_model(path: Path) -> None:
+    Model.builtin("default").save(path)
+
+
+def write_header(path: Path) -> None:
+    header.write(replace(Model.builtin("paper"), noise={"z": AxisNoise(white_sd_dps=0.05)}), path)
+
+
+def write_session(path: Path) -> None:
+    t_s = np.arange(5) / 100.0
+    make_session(*(make_run(t_s, samples(f), face=name) for name, f in (("up", 1), ("down", -1)))).save(path)
+
+
+def write_import(path: Path) -> None:
+    rows = [f"{k / 100},{x},{y},{z}" for k, (x, y, z) in enumerate(samples(1))]
+    source = path.parent / "source.csv"
+    if not source.exists():
+        source.write_text("\n".join(["t,x,y,z", *rows, ""]))
+    maps = ["t_s=t", "gx_dps=x", "gy_dps=y", "gz_dps=z"]
+    import_recording(source, path, maps, defaults={"table_rate_dps": 78.0, "face": "up"})
+
+
+WRITES: dict[str, tuple[str, Write]] = {
+    "model": ("model.toml", write_model), "header": ("calibration.h", write_header),
+    "session": ("s", write_session), "import": ("s", write_import),
+}  # fmt: skip
+
+
+def content(path: Path) -> dict[str, bytes] | None:
+    """Every file at or under a path with its bytes; None if there is nothing."""
+    if path.is_file():
+        return {"": path.read_bytes()}
+    return {p.name: p.read_bytes() for p in sorted(path.iterdir())} if path.exists() else None
+
+
+@contextmanager
+def no_file_beyond(size: int) -> Iterator[None]:
+    """No file can grow beyond ``size`` bytes: a write that would exceed it fails there, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("what", WRITES)
+def test_a_full_disk_at_any_byte(what: str, tmp_path: Path) -> None:
+    name, write = WRITES[what]
+    (tmp_path / "whole").mkdir()
+    write(tmp_path / "whole" / name)
+    whole = content(tmp_path / "whole" / name)
+    assert whole is not None
+    longest = max(map(len, whole.values()))
+    failed = 0
+    for limit in range(0, longest, FULL_DISK_STEP[what]):
+        folder = tmp_path / str(limit)
+        folder.mkdir()
+        target = folder / name
+        if what in ("model", "header"):
+            target.write_text("what was there")
+        if what == "import":
+            (folder / "source.csv").write_bytes((tmp_path / "whole/source.csv").read_bytes())
+        before, beside = content(target), {p.name for p in folder.iterdir()}
+        with no_file_beyond(limit):
+            try:
+                write(target)
+            except (OSError, GyrocalError):
+                failed += 1
+        assert content(target) == before
+        assert {p.name for p in folder.iterdir()} == beside
+    assert failed == len(range(0, longest, FULL_DISK_STEP[what]))
+
+
+KILLED = """
+import resource, signal, sys
+from pathlib import Path
+sys.path[:0] = sys.argv[4:]
+import test_interrupted
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
+signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+test_interrupted.WRITES[sys.argv[1]][1](Path(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("size", KILLED_AT)
+@pytest.mark.parametrize("what", ["model", "session"])
+def test_a_killed_process_leaves_the_file_or_nothing(what: str, size: int, tmp_path: Path) -> None:
+    name, write = WRITES[what]
+    target = tmp_path / name
+    if what == "model":
+        write(target)
+    before = content(target)
+    command = [sys.executable, "-c", KILLED, what, str(target), str(size), str(Path(__file__).parent)]
+    assert subprocess.run(command, capture_output=True, check=False).returncode < 0
+    assert content(target) == before
+    if what == "session":
+        write(target)
+        assert len(Session.open(target).runs) == 2
