@@ -1,13 +1,141 @@
-"""The Python interface's five lines."""
+"""The Python interface: the README's lines, and what people expect of results in Python and in a notebook."""
 
-from gyrocal.api import Model, compare, diagnose, simulate
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from matplotlib.figure import Figure
+
+from gyrocal.api import InputError, Model, Session, add, calibrate, compare, diagnose, import_recording, simulate
+
+ROOT = Path(__file__).resolve().parent.parent
 
 
-def test_the_steps_of_the_readme() -> None:
-    session, _ = simulate(None, "paper", ["table_ripple"], 3, scenarios=3, seconds=12.0)
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return simulate(None, "paper", ["table_ripple"], 3, scenarios=3, seconds=8.0)[0]
+
+
+@pytest.fixture(scope="module")
+def results(session: Session) -> dict[str, Any]:
+    found = diagnose(session)
+    return {"Session": session, "Diagnosis": found, "Comparison": found.comparison, "Calibration": calibrate(session),
+            "Model": found.comparison.fit.model}  # fmt: skip
+
+
+def test_the_steps_of_the_readme(session: Session) -> None:
     model = Model.open("default")
     best = diagnose(session, model).best
     assert best is not None
     model = model.add(best.effect.id, best.axis)
     assert model.ids[-1] == "table_ripple"
     assert compare(session, model).verdict == "adequate"
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/api.md"])
+def test_the_lines_of_the_docs_pass_mypy_strict(page: str, tmp_path: Path) -> None:
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+    assert blocks
+    (tmp_path / "lines.py").write_text("\n".join(blocks))
+    words = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", str(ROOT / ".mypy_cache/docs")]
+    done = subprocess.run([*words, str(tmp_path / "lines.py")], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("kind", ["Session", "Diagnosis", "Comparison", "Calibration", "Model"])
+def test_results_show_themselves(results: dict[str, Any], kind: str) -> None:
+    shown = results[kind]
+    assert repr(shown).startswith(f"<{kind}: ")
+    assert len(repr(shown)) < 300
+    assert repr(shown)[len(kind) + 3 : -1] == shown.summary().splitlines()[0]
+    table = shown.to_dataframe()
+    assert isinstance(table, pl.DataFrame)
+    assert table.height
+    assert isinstance(shown.plot(), Figure)
+    page = shown._repr_html_()
+    assert "<table" in page
+    assert len(page) < 100_000
+    assert shown == shown
+    assert shown != results["Session" if kind != "Session" else "Model"]
+
+
+def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Session) -> None:
+    assert results["Session"].to_dataframe().height == session.rows
+    assert (
+        results["Comparison"].to_dataframe().row(by_predicate=pl.col("axis") == "all")[1]
+        == results["Comparison"].pooled.rms_dps
+    )
+    assert results["Diagnosis"].to_dataframe()["effect"][0] == "table_ripple"
+    assert results["Calibration"].to_dataframe()["scale"].to_list() == [e.scale for e in results["Calibration"]]
+    model = results["Model"]
+    (row,) = model.to_dataframe().filter(effect="scale", axis="z", parameter="scale").rows()
+    assert row[3] == model.value("scale", "z", "scale")
+
+
+def test_two_comparisons_can_be_compared(session: Session) -> None:
+    one = diagnose(session).comparison
+    assert (one == diagnose(session).comparison) in (True, False)
+
+
+@pytest.mark.parametrize("kind", ["polars", "pandas", "arrays"])
+def test_a_session_from_frames(session: Session, kind: str) -> None:
+    make: Any = {
+        "polars": lambda t: t,
+        "pandas": lambda t: pd.DataFrame({c: t[c].to_numpy() for c in t.columns}),
+        "arrays": lambda t: {c: t[c].to_numpy() for c in t.columns},
+    }[kind]
+    keys = ("face", "scenario", "table_rate_dps", "day")
+    frames = [make(run.table) for run in session.runs]
+    again = Session.from_frames(
+        frames, [{key: getattr(run, key) for key in keys} for run in session.runs], lsb_dps=session.lsb_dps
+    )
+    assert again.sample_rate_hz == pytest.approx(session.sample_rate_hz, rel=1e-3)
+    assert [run.rate_dps[0] for run in again.runs] == [run.rate_dps[0] for run in session.runs]
+    assert np.array_equal(again.runs[1].gyro_dps, session.runs[1].gyro_dps)
+    expected = [e.scale for e in calibrate(session, [4.0], ["baseline"])]
+    assert [e.scale for e in calibrate(again, [4.0], ["baseline"])] == pytest.approx(expected, rel=1e-9)
+
+
+T = {"t_s": np.arange(9) / 10, "gx_dps": np.zeros(9), "gy_dps": np.zeros(9), "gz_dps": np.ones(9)}
+
+
+@pytest.mark.parametrize(
+    ("frames", "runs", "header", "says"),
+    [
+        ([T], [], {}, "1 frames and 0 runs"),
+        ([T], [{"fase": "up"}], {}, "did you mean face"),
+        ([T], [{"table_rate_dps": "fast"}], {}, "table_rate_dps"),
+        ([T], [{}], {}, "true rate is not known"),
+        ([{"t_s": T["t_s"]}], [{"table_rate_dps": 0.0}], {}, "frame 0: no column gx_dps"),
+        ([T], [{"table_rate_dps": 0.0}], {"sampel_rate_hz": 10.0}, "did you mean sample_rate_hz"),
+        ([3], [{"table_rate_dps": 0.0}], {}, "give a frame of polars or pandas"),
+    ],
+)
+def test_frames_that_are_no_session(frames: list[Any], runs: list[dict[str, Any]], header: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        Session.from_frames(frames, runs, **header)
+
+
+def test_a_folder_will_do_and_errors_speak_python(session: Session, tmp_path: Path) -> None:
+    session.save(tmp_path / "s")
+    assert [e.scale for e in calibrate(str(tmp_path / "s"), [4.0], ["baseline"])] == pytest.approx(
+        [e.scale for e in calibrate(session, [4.0], ["baseline"])], abs=1e-8
+    )
+    for wrong in (
+        lambda: calibrate(tmp_path / "s", methods=["guess"]),
+        lambda: calibrate(tmp_path / "s", seconds=[-1.0]),
+        lambda: compare(tmp_path / "s", "defualt"),
+        lambda: add(tmp_path / "s", None, "no_effect"),
+        lambda: simulate(None, "papr"),
+        lambda: import_recording(tmp_path / "s" / "000_up.csv", tmp_path / "o", ["x"]),
+        lambda: diagnose(tmp_path / "none"),
+    ):
+        with pytest.raises(InputError) as error:
+            wrong()
+        assert "--" not in str(error.value)

@@ -13,9 +13,9 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up. A folder (or a single module beside the folders) may import itself and what stands before it.
 LAYERS = [
-    "__init__", "errors", "parameter", "threads", "warning", "files", "policy",
+    "__init__", "errors", "parameter", "threads", "warning", "files", "policy", "shown",
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
-    "plausibility", "diagnosis", "calibration",
+    "plausibility", "diagnosis", "calibration", "fleet",
     "core", "device", "present",
     "api", "demo", "benchmark", "web", "commands", "cli", "__main__",
 ]  # fmt: skip

@@ -1,5 +1,27 @@
-"""``python -m gyrocal``."""
+"""The process ``gyrocal`` and ``python -m gyrocal``: Ctrl-C ends it with one line from its first moment on.
 
-from gyrocal.cli import main
+Nothing is imported above that takes time, because an interrupt during an import would be a traceback.
+"""
 
-raise SystemExit(main())
+import os
+import signal
+from typing import Any
+
+STOPPED = b"gyrocal: stopped\n"
+
+
+def _stop(*_: Any) -> None:
+    os.write(2, STOPPED)
+    os._exit(1)
+
+
+def main() -> int:
+    """Run the command line of this process and return its exit code."""
+    signal.signal(signal.SIGINT, _stop)
+    from gyrocal.cli import main as run
+
+    return run(started=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

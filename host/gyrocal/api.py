@@ -5,32 +5,96 @@
     session = Session.open("folder")
     model = Model.open("default")
     best = diagnose(session, model).best
-    model = model.add(best.effect.id, best.axis)
-    print(compare(session, model).pooled)
+    if best is not None:
+        model = model.add(best.effect.id, best.axis)
+    print(compare(session, model).summary())
 
-Tables are polars frames (``session.runs[0].table``, ``residual_table``), pictures matplotlib figures
-(:mod:`gyrocal.present.pictures`).
+A session's folder may stand for it everywhere. Sessions, models and results have ``summary()``, ``to_dataframe()`` (polars)
+and ``plot()`` (matplotlib), and show themselves in a notebook. More pictures: :mod:`gyrocal.present.pictures`. See docs/api.md.
 """
 
-from gyrocal.calibration.calibrate import Estimate, calibrate
-from gyrocal.diagnosis.add import add
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+from gyrocal.calibration import calibrate as _calibrate
+from gyrocal.calibration.apply import apply as _apply
+from gyrocal.calibration.calibrate import Estimate
+from gyrocal.calibration.calibration import Calibration
+from gyrocal.diagnosis import add as _add
+from gyrocal.diagnosis import compare as _compare
+from gyrocal.diagnosis import diagnose as _diagnose
+from gyrocal.diagnosis import explain as _explain
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
+from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.explain import Explanation
 from gyrocal.diagnosis.residuals import residual_table
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError
-from gyrocal.inference.fit import fit
+from gyrocal.inference import fit as _fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility import check
+from gyrocal.present import notebook
+from gyrocal.recording.importer import import_recording as _import_recording
 from gyrocal.recording.session import Run, Session
-from gyrocal.simulation.simulate import simulate
+from gyrocal.simulation.simulate import simulate as _simulate
 from gyrocal.warning import Warning
 
 __all__ = [
-    "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Fit", "FormulaEffect", "GyrocalError", "InputError",
-    "Model", "Run", "Session", "Term", "Warning", "add", "calibrate", "check", "compare", "diagnose", "fit", "residual_table",
-    "simulate",
+    "Calibration", "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Explanation", "Fit", "FormulaEffect",
+    "GyrocalError", "InputError", "Model", "Run", "Session", "Term", "Warning", "add", "apply", "calibrate", "check", "compare",
+    "diagnose", "explain", "fit", "import_recording", "notebook", "residual_table", "simulate",
 ]  # fmt: skip
+
+P = ParamSpec("P")
+R = TypeVar("R")
+FLAG = re.compile(r"--([a-z][a-z-]*)")
+
+
+def _in_python(function: Callable[P, R]) -> Callable[P, R]:
+    """The function with errors that name its arguments instead of the command line's options."""
+
+    @functools.wraps(function)
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except GyrocalError as error:
+            words = FLAG.sub(lambda flag: flag[1].replace("-", "_"), str(error))
+            if words == str(error):
+                raise
+            raise type(error)(words) from error
+
+    return called
+
+
+def _of_folder(function: Callable[Concatenate[Session, P], R]) -> Callable[Concatenate[Session | str | Path, P], R]:
+    """The function with a session's folder allowed in the place of the session."""
+
+    @functools.wraps(function)
+    def called(session: Session | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:
+        opened = session if isinstance(session, Session) else Session.open(session)
+        return _in_python(function)(opened, *args, **kwargs)
+
+    return called
+
+
+@_of_folder
+@functools.wraps(_calibrate.calibrate)
+def calibrate(session: Session, *args: Any, **kwargs: Any) -> Calibration:
+    return Calibration(_calibrate.calibrate(session, *args, **kwargs))
+
+
+add = _of_folder(_add.add)
+compare = _of_folder(_compare.compare)
+diagnose = _of_folder(_diagnose.diagnose)
+explain = _of_folder(_explain.explain)
+fit = _of_folder(_fit.fit)
+apply = _in_python(_apply)
+import_recording = _in_python(_import_recording)
+simulate = _in_python(_simulate)

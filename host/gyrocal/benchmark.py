@@ -5,14 +5,15 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from gyrocal.errors import GyrocalError, InputError
+from gyrocal.errors import GyrocalError, InputError, did_you_mean
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real")
+FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet")
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
@@ -29,18 +30,22 @@ ROWS = {
     "misnamed_rate": "one cause stated, and wrong",
     "error_reduction_ratio": "error left over the oracle's, median",
     "completed_rate": "all found one by one, nothing more",
+    "set_found_rate": "effects of the sets that were found",
+    "set_error_ratio": "error left over the oracle's on sets, median",
 }
 METHODS = {"gyrocal": None, "stepwise F-test": "stepwise_f_test", "oracle": "oracle"}
 
 
-def benchmark(name: str, *, sample: bool = False, quiet: bool = False) -> dict[str, Any]:
+def benchmark(name: str, *, sample: bool = False, quiet: bool = False, **part: Any) -> dict[str, Any]:
     """Run a benchmark and return what its ``--json`` prints. Unless ``quiet``, show a progress bar on stderr.
+
+    ``part`` says which cases of the blind benchmark to run, and how (``tests/blind/benchmark.py``).
 
     Raises InputError for an unknown name, and GyrocalError outside a checkout.
     """
     from rich.progress import Progress
 
-    runner = _runner(name)
+    runner = _runner(name, part)
     with Progress(console=stderr, transient=True, disable=quiet or not stderr.is_terminal) as bar:
         task = bar.add_task(f"benchmark {name}", total=None)
         found: dict[str, Any] = runner(sample, lambda done, total: bar.update(task, completed=done, total=total))
@@ -50,7 +55,7 @@ def benchmark(name: str, *, sample: bool = False, quiet: bool = False) -> dict[s
 def _module(name: str) -> Any:
     """Import the benchmark's module from the checkout."""
     if name not in BENCHMARKS:
-        raise InputError(f"no benchmark {name!r}; there are {', '.join(BENCHMARKS)}")
+        raise InputError(f"no benchmark {name!r}{did_you_mean(name, BENCHMARKS)}; there are {', '.join(BENCHMARKS)}")
     folder = BENCHMARKS[name]
     module = "blind.benchmark" if name == "blind" else f"{folder.name}.{name}"
     if not (folder.parent / f"{module.replace('.', '/')}.py").is_file():
@@ -60,12 +65,13 @@ def _module(name: str) -> Any:
     return importlib.import_module(module)
 
 
-def _runner(name: str) -> Runner:
+def _runner(name: str, part: dict[str, Any]) -> Runner:
     module = _module(name)
-    if name != "blind":
-        return cast(Runner, module.run)
-    cases = importlib.import_module("blind.cases")
-    return lambda sample, progress: module.report(module.run(cases.SAMPLE if sample else cases.CASES, progress))
+    if name == "blind":
+        return partial(module.benchmark, **part)
+    if part:
+        raise InputError(f"benchmark {name} has no parts: use --cases, --kind, --limit, --workers and --results with blind")
+    return cast(Runner, module.run)
 
 
 def show(name: str, found: dict[str, Any]) -> None:

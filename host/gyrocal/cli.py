@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
+import importlib.util
 import inspect
+import os
 import pkgutil
 import sys
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import Annotated, Any
 
@@ -14,11 +18,12 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from gyrocal import __version__
-from gyrocal.errors import GyrocalError
+from gyrocal.errors import GyrocalError, did_you_mean
 
 PACKAGE = "gyrocal.commands"
 INTERRUPTED = 130
 """The exit code of the argument parser after Ctrl-C."""
+HELP = {"help_option_names": ["-h", "--help"]}
 
 
 def command_modules() -> dict[str, str]:
@@ -29,8 +34,23 @@ def command_modules() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
+def about(module: str) -> str:
+    """What a command does: the first paragraph of its ``run``'s docstring, read without importing the command."""
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.origin is None:
+        return ""
+    with open(spec.origin, encoding="utf-8") as file:
+        tree = ast.parse(file.read())
+    run = next((node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "run"), None)
+    text = ast.get_docstring(run) if run is not None else None
+    return " ".join((text or "").split("\n\n")[0].split())
+
+
 class LazyGroup(TyperGroup):
     """A group that imports a command's file only when that command runs, so that ``gyrocal VERB`` starts fast."""
+
+    started: Callable[[], Any] = staticmethod(lambda: None)
+    """Called when the command's file has been imported, before the command runs."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(command_modules())
@@ -40,14 +60,28 @@ class LazyGroup(TyperGroup):
         if cmd_name not in modules:
             return None
         run = importlib.import_module(modules[cmd_name]).run
-        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings=HELP)
         single.command(name=cmd_name, help=inspect.getdoc(run))(run)
         command = get_command(single)
         command.name = cmd_name
         return command
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        modules = command_modules()
+        if args[0] not in modules:
+            ctx.fail(f"no command {args[0]!r}{did_you_mean(args[0], modules)}; there are {', '.join(modules)}.")
+        found = super().resolve_command(ctx, args)
+        LazyGroup.started()
+        return found
 
-app = typer.Typer(cls=LazyGroup, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, about(module)) for name, module in command_modules().items()])
+
+
+app = typer.Typer(
+    cls=LazyGroup, rich_markup_mode=None, pretty_exceptions_enable=False, context_settings=HELP
+)
 
 
 def _print_version(wanted: bool) -> None:
@@ -59,20 +93,27 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def root(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
-    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True)] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
 ) -> None:
     """Calibrate a MEMS gyroscope, and find the physical effect that its error model is missing."""
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run one command and return its exit code: 0 done, 1 failed, 2 bad usage or input, 3 device or port."""
+def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: None) -> int:
+    """Run one command and return its exit code: 0 done, 1 failed, 2 bad usage or input, 3 device or port.
+
+    ``started`` is called when the command's own file has been imported.
+    """
     arguments = sys.argv[1:] if argv is None else argv
     debug = "--debug" in arguments
     arguments = [a for a in arguments if a != "--debug"]
+    LazyGroup.started = staticmethod(started)
     try:
         result = get_command(app).main(args=arguments, prog_name="gyrocal", standalone_mode=False)
         if result == INTERRUPTED:
             return _fail("stopped", 1)
+        sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except GyrocalError as error:
         if debug:
@@ -83,12 +124,28 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 1
+    except OSError as error:
+        if debug:
+            raise
+        _discard_output()
+        return _fail(f"{f'{error.filename}: ' if error.filename else ''}{error.strerror or error}", 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the argument parser's own errors
-            return _fail(f"{error.format_message()} See: gyrocal --help", 2)
+            return _fail(f"{error.format_message()} See: gyrocal {_verb(arguments)}--help", 2)
         if debug:
             raise
         return _fail(f"{type(error).__name__}: {error} (run with --debug to see where)", 1)
+
+
+def _verb(arguments: list[str]) -> str:
+    """The command that was asked for, with a blank; empty where there is none of that name."""
+    return f"{arguments[0]} " if arguments and arguments[0] in command_modules() else ""
+
+
+def _discard_output() -> None:
+    """Let the interpreter's last flush of stdout go nowhere: what could not be written has been told."""
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
 
 
 def _fail(message: str, code: int) -> int:

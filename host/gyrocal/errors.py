@@ -1,5 +1,7 @@
 """Errors that reach a user: one line each, saying what is wrong, where, and what to do next."""
 
+from collections.abc import Iterable
+
 
 class GyrocalError(Exception):
     """A failure that is neither the user's nor the device's. ``exit_code`` is what the command line returns."""
@@ -17,6 +19,14 @@ class DeviceError(GyrocalError):
     """The device or its port failed."""
 
     exit_code = 3
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """The nearest name in words, " (did you mean x?)"; empty where none is near."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, list(names), 1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def first_line(error: BaseException) -> str:

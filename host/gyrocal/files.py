@@ -14,8 +14,12 @@ from pathlib import Path
 def replacing(path: Path, durable: bool = True) -> Iterator[Path]:
     """Yield a new file in the same folder. It replaces ``path`` if the block succeeds, and is deleted if the block fails.
 
-    ``durable`` waits until the data are on the disk; a recording cannot wait for that.
+    ``durable`` waits until the data are on the disk; a recording cannot wait for that. A device such as ``/dev/stdout`` is
+    written to, and not replaced.
     """
+    if path.exists() and not path.is_file():
+        yield path
+        return
     handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=path.suffix)
     partial = Path(name)
     try:

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 
 Values = dict[str, float]
 
@@ -70,8 +70,8 @@ class Described(ABC):
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
-        known = ", ".join(p.name for p in self.parameters)
-        raise InputError(f"effect {self.id} has no parameter {name!r}; it has {known}")
+        known = [p.name for p in self.parameters]
+        raise InputError(f"effect {self.id} has no parameter {name!r}{did_you_mean(name, known)}; it has {', '.join(known)}")
 
     def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
         """All parameters for one run: given values, else defaults, else random values (uniform phases)."""

@@ -12,10 +12,12 @@ from gyrocal.cli import main
 from gyrocal.inference.heldout import Prediction
 from gyrocal.recording.session import Session
 
-from . import benchmark, stepwise
-from .benchmark import Answer, Outcome, error_dps, score
+from . import benchmark, judge, stepwise
+from .benchmark import score
 from .generator.case import Case, Effect
 from .generator.session import make
+from .judge import error_dps
+from .outcome import Answer, Outcome
 
 RIPPLE = Effect("table_ripple", {"amplitude_1": 2e-3, "phase_1_deg": 0.0}, "z")
 DRIFT = Effect("drift", {"k_dps_per_s": 1e-3}, "x")
@@ -142,8 +144,8 @@ def test_error_leaves_out_bias_and_scale_of_a_day_and_keeps_the_rest(tmp_path, m
                 Prediction(run, i, rows, (clean + off)[rows])
                 for rows in (slice(0, 300), slice(300, len(run)))  # a run may come in parts
             ]
-    monkeypatch.setattr(benchmark.heldout, "folds", lambda _: [])
-    monkeypatch.setattr(benchmark.heldout, "predictions", lambda *_: iter(predictions))
+    monkeypatch.setattr(judge.heldout, "folds", lambda _: [])
+    monkeypatch.setattr(judge.heldout, "predictions", lambda *_: iter(predictions))
     assert error_dps(None, truth) == pytest.approx(wave / np.sqrt(2), rel=2e-3)
 
 
@@ -151,7 +153,7 @@ def test_the_verb_prints_one_object_with_the_pinned_keys(tmp_path, monkeypatch, 
     outcomes = [_outcome("null", Answer("adequate")), _outcome("null", Answer("unknown"))]
     for outcome in outcomes:
         outcome.answers["stepwise"] = Answer("adequate")
-    monkeypatch.setattr("blind.benchmark.run", lambda cases, progress: outcomes)
+    monkeypatch.setattr("blind.benchmark.run", lambda *_: outcomes)
     assert main(["benchmark", "blind", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     pinned = {

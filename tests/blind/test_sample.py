@@ -8,10 +8,11 @@ import pytest
 
 from . import benchmark
 from .cases import SAMPLE
+from .outcome import Outcome
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> list[benchmark.Outcome]:
+def outcomes() -> list[Outcome]:
     return benchmark.run(SAMPLE, processes=1)  # other tests run beside it
 
 
@@ -20,7 +21,7 @@ def figures(outcomes) -> dict[str, Any]:
     return benchmark.report(outcomes)
 
 
-def _said(outcomes: list[benchmark.Outcome]) -> str:
+def _said(outcomes: list[Outcome]) -> str:
     return "\n".join(outcome.line() for outcome in outcomes if outcome.fault is not None)
 
 

@@ -197,3 +197,12 @@ def test_gear_ripple_keeps_its_order_at_every_rate(tmp_path):
         at = {order: abs(np.mean(signal * np.exp(-1j * order * angle))) * 2 / abs(rate) for order in (3, 3.37, 4)}
         assert at[3.37] == pytest.approx(1e-3, rel=0.2)
         assert max(at[3], at[4]) < 0.75 * at[3.37]
+
+
+def test_two_point_control_holds_two_levels_of_uneven_lengths(tmp_path):
+    case = replace(with_effect("two_point_control", "x", A_dps=0.1, period_s=1.0), seconds=30.0)
+    for signal in _injected(case, tmp_path, "x"):
+        assert np.mean(np.abs(np.abs(signal) - 0.1) < 1e-3) > 0.9
+        edges = np.flatnonzero(np.diff(np.sign(signal)))
+        halves_s = np.diff(edges) / 145.0
+        assert 0.33 < halves_s.min() < halves_s.max() < 0.67

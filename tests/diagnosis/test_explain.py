@@ -1,6 +1,7 @@
 """``explain`` finds every planted effect, adds nothing to a session without one, and leaves open what cannot be told apart."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,11 @@ import pytest
 from gyrocal.cli import main
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.explain import Explanation, _falls, explain
 from gyrocal.diagnosis.sets import EffectSet, _chosen, choose
 from gyrocal.effects import base
 from gyrocal.errors import InputError
-from gyrocal.present.explanation import conclusion, open_words, print_explanation, write_explanation
+from gyrocal.present.explanation import conclusion, open_words, print_explanation, remark, write_explanation
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run, make_session
@@ -28,8 +29,13 @@ def two_effects() -> Session:
     return session_with(["table_ripple", "spin_up"])
 
 
-def test_every_planted_effect_is_added_and_the_excess_falls_step_by_step(two_effects: Session) -> None:
-    found = explain(two_effects)
+@pytest.fixture(scope="module")
+def explained(two_effects: Session) -> Explanation:
+    return explain(two_effects)
+
+
+def test_every_planted_effect_is_added_and_the_excess_falls_step_by_step(explained: Explanation) -> None:
+    found = explained
     assert found.verdict == "adequate"
     assert {i for s in found.steps for i in s.effects} == {"table_ripple", "spin_up"}
     levels = [found.steps[0].before.pooled.excess_dps, *(s.after.pooled.excess_dps for s in found.steps)]
@@ -38,6 +44,21 @@ def test_every_planted_effect_is_added_and_the_excess_falls_step_by_step(two_eff
     assert levels == sorted(levels, key=lambda v: -(v or 0.0))
     assert all(s.matters for s in found.steps)
     assert {"table_ripple", "spin_up"} <= set(found.model.ids)
+
+
+def test_the_excess_that_judged_a_step_is_the_one_that_is_shown(explained: Explanation) -> None:
+    for step in explained.steps:
+        told = step.to_json()
+        assert told["excess_after_dps"] < told["excess_before_dps"]
+    step = explained.steps[0]
+    level = step.after.pooled
+    risen = replace(step.after, pooled=replace(level, excess_dps=(step.before.pooled.excess_dps or 0.0) + 0.1))
+    assert not _falls(step.before, risen, within=False)
+    assert _falls(step.before, risen, within=True)
+    shown = replace(step, after=risen, within=True)
+    assert shown.to_json()["excess"] == "within power cycles"
+    assert shown.excess_after_dps == level.excess_within_dps
+    assert "within power cycles" in remark(shown)
 
 
 def test_nothing_is_added_where_nothing_is() -> None:
@@ -121,8 +142,8 @@ def test_the_command_writes_model_page_and_json(
     assert "Nothing is missing" in capsys.readouterr().out
 
 
-def test_words_of_an_explanation(two_effects: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = explain(two_effects)
+def test_words_of_an_explanation(explained: Explanation, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = explained
     print_explanation(found, Path("s"), Path("m.toml"))
     out = capsys.readouterr().out
     assert "table_ripple" in out

@@ -11,14 +11,14 @@ RATE_HZ = 100.0
 LEVELS_DPS = (0.0, 30.0, -30.0, 60.0, -60.0)
 
 
-def staircases(seed, sd_dps, count_dps=0.0, levels=LEVELS_DPS, asymmetry=0.0, runs=4, seconds=50):
+def staircases(seed, sd_dps, count_dps=0.0, levels=LEVELS_DPS, asymmetry=0.0, runs=4, seconds=50, white_dps=0.044):
     """Runs whose true rate goes over plateaus, with an encoder's noise and counts in the reference."""
     rng = np.random.default_rng(seed)
     made = []
     for i in range(runs):
         rate = np.repeat(rng.permutation(levels), round(seconds * RATE_HZ) // len(levels))
         t_s = np.arange(rate.size) / RATE_HZ
-        gyro = rng.normal(0, 0.044, (rate.size, 3)) + ou_noise(rate.size, 1 / RATE_HZ, 0.002, 30.0, 3, rng)
+        gyro = rng.normal(0, white_dps, (rate.size, 3)) + ou_noise(rate.size, 1 / RATE_HZ, 0.002, 30.0, 3, rng)
         gyro += rng.normal(-0.05, 0.005, 3)
         gyro[:, 2] += 1.004 * rate + asymmetry * np.abs(rate)
         reference = rate + rng.normal(0, sd_dps, rate.size)
@@ -31,6 +31,12 @@ def staircases(seed, sd_dps, count_dps=0.0, levels=LEVELS_DPS, asymmetry=0.0, ru
 @pytest.mark.parametrize(("seed", "sd_dps", "count_dps"), [(0, 0.03, 0.0), (1, 0.05, 0.01), (2, 0.02, 0.05)])
 def test_plateaus_with_a_noisy_encoder_hold_no_effect(seed, sd_dps, count_dps):
     found = diagnose(staircases(seed, sd_dps, count_dps))
+    assert found.verdict == "adequate", found.comparison.where
+
+
+def test_rests_with_an_encoder_noisier_than_the_sensor_show_no_dead_band():
+    """A reading that loses the encoder's noise at rest is right, and not a reading that loses small rates."""
+    found = diagnose(staircases(4, 0.03, 0.05, (0.0, 25.0, 0.0, -25.0), runs=3, seconds=60, white_dps=0.01))
     assert found.verdict == "adequate", found.comparison.where
 
 

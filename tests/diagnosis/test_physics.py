@@ -42,6 +42,7 @@ def test_what_is_planted_is_named_and_its_error_falls(campaign: str, spec: str, 
     everywhere = effect_id == "byte_fault"  # it is planted on all axes, and shows where the readings cross the bit
     named = [c for c in found.candidates if c.decision == "add" and (everywhere or c.axis == "z")]
     assert named[0].effect.id == effect_id
+    assert {c.effect.id for c in found.candidates if c.decision == "add"} == {effect_id}
     assert named[0].values[name] == pytest.approx(value, rel=0.1)
     before, after, _ = add(session, None, effect_id)
     axis = named[0].axis

@@ -24,7 +24,7 @@ def test_rates_in_the_dead_band_read_as_zero_and_others_as_they_are(make_run: Ma
     w_dps = np.linspace(-3.0, 3.0, 601)
     run = swinging(make_run, w_dps, w_dps)
     reads = w_dps + effect("dead_band").term(run, 2, {"width_dps": 0.995, "depth": 1.0})
-    np.testing.assert_allclose(reads, np.where(np.abs(w_dps) < 0.995, 0.0, w_dps))
+    np.testing.assert_allclose(reads, np.where(np.abs(w_dps) < 0.995, 0.0, w_dps), atol=1e-12)
     assert not np.any(effect("dead_band").term(run, 0, {"width_dps": 0.995, "depth": 1.0}))
 
 
@@ -106,6 +106,18 @@ def test_single_readings_without_a_carry_are_told_from_other_outliers(make_run: 
     spikes = w_dps + rng.normal(0, 0.03, w_dps.size)
     spikes[rng.integers(0, w_dps.size, 30)] += rng.choice((-1.0, 1.0), 30) * rng.uniform(0.7, 1.6, 30)
     assert single_power([swinging(make_run, np.round(spikes / LSB_DPS) * LSB_DPS, w_dps)], 2) is None
+
+
+def test_readings_that_keep_the_carry_which_their_neighbours_lack_are_of_the_same_fault(make_run: MakeRun) -> None:
+    """Just below the border a few readings lack the carry. Just above it most of them do, and the few others stand out."""
+    border_dps = 2**7 * LSB_DPS
+    runs = [broken(make_run, np.full(3000, border_dps + off), 7, 1.0, seed) for seed, off in enumerate((-0.065, 0.065))]
+    apart_dps = [outliers_of(run, 2, run.gyro_dps[:, 2] - run.rate_dps)[1] for run in runs]
+    assert np.all(apart_dps[0] < 0)
+    assert np.all(apart_dps[1] > 0)
+    found = single_power(runs, 2)
+    assert found is not None
+    assert found == (7, sum(map(len, apart_dps)))
 
 
 def test_a_motion_that_nobody_recorded_is_no_lost_carry(make_run: MakeRun) -> None:

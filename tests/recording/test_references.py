@@ -14,7 +14,6 @@ from gyrocal.errors import InputError
 from gyrocal.plausibility import references
 from gyrocal.recording.header import Reference
 from gyrocal.recording.register import registered
-from gyrocal.recording.resample import resampled
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
@@ -165,15 +164,3 @@ def test_the_other_offsets_of_a_periodic_motion_are_told() -> None:
     offsets = [fit.registration.offset_s, *fit.alternatives_s]
     np.testing.assert_allclose(sorted(offsets), [-1.7, -0.7, 0.3, 1.3], atol=0.002)
     assert [w.code for w in references.check(session)] == ["offset_ambiguous"]
-
-
-def test_a_slower_reference_of_another_file_is_brought_to_the_samples() -> None:
-    slow = Q[::2] * np.where(np.arange(len(Q[::2])) % 5 < 2, -1.0, 1.0)[:, None]
-    slow[60:80] = np.nan
-    found = resampled(orientation(slow), T_S[:400:2], T_S[:400])
-    q = np.column_stack([found[name] for name in ("ref_qw", "ref_qx", "ref_qy", "ref_qz")])
-    known = np.isfinite(q).all(axis=1)
-    assert known[:118].all()
-    assert not known[122:158].any()
-    np.testing.assert_allclose(np.abs(np.sum(q[known] * Q[known], axis=1)), 1.0, atol=1e-5)
-    np.testing.assert_allclose(np.linalg.norm(q[known], axis=1), 1.0, atol=1e-12)

@@ -15,7 +15,7 @@ from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, war
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.whitening import Noise
 from gyrocal.plausibility import check
 from gyrocal.recording.register import registered
@@ -91,7 +91,7 @@ def calibrate(
     methods = list(methods)
     for method in methods:
         if method not in METHODS:
-            raise InputError(f"--method {method}: there are {', '.join(METHODS)}")
+            raise InputError(f"--method {method}: there are {', '.join(METHODS)}{did_you_mean(method, METHODS)}")
     if not paired and set(methods) - {"model"}:
         where = session.path or "the session"
         raise InputError(

@@ -186,7 +186,8 @@ def _prior(model: Model, axis: str, role: Role, spread: float | None, spread_se:
     name = "" if term is None else term.effect.linear[0]
     if term is None or name not in term.values or spread is None:
         return 0.0, np.inf
-    parts = [spread, spread_se or 0.0, term.se.get(name, 0.0)]
+    boards = f"{name}_sd"  # of a population, whose boards differ by more than the power cycles of one
+    parts = [spread, spread_se or 0.0, term.se.get(name, 0.0), term.values.get(boards, 0.0), term.se.get(boards, 0.0)]
     return term.values[name], float(np.sqrt(np.sum(np.square(parts))) + TIGHTEST)
 
 

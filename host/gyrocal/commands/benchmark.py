@@ -1,5 +1,6 @@
 """``gyrocal benchmark``."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -7,8 +8,8 @@ import typer
 from gyrocal.commands import AsJson
 
 NAMES = (
-    "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors) or "
-    "real (recordings by others)."
+    "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors), "
+    "fleet (many boards) or real (recordings by others)."
 )
 
 
@@ -17,13 +18,26 @@ def run(
         str, typer.Argument(metavar="NAME", help=NAMES)
     ],
     sample: Annotated[bool, typer.Option("--sample", help="A few cases alone, for a quick look.")] = False,
+    cases: Annotated[
+        str | None, typer.Option(metavar="SET", help="blind: fixed (the default), work or frozen (drawn at random).")
+    ] = None,
+    kind: Annotated[
+        list[str] | None, typer.Option(metavar="KIND", help="blind: this kind of case alone; may be repeated.")
+    ] = None,
+    limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind: the first N cases of each kind.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind: processes (2).")] = None,
+    results: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="blind: finished cases (JSONL); those there are not run again.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
     from gyrocal.benchmark import benchmark, show
     from gyrocal.present.output import emit
 
-    found = benchmark(name, sample=sample, quiet=as_json)
+    part = {"cases_of": cases, "kinds": kind, "limit": limit, "workers": workers, "results": results}
+    given = {key: value for key, value in part.items() if value}
+    found = benchmark(name, sample=sample, quiet=as_json, **given)
     if as_json:
         emit(found)
     else:

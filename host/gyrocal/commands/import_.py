@@ -1,18 +1,28 @@
 """``gyrocal import``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gyrocal.commands import AsJson
 
 if TYPE_CHECKING:
+    from gyrocal.recording.cut import Cut
+    from gyrocal.recording.importer import Imported, Options
+    from gyrocal.recording.second_file import SecondFile
     from gyrocal.recording.session import Session
-    from gyrocal.warning import Warning
 
 CUT = "NAME:START:END[:key=value,...]"
+REPAIRED = {
+    "times": "times were replaced by their regression on the sample's number",
+    "rows": "rows without a sample were left out",
+    "cells": "cells of text in optional columns were taken as missing",
+    "resampled": "samples of faster runs were averaged to the session's rate",
+}
 META = "PATTERN:key=value,..."
+SRC = "CSV (gzip or not), Parquet, .npz, .mat, a ROS bag, MCAP, ULog, an EuRoC folder, or a folder with a file a run."
+Src = Annotated[Path, typer.Argument(metavar="SRC", help=SRC)]
 Map = Annotated[
     list[str] | None,
     typer.Option("--map", metavar="TARGET=COLUMN[:UNIT][*FACTOR]", help="Take a column, e.g. gx_dps=gyr_x:rad/s."),
@@ -22,30 +32,47 @@ Runs = Annotated[
     list[str] | None,
     typer.Option("--run", metavar=CUT, help="Cut a run: rows (from 0) or seconds (5.2s), the end not taken."),
 ]
-Sections = Annotated[
-    Path | None, typer.Option(help='Cut runs as a JSON file says: {"name": {"start": row, "end": row}}.')
-]
+Sections = Annotated[Path | None, typer.Option(help='Cut runs as a JSON file says: {"name": {"start": row, "end": row}}.')]
 RunMeta = Annotated[
     list[str] | None, typer.Option(metavar=META, help="Facts of the runs whose names fit, e.g. '*_rot:turn=360'.")
 ]
 
 
+Reference = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="A second file, with the true rate, an angle or an orientation.")
+]
+RefMap = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--ref-map", metavar="TARGET=COLUMN[:UNIT]", help="Take a column of it: its t_s, and e.g. ref_angle_deg=enc:rad."
+    ),
+]
+
+
 def run(
-    src: Annotated[Path, typer.Argument(metavar="SRC", help="CSV (gzip or not), Parquet, or an EuRoC folder.")],
+    src: Src,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The session's folder, made anew.")],
     maps: Map = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take the guess at columns and units without asking.")] = False,
+    preview: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what would be imported, as PNG.")] = None,
     form: Annotated[str | None, typer.Option("--format", help="euroc: the columns of its imu0/data.csv.")] = None,
+    topic: Annotated[str | None, typer.Option(help="Which topic of a ROS bag or a ULog.")] = None,
     columns: Annotated[str | None, typer.Option(help="Names of all columns, a,b,c, where the file has none.")] = None,
     skip: Annotated[int | None, typer.Option(min=0, help="Lines above the header (found by itself).")] = None,
     rate_hz: RateHz = None,
+    resample_hz: Annotated[float | None, typer.Option(help="Bring faster runs to this rate by averaging.")] = None,
     lsb_dps: Annotated[float | None, typer.Option(help="One gyro count, deg/s (unit `counts`).")] = None,
     lsb_g: Annotated[float | None, typer.Option(help="One accelerometer count, g (unit `counts`).")] = None,
     full_scale_dps: Annotated[float | None, typer.Option(help="Where the gyro clips, deg/s.")] = None,
     sensor: Annotated[str | None, typer.Option(help="The part's name.")] = None,
+    reference: Reference = None,
+    ref_maps: RefMap = None,
+    ref_clock: Annotated[str, typer.Option(help="same: one clock stamped both files; own: each its own.")] = "same",
+    ref_topic: Annotated[str | None, typer.Option(help="Which topic of the second file.")] = None,
     runs: Runs = None,
     sections: Sections = None,
     run_meta: RunMeta = None,
-    axis: Annotated[str, typer.Option(help="The sensor's axis along the table's: x, y or z.")] = "z",
+    axis: Annotated[str | None, typer.Option(help="The sensor's axis along the table's: x, y or z (z).")] = None,
     face: Annotated[str | None, typer.Option(help="up or down.")] = None,
     rate: Annotated[float | None, typer.Option(help="The table's true rate, deg/s, signed; 0 = at rest.")] = None,
     turn_deg: Annotated[float | None, typer.Option(help="The run's known net angle instead of a rate, deg.")] = None,
@@ -55,50 +82,97 @@ def run(
     append: Annotated[bool, typer.Option("--append", help="Add runs to a session that is there.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make a session of somebody else's recording.
+    """Make a session of somebody else's recording. Without --map, columns are guessed, shown, and taken if you agree.
 
     Units: s ms us ns samples; dps deg/s mdps rad/s counts; g mg m/s2 counts; degC K degF; deg rad turn. Keys of a run:
-    face, axis, rate, turn, scenario, day, power_on_s.
+    face, axis, rate, turn, scenario, day, power_on_s; they are also read from names such as s000_down_-78dps.csv.
 
     gyrocal import up.csv out --map t_s=time:ms --map gx_dps=gyr_x:rad/s --map gy_dps=gyr_y:rad/s
     --map gz_dps=gyr_z:rad/s --face up --rate 78
     """
-    from gyrocal.plausibility import check
-    from gyrocal.recording import cut
     from gyrocal.recording.column_map import Scaling
-    from gyrocal.recording.importer import import_recording
-    from gyrocal.warning import Warning
+    from gyrocal.recording.importer import Options
 
-    cuts = [cut.Cut.parse(text) for text in runs or ()]
-    if sections is not None:
-        cuts += cut.read_sections(sections)
     given = {
         "face": face, "axis": axis, "table_rate_dps": rate, "turn_deg": turn_deg, "scenario": scenario, "day": day,
         "power_on_s": power_on_s,
     }  # fmt: skip
-    damaged: list[Warning] = []
-    session = import_recording(
-        src, out, maps or (), cuts=cuts, run_meta=run_meta or (),
-        defaults=cut.check_meta({k: v for k, v in given.items() if v is not None}, "options"),
-        axis=axis, scaling=Scaling(rate_hz, lsb_dps, lsb_g),
-        columns=[c.strip() for c in columns.split(",")] if columns else None, skip=skip, form=form, sensor=sensor,
-        full_scale_dps=full_scale_dps, append=append, warn=damaged.append,
-    )  # fmt: skip
-    evened = {w.file for w in damaged if w.code == "sample_rate"}
-    repaired = {"times": sum(len(r) for r in session.runs if r.file in evened)} if evened else {}
-    _tell(session, out, [*damaged, *check(session)], repaired, as_json)
+    found = _read(src, out, append, Options(
+        maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
+        [c.strip() for c in columns.split(",")] if columns else None, skip, topic, form, sensor, full_scale_dps,
+        _second(reference, ref_maps, ref_clock, ref_topic), resample_hz,
+    ))  # fmt: skip
+    if preview is not None:
+        from gyrocal.present.preview import draw
+
+        draw(found.session, preview)
+    if found.guessed and not as_json:
+        _confirm(found, yes)
+    _tell(found, found.save(out, append=append), out, as_json)
 
 
-def _tell(session: "Session", out: Path, warnings: "list[Warning]", repaired: "dict[str, int]", as_json: bool) -> None:
+def _cuts(runs: list[str] | None, sections: Path | None) -> "list[Cut]":
+    from gyrocal.recording.cut import Cut, read_sections
+
+    return [*(Cut.parse(text) for text in runs or ()), *(read_sections(sections) if sections is not None else ())]
+
+
+def _facts(given: dict[str, Any]) -> dict[str, Any]:
+    from gyrocal.recording.cut import check_meta
+
+    return check_meta({key: value for key, value in given.items() if value is not None}, "options")
+
+
+def _second(file: Path | None, maps: list[str] | None, clock: str, topic: str | None) -> "SecondFile | None":
+    from gyrocal.errors import InputError
+    from gyrocal.recording.second_file import SecondFile
+
+    if clock not in ("same", "own"):
+        raise InputError(f"--ref-clock {clock}: there are same and own")
+    if (file is None) != (not maps):
+        raise InputError("--reference FILE and --ref-map TARGET=COLUMN belong together")
+    return SecondFile(file, maps or (), clock, topic) if file is not None else None
+
+
+def _read(src: Path, out: Path, append: bool, options: "Options") -> "Imported":
+    from gyrocal.recording.importer import check_is_new, read_recording
+    from gyrocal.recording.session import Session
+
+    check_is_new(out, append)
+    return read_recording(src, options, Session.open(out, check=False) if append and out.exists() else None)
+
+
+def _confirm(found: "Imported", yes: bool) -> None:
+    """Show a guess, and ask a person whether to take it."""
+    import sys
+
+    from gyrocal.errors import InputError
+    from gyrocal.present.output import table
+
+    table("A guess at the columns", ["taken as:", "why:"], [[g.map, g.why] for g in found.guessed])
+    if yes:
+        return
+    same = " ".join(f"--map '{g.map}'" for g in found.guessed)
+    if not sys.stdin.isatty():
+        raise InputError(f"nobody is there to confirm this guess; take it by --yes, or change it: {same}")
+    if not typer.confirm("Import it so?", default=True):
+        raise InputError(f"nothing is written; change the guess and run it again with: {same}")
+
+
+def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> None:
+    from gyrocal.plausibility import check
     from gyrocal.present.output import emit
     from gyrocal.present.report import print_warnings
 
+    warnings = [*found.warnings, *check(session)]
     samples = sum(len(r) for r in session.runs)
     if as_json:
         emit({
-            "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": repaired,
-            "warnings": [w.to_json() for w in warnings],
+            "rows": samples, "runs": len(session.runs), "sample_rate_hz": session.sample_rate_hz, "repaired": found.repaired,
+            "guessed": [g.map for g in found.guessed], "warnings": [w.to_json() for w in warnings],
         })  # fmt: skip
         return
     print_warnings(warnings)
     print(f"{out}: {len(session.runs)} runs, {samples} samples at {session.sample_rate_hz:g} Hz")
+    for what, count in found.repaired.items():
+        print(f"{count} {REPAIRED[what]}")

@@ -27,6 +27,10 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 SHARED = ("-fPIC", "-shared")
 
 
+class CacheError(GyrocalError):
+    """The folder of compiled files cannot be written."""
+
+
 def cache_dir() -> Path:
     """The folder of compiled files: ``$XDG_CACHE_HOME/gyrocal`` or ``~/.cache/gyrocal``."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gyrocal"
@@ -85,7 +89,7 @@ def build(
         built.parent.mkdir(parents=True, exist_ok=True)
         work = tempfile.TemporaryDirectory(prefix="build-", dir=built.parent)
     except OSError as error:
-        raise GyrocalError(
+        raise CacheError(
             f"{built.parent}: cannot keep compiled files there ({error.strerror}); set XDG_CACHE_HOME"
         ) from error
     with work as folder:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyrocal.core.library import SHARED, build, compiler
+from gyrocal.core.library import SHARED, CacheError, build, compiler
 from gyrocal.errors import GyrocalError, InputError
 from gyrocal_firmware import CORE, INCLUDE
 
@@ -41,6 +41,8 @@ def _build_net(header: Path) -> ctypes.CDLL:
     sources = [CORE / "gc_cnn.c", CORE / "gc_convnet.c", CORE / "gc_math.c"]
     try:
         built = build("net", sources, [CORE], SHARED, {"weights.h": text, SHIM.name: SHIM.read_text()})
+    except CacheError:
+        raise
     except GyrocalError as error:
         raise InputError(f"{header}: not a network's header ({error}); write one with `gyrocal export`") from error
     return ctypes.CDLL(str(built))

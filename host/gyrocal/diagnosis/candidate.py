@@ -13,7 +13,7 @@ from gyrocal.recording.session import Array
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One effect on one axis, with its evidence and the decision.
 
@@ -37,6 +37,8 @@ class Candidate:
     chance: float = 1.0
     q_value: float | None = None
     group: tuple[str, ...] = ()
+    together: tuple[str, ...] = ()
+    """The effects of the set in which this one is certain; empty if its evidence is that of the effect alone."""
     next_measurement: str = ""
     parameters: int = 0
     signal: Array | None = field(default=None, repr=False)
@@ -66,6 +68,7 @@ class Candidate:
             "heldout_gain_se": self.gain_se,
             "q_value": self.q_value,
             "group": list(self.group),
+            "together": list(self.together),
             "decision": self.decision,
             "next_measurement": self.next_measurement,
         }

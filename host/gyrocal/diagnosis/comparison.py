@@ -7,7 +7,7 @@ residual; :func:`gyrocal.diagnosis.compare.compare` adds what naming an effect f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from gyrocal import plausibility
+from gyrocal.diagnosis.drawn import described, most_visible
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
 from gyrocal.diagnosis.misfit import Misfit, find_misfit
+from gyrocal.diagnosis.probes import of_session
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
@@ -27,14 +29,15 @@ from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
 from gyrocal.recording.session import AXES, Session
+from gyrocal.shown import Shown
 from gyrocal.threads import each, one_thread
 from gyrocal.warning import Warning
 
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False, eq=False)
+class Comparison(Shown):
     """A model held against a session. ``fit`` holds the model fitted to all data; levels are in deg/s."""
 
     fit: Fit
@@ -160,7 +163,7 @@ def measure(
     floors = dict(zip(fitted.axes, each(floor, fitted.axes, session.rows), strict=True))
     squares = {axis: m.squares for axis, m in on.items()}
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
-    where = sorted([*misfit.found, *_left_over(misfit, squares, floors, judged)], key=lambda f: -f.strength)
+    where = _strongest_first(misfit.found, _left_over(fitted, misfit, squares, floors, judged))
     return Comparison(
         fitted, pooled(squares.values(), floors.values()), per_axis, where, _held_out(session, folds), spectra, white, squares,
         floors, misfit.nearest, warnings=warnings,
@@ -168,18 +171,36 @@ def measure(
 
 
 def _left_over(
-    misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
+    fitted: Fit, misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
 ) -> list[Finding]:
-    """An excess that noise does not leave, on axes where no other test finds anything."""
+    """An excess that noise does not leave, on axes where the other findings describe little of it."""
     out = []
     for axis in judged:
-        known = any(f.axis == axis for f in misfit.found)
-        if known or not squares[axis].samples or axis not in misfit.nearest:
+        told = sum(f.amplitude_dps**2 / 2 for f in misfit.found if f.axis == axis)
+        if not squares[axis].samples or axis not in misfit.nearest:
             continue
         finding = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
-        if finding.chance < misfit.share and finding.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within:
-            out.append(finding)
+        large = finding.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within
+        if finding.chance < misfit.share and large and told <= POLICY.told * finding.amplitude_dps**2:
+            out.append(_as_drawn(fitted, finding))
     return out
+
+
+def _strongest_first(found: Sequence[Finding], untold: Sequence[Finding]) -> list[Finding]:
+    """All findings, strongest first. On its axis, an excess that the others hardly describe comes before them."""
+    most = {f.axis: f.strength for f in untold}
+    return sorted([*untold, *found], key=lambda f: -min(f.strength, most.get(f.axis, f.strength)))
+
+
+def _as_drawn(fitted: Fit, finding: Finding) -> Finding:
+    """An excess told against the variable that the residual follows, in the words of the picture."""
+    shapes = [(against, s) for against, shapes in of_session(fitted.session, AXES.index(finding.axis)) for s in shapes]
+    current = fitted.axes[finding.axis]
+    seen = most_visible(current, shapes)
+    if seen is None:
+        return finding
+    amplitude_dps, note = described(current, seen[1])
+    return replace(finding, against=seen[0], shape=seen[1], amplitude_dps=amplitude_dps, note=note)
 
 
 def of_excess(squares: MeanSquares, floor: Floor, nearest: Finding) -> Finding:

@@ -8,12 +8,17 @@ from functools import cached_property
 
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.levels import Floor, MeanSquares, floor_of
+from gyrocal.effects.base import Effect, Values
+from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import BLOCK_S, by_sample
 from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import unknown_spreads
+from gyrocal.inference.standard_errors import finish
+from gyrocal.inference.structure import choose_variant
 from gyrocal.recording.session import AXES, Run
 
 
@@ -24,6 +29,8 @@ class Current:
     comparison: Comparison
     axis: str
     fit: AxisFit
+    changed: bool = False
+    """True if ``fit`` holds other effects than the comparison's model."""
 
     @classmethod
     def of(cls, comparison: Comparison, axis: str) -> Current:
@@ -47,10 +54,10 @@ class Current:
     def folds(self) -> list[heldout.Fold]:
         return heldout.folds(self.comparison.fit)
 
-    @property
+    @cached_property
     def squares(self) -> MeanSquares:
         """Mean squares of the model's own held-out residuals, dps^2."""
-        return self.comparison.squares[self.axis]
+        return self.squares_of(self.fit) if self.changed else self.comparison.squares[self.axis]
 
     def of_samples(self) -> Current:
         """The same model fitted to samples instead of block means, for effects that are faster than a block."""
@@ -58,6 +65,19 @@ class Current:
         blocks = by_sample([b.about(self.axis) for b in self.comparison.fit.blocks])
         samples = design.over(blocks, cell_s=design.cell_s or BLOCK_S)
         return replace(self, fit=fit_noise(samples, start=self.fit))
+
+    def with_effect(self, effect: Effect, values: Values) -> Current:
+        """The model with one more effect on this axis, fitted with the noise.
+
+        ``values`` are those of a fit of the effect: a fault of the reading keeps them, other effects are fitted again.
+        """
+        if effect.fault_of(values) is None:
+            fitted = refine(choose_variant(self.fit, Term.of(effect, self.axis)))
+        else:
+            old = self.fit.design
+            design = old.over(self.comparison.fit.blocks, [*old.terms, Term(effect.id, self.axis, values)])
+            fitted = fit_noise(design, start=with_noise(design, self.fit.noise, carry_spreads(self.fit, design)))
+        return replace(self, fit=finish(fitted), changed=True)
 
     def of_runs(self, kept: Mask) -> Current:
         """The same model fitted to some of the runs, for an effect whose data the others lack."""

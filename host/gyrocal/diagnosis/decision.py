@@ -45,10 +45,15 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
 
 def proven(c: Candidate, tested: int) -> bool:
     """True if a candidate is significant among all that were tested and improves the prediction of held-out data."""
-    better = c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
+    better = sure_gain(c)
     if c.effect.fault_of(c.values):
         better = better or (c.gain is not None and c.gain >= -POLICY.reading_loss)
     return better and c.chance * tested < POLICY.name_alarm
+
+
+def sure_gain(c: Candidate) -> bool:
+    """True if the held-out gain exceeds zero by ``Policy.gain_errors`` standard errors."""
+    return c.gain is not None and c.gain_se is not None and c.gain > POLICY.gain_errors * c.gain_se
 
 
 def in_range(candidate: Candidate) -> bool:

@@ -20,13 +20,14 @@ from gyrocal.diagnosis.comparison import Comparison, measure
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
+from gyrocal.shown import Shown
 from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False, eq=False)
+class Diagnosis(Shown):
     """The candidates, best first, and the verdict: add, ambiguous, unknown, adequate or implausible."""
 
     verdict: str

@@ -6,10 +6,13 @@ instead, and part of that shape may be what the model absorbs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.inference.fitted import AxisFit
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, Waves, per_turn
 
@@ -28,10 +31,33 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     if isinstance(shape, Waves):
         sizes = np.hypot(coefficients[::2], coefficients[1::2])
         k = int(np.argmax(sizes))
+        if sizes[k] > amplitude:  # the table turned by less than a turn, in which the waves cancel each other
+            return amplitude, f"{size} in all, of the same phase in each run"
         wave = f"{sizes[k] * 1e3:.3g} mdps {per_turn(shape.orders[k])}"
         return amplitude, f"{size} in all; most, {wave}, of the same phase in each run"
     words = shape.words if isinstance(shape, Columns) else ""
     return amplitude, f"{size} {words}" if words else f"{size} in all"
+
+
+def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple[str, Shape] | None:
+    """The variable and shape with the fewest columns that the residual as drawn follows nearly as well as any other.
+
+    None if no shape describes ``Policy.visible`` of the residual's mean square about its mean.
+    """
+    residual = np.concatenate([current.block_residuals(i) for i in range(len(current.design.blocks))])
+    power = float(np.sum((residual - residual.mean()) ** 2))
+    parts = []
+    for name, shape in shapes:
+        if not isinstance(shape, ShapeOfEachRun) and not any(map(shape.lacks, (b.run for b in current.design.blocks))):
+            columns = np.concatenate([b.mean(shape.columns(b.run, current.design.axis, {})) for b in current.design.blocks])
+            known = np.column_stack([np.ones(residual.size), columns])
+            left = residual - known @ np.linalg.lstsq(known, residual, rcond=None)[0]
+            parts.append((1 - float(left @ left) / max(power, 1e-300), name, shape))
+    best = max((part for part, _, _ in parts), default=0.0)
+    if best < POLICY.visible:
+        return None
+    _, name, shape = min((p for p in parts if p[0] > best - POLICY.alike), key=lambda p: len(p[2].linear))
+    return name, shape
 
 
 def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float, str]:
@@ -46,7 +72,7 @@ def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float
 
 
 def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[float, str]:
-    """The step whose mean residual (or residual per rate) is farthest from the mean of all."""
+    """The step that holds most of the shape's power: its mean residual (or residual per rate) about the mean of all."""
     blocks, residual = current.design.blocks, np.concatenate(residuals)
     step = np.concatenate([shape.of_samples(b.run)[b.start] for b in blocks])
     rate_dps = np.concatenate([b.mean(true_rate_dps(b.run)[:, None])[:, 0] for b in blocks])
@@ -57,7 +83,7 @@ def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[floa
     values = np.bincount(step, base * residual, count) / np.where(seen, weight, 1.0)
     centred = np.where(seen, values - float(np.average(values, weights=weight)), 0.0)
     amplitude = float(np.sqrt(2 * np.mean((centred[step] * base) ** 2)))
-    k = int(np.argmax(np.abs(centred)))
+    k = int(np.argmax(weight * centred**2))
     unit, scaled = ("1e-6 of the rate", 1e6) if shape.times_rate else ("mdps", 1e3)
     most = f"{amplitude * 1e3:.3g} mdps in all; most, {centred[k] * scaled:+.3g} {unit}"
     return amplitude, f"{most}, {_between(shape, k)}{f' of {shape.name}' if shape.name else ''}"

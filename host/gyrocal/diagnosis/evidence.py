@@ -77,6 +77,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     if chance > unless:
         return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
+    parameters += effect.picked(current.runs, current.index)
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
     signal = _signal(fitted)

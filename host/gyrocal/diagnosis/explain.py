@@ -18,6 +18,7 @@ from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.rivals import cosine
 from gyrocal.diagnosis.sets import choose, overlapping, without
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
@@ -25,6 +26,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Session
+from gyrocal.shown import Shown
 from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
@@ -35,7 +37,8 @@ class Step:
     """Effects that were added together, with the comparisons before and after over the same noise floor.
 
     ``removed`` lists effects of an earlier step that this step's set replaces. ``matters`` is False if the effects are certain
-    but, without them, the error of the final model would hardly be larger.
+    but, without them, the error of the final model would hardly be larger. ``within`` is True if the step was judged by the
+    excess within power cycles, because the offsets of a few power cycles hide its decrease in the whole excess.
     """
 
     effects: tuple[str, ...]
@@ -44,18 +47,29 @@ class Step:
     before: Comparison = field(repr=False)
     after: Comparison = field(repr=False)
     matters: bool = True
+    within: bool = False
+
+    @property
+    def excess_before_dps(self) -> float | None:
+        """The excess of all axes before the step by which the step was judged, deg/s."""
+        return _excess_dps(self.before, self.within)
+
+    @property
+    def excess_after_dps(self) -> float | None:
+        """The same excess after the step."""
+        return _excess_dps(self.after, self.within)
 
     def to_json(self) -> dict[str, Any]:
         return {
             "effects": list(self.effects), "axes": list(self.axes), "removed": list(self.removed),
-            "excess_before_dps": self.before.pooled.excess_dps, "excess_after_dps": self.after.pooled.excess_dps,
-            "matters": self.matters,
+            "excess_before_dps": self.excess_before_dps, "excess_after_dps": self.excess_after_dps,
+            "excess": "within power cycles" if self.within else "all", "matters": self.matters,
         }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Open:
-    """Effects on one axis that the session cannot tell apart, and the measurement that would."""
+    """Effects on one axis that the session cannot tell apart, or one that it cannot prove, and the measurement that would."""
 
     group: tuple[str, ...]
     axis: str
@@ -65,8 +79,8 @@ class Open:
         return {"group": list(self.group), "axis": self.axis, "next_measurement": self.next_measurement}
 
 
-@dataclass(frozen=True)
-class Explanation:
+@dataclass(frozen=True, repr=False, eq=False)
+class Explanation(Shown):
     """The result of :func:`explain`. ``first`` and ``last`` are the diagnoses of the given model and of the final model."""
 
     steps: list[Step]
@@ -120,11 +134,26 @@ def explain(
         tried = iter(plans if len(steps) < most_steps else ())
         taken = next(filter(None, (_taken(session, last, plan, refused, progress) for plan in tried)), None)
         if taken is None:
-            return Explanation([_over_one_floor(s, last.comparison) for s in steps], left, first, last)
+            return Explanation([_over_one_floor(s, last.comparison) for s in steps], [*left, *_unproven(last)], first, last)
         step, last = taken
         steps.append(step)
         for axis in step.axes:
             added[axis] = [*(i for i in added.get(axis, []) if i not in step.removed), *step.effects]
+
+
+REPEAT = "record the same runs again in another power cycle; no run of this session can be left out to test a prediction"
+
+
+def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
+    """The best suggestion on each axis with a finding, and its rivals, if nothing of the session can be held out."""
+    if diagnosis.comparison.held_out != "none":
+        return
+    for axis in dict.fromkeys(f.axis for f in diagnosis.comparison.where):
+        suggested = [c for c in diagnosis.candidates if c.axis == axis and c.decision == "suggest"]
+        best = min(suggested, key=lambda c: c.chance, default=None)
+        if best is not None:
+            rivals = [c for c in suggested if c is not best and cosine(best.signal, c.signal) > POLICY.similar_shape]
+            yield Open((best.effect.id, *(c.effect.id for c in rivals)), axis, REPEAT)
 
 
 @dataclass(frozen=True)
@@ -158,6 +187,8 @@ def _plans(diagnosis: Diagnosis, added: dict[str, list[str]], progress: Progress
 
 def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Plan:
     """The best set with the leading candidate, or the leading candidate alone if nothing overlaps with it."""
+    if lead.together:
+        return _Plan(lead, tuple(base.effects()[i] for i in lead.together))
     alone = _Plan(lead, (lead.effect,)) if len(lead.group) < 2 else _Plan(lead, (), open=lead.group)
     current = Current.of(diagnosis.comparison, lead.axis)
     pool = overlapping(lead, [c for c in diagnosis.candidates if c.decision in ("add", "suggest")])
@@ -197,7 +228,7 @@ def _taken(
         richer = richer.without(effect_id, plan.lead.axis)
     axes = {plan.lead.axis}
     for effect in plan.new:
-        proven = {c.axis for c in last.candidates if c.effect.id == effect.id and c.decision == "add" and len(c.group) < 2}
+        proven = {c.axis for c in last.candidates if c.effect.id == effect.id and _alone(c)}
         for axis in sorted({plan.lead.axis} | proven):
             axes.add(axis)
             richer = richer.with_term(Term.of(effect, axis))
@@ -205,26 +236,47 @@ def _taken(
         progress(f"adding {', '.join(e.id for e in plan.new)} on {', '.join(sorted(axes))}")
     following = diagnose(session, richer, progress=progress)
     before, after = with_floor_of(last.comparison, following.comparison), following.comparison
-    if not any(_removed_power(before, after, axis) > 0.0 for axis in axes):
+    falls = [within for within in (False, True) if _falls(before, after, within)]
+    if not falls:
         refused.add(key)
         return None
-    return Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after), following
+    step = Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after, within=falls[0])
+    return step, following
+
+
+def _alone(c: Candidate) -> bool:
+    """True if a candidate is certain by its own evidence, without rivals and without the rest of a set."""
+    return c.decision == "add" and len(c.group) < 2 and not c.together
 
 
 def _over_one_floor(step: Step, final: Comparison) -> Step:
-    """The step with its excess over the floor of the final model, so that the steps can be compared with each other."""
-    same = replace(step, before=with_floor_of(step.before, final), after=with_floor_of(step.after, final))
-    return replace(same, matters=_matters(same, final))
+    """The step with its excess over the floor of the final model, so that the steps can be compared with each other.
+
+    A step whose excess does not fall over that floor keeps its own.
+    """
+    before, after = with_floor_of(step.before, final), with_floor_of(step.after, final)
+    same = replace(step, before=before, after=after) if _falls(before, after, step.within) else step
+    return replace(same, matters=_matters(step.before, step.after, step.axes, final))
 
 
-def _matters(step: Step, final: Comparison) -> bool:
-    """True if, on one of its axes, the step removes a noticeable fraction of the squared excess that would otherwise remain."""
+def _falls(before: Comparison, after: Comparison, within: bool) -> bool:
+    """True if the held-out excess of all axes is smaller after than before, in all or within power cycles."""
+    old_dps, new_dps = _excess_dps(before, within), _excess_dps(after, within)
+    return old_dps is not None and new_dps is not None and new_dps < old_dps
+
+
+def _excess_dps(comparison: Comparison, within: bool) -> float | None:
+    return comparison.pooled.excess_within_dps if within else comparison.pooled.excess_dps
+
+
+def _matters(before: Comparison, after: Comparison, axes: Sequence[str], final: Comparison) -> bool:
+    """True if, on one of its axes, a step removes a noticeable fraction of the squared excess that would otherwise remain."""
 
     def noticed(axis: str) -> bool:
-        removed, left_dps = _removed_power(step.before, step.after, axis), final.per_axis[axis].excess_within_dps or 0.0
+        removed, left_dps = _removed_power(before, after, axis), final.per_axis[axis].excess_within_dps or 0.0
         return removed > POLICY.noticeable * (removed + left_dps**2)
 
-    return any(map(noticed, step.axes))
+    return any(map(noticed, axes))
 
 
 def _removed_power(before: Comparison, after: Comparison, axis: str) -> float:

@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 
+from gyrocal.diagnosis.beside import as_sets, beside_first
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
@@ -37,7 +38,7 @@ def candidates(
         return _on_axis(Current.of(comparison, axis), own, unless, progress)
 
     judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
-    judged = with_groups(decide(with_q_values(judged), comparison))
+    judged = as_sets(beside_first(with_groups(decide(with_q_values(judged), comparison)), comparison), comparison)
     return sorted(judged, key=_best_first)
 
 

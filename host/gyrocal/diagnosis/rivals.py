@@ -18,7 +18,7 @@ def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
 
     The signals of the members overlap, and their held-out gains do not differ significantly. Of two candidates with the same
     shape, the simpler one is preferred unless the other gains enough for each further parameter. A candidate that reached only
-    ``suggest`` is still a rival of one that reached ``add``.
+    ``suggest`` is still a rival of one that reached ``add``, also if it is the simpler one.
     """
     passed = [c for c in candidates if c.decision in ("add", "suggest")]
 
@@ -35,9 +35,9 @@ def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:
         same = overlap > POLICY.same_shape
         if overlap <= POLICY.similar_shape or not _as_good(c, rival, _price(c, rival) if same else 0.0):
             continue
-        if same and c.parameters != rival.parameters:
-            if rival.parameters < c.parameters and rival.decision == "add":
-                return replace(c, decision="suggest", group=())  # the simpler candidate has the same shape
+        if same and rival.parameters < c.parameters and rival.decision == "add":
+            return replace(c, decision="suggest", group=())  # the simpler candidate has the same shape
+        if same and rival.parameters > c.parameters:
             continue
         group.append(rival)
     group.sort(key=lambda x: -(x.gain or 0.0))

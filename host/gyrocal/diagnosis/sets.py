@@ -2,9 +2,10 @@
 
 Slow effects share shapes: a warm-up, a temperature coefficient and a drift are all smooth curves of time in one power cycle.
 If they are added one by one, the first one absorbs a part of the others, and the path may end at a wrong model. Here all sets
-of up to ``Policy.largest_set`` effects are fitted beside the model. A set is *supported* if every member is needed: without it,
-the others predict held-out data significantly worse, and the likelihood ratio of the member is significant. Of the supported
-sets, the one with the largest held-out gain is chosen, unless a smaller one predicts as well.
+of up to ``Policy.largest_set`` effects are fitted beside the model. A set is *supported* if it predicts held-out data
+significantly better than the model, and if every member is needed: without it, the others predict held-out data worse, and the
+likelihood ratio of the member is significant. Of the supported sets, the one with the largest held-out gain is chosen, unless a
+smaller one predicts as well.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def without(current: Current, ids: Sequence[str]) -> Current:
         return current
     design = current.fit.design.changed(kept)
     fitted = finish(fit_noise(design, start=with_noise(design, current.fit.noise, unknown_spreads(design))))
-    return Current(current.comparison, current.axis, fitted)
+    return Current(current.comparison, current.axis, fitted, changed=True)
 
 
 def overlapping(lead: Candidate, others: Sequence[Candidate]) -> list[Effect]:
@@ -106,17 +107,18 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
             ids = frozenset(e.id for e in members)
             if any(frozenset(ids - {e}) not in found for e in ids):
                 continue
-            fitted = _fitted(current, members)
+            fitted = fitted_together(current, members)
             if fitted is None:
                 continue
             gains = held_out_gain(current.fit, fitted, current.folds)
             found[ids] = EffectSet(members, fitted, gains, added_parameters(current.fit, fitted))
-            if all(_needed(found[ids], found[ids - {e.id}], e, current, tested) for e in members):
+            needed = all(_needed(found[ids], found[ids - {e.id}], e, current, tested) for e in members)
+            if needed and _certain(gains, POLICY.gain_errors):
                 supported.append(found[ids])
     return _chosen(supported)
 
 
-def _fitted(current: Current, members: Sequence[Effect]) -> AxisFit | None:
+def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | None:
     """The model with all members, fitted together; None if a member's parameters leave their physical range."""
     fitted = current.fit
     for effect in members:
@@ -128,10 +130,15 @@ def _fitted(current: Current, members: Sequence[Effect]) -> AxisFit | None:
     return fitted
 
 
+def _certain(gains: Array, errors: float) -> bool:
+    """True if the sum of the gains [units] exceeds zero by a number of standard errors."""
+    gain, gain_se = total(gains)
+    return gain is not None and gain_se is not None and gain > errors * gain_se
+
+
 def _needed(whole: EffectSet, rest: EffectSet, member: Effect, current: Current, tested: int) -> bool:
-    """True if the set without the member explains the session significantly worse, in sample and on held-out data."""
-    gain, gain_se = total(whole.gains - rest.gains)
-    if gain is None or gain_se is None or gain <= POLICY.gain_errors * gain_se:
+    """True if the set without the member explains the session worse on held-out data, and significantly worse in sample."""
+    if not _certain(whole.gains - rest.gains, POLICY.member_errors):
         return False
     looks = member.looks(current.runs, current.index)
     chance = likelihood_ratio(rest.fitted, whole.fitted, max(1, whole.parameters - rest.parameters))[1]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.parameter import Described, Parameter, Values
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
@@ -135,6 +135,10 @@ class Effect(Described):
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         """The number of independent shapes from which :meth:`variants` has chosen, for the correction of the significance."""
         return len(self.variants(runs, axis))
+
+    def picked(self, runs: Sequence[Run], axis: int) -> int:
+        """The number of values that the columns have taken from the readings of these runs, which count as parameters."""
+        return 0
 
     def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
         """True if block means of a tenth of a second lose this effect in these runs. A candidate is then fitted to samples."""
@@ -275,7 +279,8 @@ def effect(effect_id: str) -> Effect:
     try:
         return effects()[effect_id]
     except KeyError:
-        raise InputError(f"no effect {effect_id!r}; there are {', '.join(effects())}") from None
+        near = did_you_mean(effect_id, effects())
+        raise InputError(f"no effect {effect_id!r}{near}; there are {', '.join(effects())}") from None
 
 
 def with_role(role: Role) -> Effect:

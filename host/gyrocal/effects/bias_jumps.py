@@ -137,7 +137,11 @@ class BiasJumps(OfEachRun):
         """The number of times from which the jumps were chosen."""
         steady = [r for r in runs if not r.rate_is_mean]
         moments = sum(round(r.duration_s / _window_s(r)) for r in steady)
-        return max(1, moments) ** min(20, sum(len(jumps(r, axis)) for r in steady))
+        return max(1, moments) ** min(20, self.picked(runs, axis))
+
+    def picked(self, runs: Sequence[Run], axis: int) -> int:
+        """The time of each jump."""
+        return sum(len(jumps(r, axis)) for r in runs)
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         """One step function for each jump in this run, shape [n, MOST]; unused columns are zero."""

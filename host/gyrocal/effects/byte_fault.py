@@ -215,7 +215,8 @@ def _confirmed(runs: Sequence[Run], axis: int, count_dps: float, carry: tuple[in
 def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
     """The bit whose value nearly all outliers deviate by, and the number of outliers; None if they have no such size.
 
-    Their low bits must also lie in one half of the range, as those of readings that have just carried do.
+    Their low bits must also lie in one half of the range, as those of readings that have just carried do, and in the other half
+    where the reading is too large: there it is the neighbours that lack the carry.
     """
     count_dps = count_dps_of(runs, axis)
     found = [(r, *_apart(r, axis)) for r in runs]
@@ -228,7 +229,7 @@ def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
     if bit not in BITS or TOLD_APART * noise > 2.0**bit or float(np.mean(alike)) < MOST:
         return None
     readings = np.concatenate([r.gyro_dps[rows, axis] for r, rows, _ in found])
-    low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit
+    low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit + 0.5 * (apart_dps > 0)
     in_half = max(float(np.mean(np.mod(low - start, 1.0) <= 0.5)) for start in low)
     return (bit, apart_dps.size) if in_half >= MOST else None
 

@@ -72,9 +72,8 @@ class DeadBand(Effect):
         return float((above - below) / np.sqrt(12)) if np.isfinite(above) else 0.0
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """The whole reference is missing inside the band, with its noise: the residual there is minus the reference."""
-        inside = np.abs(rate_about(run, axis)) < values["width_dps"]
-        return stack(np.where(inside, -run.rate_dps if axis == run.axis_index else 0.0, 0.0))
+        w_dps = rate_about(run, axis)
+        return stack(np.where(np.abs(w_dps) < values["width_dps"], -w_dps, 0.0))
 
 
 def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:
@@ -102,7 +101,7 @@ def _scores(runs: Sequence[Run], axis: int) -> Array:
     for run in runs:
         if run.rate_is_mean or run.axis_index != axis or not np.any(run.rate_dps):
             continue
-        w_dps, y_dps = run.rate_dps, run.gyro_dps[:, axis]
+        w_dps, y_dps = rate_about(run, axis), run.gyro_dps[:, axis]
         for k, width in enumerate(WIDTHS_DPS):
             inside = np.abs(w_dps) < width
             if not inside.any() or inside.all():

@@ -16,7 +16,7 @@ import numpy as np
 
 from gyrocal.effects.base import Effect, OfEachRun, Parameter, Values, effect, effects
 from gyrocal.effects.wave import TableWave
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.axis import COMPONENTS
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
@@ -173,8 +173,10 @@ def _term(node: ast.expr, sign: float, start: Mapping[str, float], text: str) ->
     fixed = symbols().keys() | CONSTANTS.keys() | start.keys()
     free = [f for f in factors if isinstance(f, ast.Name) and f.id not in fixed]
     if len(free) != 1:
+        near = "".join(did_you_mean(f.id, symbols()) for f in free)
         raise InputError(
-            f"formula {text!r}: the term {ast.unparse(node)!r} needs exactly one parameter of its own in front, e.g. k*(...)"
+            f"formula {text!r}: the term {ast.unparse(node)!r} needs exactly one parameter of its own in front, e.g. "
+            f"k*(...){near}"
         )
     rest: ast.expr = ast.Constant(sign)
     for factor in factors:

@@ -16,13 +16,14 @@ from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.files import replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 from gyrocal.parameter import NOT_NEGATIVE, Described
 from gyrocal.recording.session import AXES, Run
+from gyrocal.shown import Shown
 
 FORMAT = "gyrocal-model/1"
 
@@ -99,8 +100,8 @@ class Line:
         return not isinstance(self.kind, Effect) or self.kind.role is not None
 
 
-@dataclass(frozen=True)
-class Model:
+@dataclass(frozen=True, repr=False)
+class Model(Shown):
     """Terms and noise of each axis."""
 
     name: str
@@ -116,7 +117,7 @@ class Model:
         """
         noises = {"paper": AxisNoise(), "default": AxisNoise(drift=Drift(), turn_on_bias=TurnOnBias())}
         if name not in noises:
-            raise InputError(f"--model {name}: neither a file nor one of {', '.join(noises)}")
+            raise InputError(f"model {name}: neither a file nor one of {', '.join(noises)}{did_you_mean(name, noises)}")
         ids = [base.with_role(role).id for role in Role]
         return Model(name, tuple(Term(i, axis) for i in ids for axis in AXES), dict.fromkeys(AXES, noises[name]))
 
@@ -310,9 +311,10 @@ def _parse(raw: Mapping[str, Any], path: Path) -> Model:
             raise InputError(f"{path}: effect {number} ({line.id}): stands twice for axis {line.axis}")
     if not lines:
         raise InputError(f"{path}: no effects; a model has scale and bias at least")
-    strange = sorted(set(raw) - {"format", "name", "white_sd_dps", "effects"})
+    keys = ("format", "name", "white_sd_dps", "effects")
+    strange = sorted(set(raw) - set(keys))
     if strange:
-        raise InputError(f"{path}: no key {strange[0]!r}; a model has format, name, white_sd_dps and effects")
+        raise InputError(f"{path}: no key {strange[0]!r}{did_you_mean(strange[0], keys)}; a model has {', '.join(keys)}")
     white = raw.get("white_sd_dps", {})
     if not isinstance(white, dict) or not all(
         a in AXES and isinstance(v, int | float) and v >= 0 for a, v in white.items()
@@ -370,7 +372,8 @@ def _parse_line(entry: Mapping[str, Any], where: str) -> Line:
             values[key] = float(value)
             refusal = known[key].refusal(value)
         else:
-            raise InputError(f"{where} ({kind.id}): no parameter {key!r}; it has {', '.join(sorted(known))}")
+            near = did_you_mean(key, known)
+            raise InputError(f"{where} ({kind.id}): no parameter {key!r}{near}; it has {', '.join(sorted(known))}")
         if refusal is not None:
             raise InputError(f"{where} ({kind.id}): {refusal}")
     return Line(kind, axis, values, se)

@@ -20,7 +20,6 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise, Summed
-from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS, Timing
 
@@ -32,6 +31,8 @@ LEAST_DPS = 1e-9
 """Smallest root mean square of a column that is used, deg/s per unit of its coefficient."""
 SLOW_S = 4.0
 """Shortest time scale of drift, s. Variations that are faster are left to the tests of whiteness."""
+LEAST_CONTRAST = 0.1
+"""Spread of the true rates of a power cycle over their rms from which on they determine its scale beside its offset."""
 
 
 @dataclass(frozen=True)
@@ -249,12 +250,15 @@ class Design:
 
     @cached_property
     def _scale_within_scenarios(self) -> bool:
-        """True if there are enough power cycles that each contain two true rates, which determine a scale in each."""
-        rates: dict[int, set[float]] = {}
+        """True if there are two power cycles or more that each show a scale of their own: true rates that differ within it."""
+        rates: dict[int, list[Array]] = {}
         for b in self.blocks:
-            on_axis = b.run.axis_index == self.axis
-            rates.setdefault(b.scenario, set()).add(round(float(np.mean(b.run.rate_dps)), 3) if on_axis else 0.0)
-        return len(rates) >= POLICY.least_scenarios and all(len(r) > 1 for r in rates.values())
+            if b.t_s.size:
+                turns = b.run.axis_index == self.axis
+                rates.setdefault(b.scenario, []).append(b.mean(b.run.rate_dps[:, None])[:, 0] if turns else np.zeros(1))
+        return len(rates) > 1 and all(
+            float(np.std(of)) > LEAST_CONTRAST * float(np.sqrt(np.mean(of**2))) for of in map(np.concatenate, rates.values())
+        )
 
     @cached_property
     def origin(self) -> Array:

@@ -81,6 +81,17 @@ class Joint:
         return np.maximum(upper - value, value - lower) if self.one_sided else np.asarray(upper - lower) / 2
 
 
+    def widened(self, factor: Array) -> Joint:
+        """The same with the errors of the coefficients times ``factor`` [p]."""
+
+        def of(point: Point) -> Point:
+            return replace(point, cov=np.outer(factor, factor) * point.cov)
+
+        both = np.concatenate([factor, np.ones(self.at.log_values.size)])
+        cov = None if self.cov is None else np.outer(both, both) * self.cov
+        return replace(self, at=of(self.at), cov=cov, profile=tuple(of(point) for point in self.profile))
+
+
 def _sd(cov: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.diag(cov), 0.0)))
 

@@ -27,7 +27,9 @@ BELOW, ABOVE = 0.2, 3.0
 """Logarithms of the ratios by which the white level may be below and above its start: colour raises it."""
 LEAST_BENDS = 30
 """Second differences of block means from which on they show the noise."""
-STEP = 1e-4
+FAST_S = 20.0
+"""Correlation time of the faster drift with which a search begins, s."""
+STEP = 1e-5
 """Of logarithms, for numerical gradients: far above the likelihood's rounding."""
 
 
@@ -66,10 +68,13 @@ def _drifts(design: Design) -> bool:
     return design.noise_model.drift is not None and longest_s > 10 * block_s
 
 
-def first_noise(design: Design) -> Noise:
-    """Where the search for the noise begins."""
+def first_noises(design: Design) -> list[Noise]:
+    """Where a search for the noise may begin: drifts of two sizes, fast ones and ones as slow as the runs are long."""
     white0 = white_start(design)
-    return Noise(white0, white0 / 10, 20.0) if _drifts(design) else Noise(white0)
+    if not _drifts(design):
+        return [Noise(white0)]
+    times_s = (FAST_S, max(FAST_S, design.extent_s[0]))
+    return [Noise(white0, white0 / part, tau_s) for tau_s in times_s for part in (10, 40)]
 
 
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
@@ -92,15 +97,20 @@ def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
 
 @dataclass(frozen=True)
 class NoiseScale:
-    """The coordinates in which noise is searched: logarithms of the white level and, with drift, of its variance and time.
+    """The coordinates in which noise is searched: logarithms of the white level and, with drift, of its growth and its rate.
 
-    The drift's size is relative to the white level, so that one factor scales all noise.
+    The growth is ``sd^2 / tau``, with which the variance of a slow drift grows in time, and the rate is ``1 / tau``. In a short
+    recording the growth alone is known, and the log-likelihood is nearly linear in the rate. Sd and tau would have to move
+    together, on a ridge along which a search creeps. The drift's size is relative to the white level, so that one factor scales
+    all noise.
     """
 
     white_sd_dps: float
     """Where the white level is expected."""
-    drift_unit_dps: float
-    """Spread of a drift that moves a mean over ``SLOW_S`` as white noise does."""
+    growth_unit: float
+    """Growth, dps^2/s, of a drift that moves the mean of the longest run as white noise does. Less is not seen."""
+    slowest_per_s: float
+    """A rate that no run is long enough to tell from zero, 1/s."""
     bounds: tuple[tuple[float, float], ...]
 
     @staticmethod
@@ -108,13 +118,14 @@ class NoiseScale:
         white0 = white_start(design)
         longest_s, block_s = design.extent_s
         samples = max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks]))))
-        unit = float(white0 / np.sqrt(SLOW_S / block_s * samples))
+        unit = float(white0**2 / (longest_s / block_s * samples)) / longest_s
         bounds = [(float(np.log(white0)) - BELOW, float(np.log(white0)) + ABOVE)]
+        slow_s = max(SLOW_S, 5 * block_s)
+        least = 1 / max(4 * slow_s, 5 * longest_s)
         if _drifts(design):
-            slow_s = max(SLOW_S, 5 * block_s)
-            bounds.append((NO_SPREAD, float(np.log1p((150 * white0 / unit) ** 2))))
-            bounds.append((float(np.log(slow_s)), float(np.log(max(4 * slow_s, 5 * longest_s)))))
-        return NoiseScale(white0, unit, tuple(bounds))
+            bounds.append((NO_SPREAD, float(np.log1p((150 * white0) ** 2 / SLOW_S / unit))))
+            bounds.append((float(np.log(2 * least)), float(np.log(1 / slow_s + least))))
+        return NoiseScale(white0, unit, least, tuple(bounds))
 
     @property
     def drift(self) -> bool:
@@ -124,9 +135,10 @@ class NoiseScale:
         """Coordinates [1 or 3] of a noise, within the bounds."""
         x = [np.log(noise.white_sd_dps)]
         if self.drift:
-            size = noise.ou_sd_dps / self.drift_unit_dps * self.white_sd_dps / noise.white_sd_dps
+            size = noise.ou_sd_dps * self.white_sd_dps / noise.white_sd_dps
+            growth = float(np.log1p(size**2 / noise.ou_tau_s / self.growth_unit))
             # no drift in the poorer model may be one in the richer
-            x += [max(float(np.log1p(size**2)), float(np.log(2.0))), np.log(noise.ou_tau_s)]
+            x += [max(growth, float(np.log(2.0))), np.log(1 / noise.ou_tau_s + self.slowest_per_s)]
         return np.asarray(np.clip(x, *np.transpose(self.bounds)))
 
     def noise(self, x: Array) -> Noise:
@@ -134,14 +146,19 @@ class NoiseScale:
         times = float(np.exp(x[0])) / self.white_sd_dps
         if not self.drift:
             return Noise(times * self.white_sd_dps)
-        drift_sd_dps = times * float(self.drift_unit_dps * np.sqrt(np.expm1(x[1])))
-        return Noise(times * self.white_sd_dps, drift_sd_dps, float(np.exp(x[2])))
+        tau_s = 1 / (float(np.exp(x[2])) - self.slowest_per_s)
+        sd_dps = times * float(np.sqrt(self.growth_unit * np.expm1(x[1]) * tau_s))
+        return Noise(times * self.white_sd_dps, sd_dps, tau_s)
 
 
 def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
-    """The noise of a design by REML: white level, drift and spreads together; the search begins at the noise of ``start``."""
+    """The noise of a design by REML: white level, drift and spreads together.
+
+    The search begins at the noise of ``start``, or at the likeliest of :func:`first_noises`.
+    """
     if start is None:
-        start = with_noise(design, first_noise(design), unknown_spreads(design))
+        tried = (with_noise(design, noise, unknown_spreads(design)) for noise in first_noises(design))
+        start = max(tried, key=lambda fit: fit.loglik)
     noise_scale, n = NoiseScale.of(design), int(design.n_blocks.sum())
     log_white0 = float(np.log(noise_scale.white_sd_dps))
     m, k = len(noise_scale.bounds), start.spreads.run.size
@@ -162,18 +179,19 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         sd = scale.spreads(x[m:])
         spreads = Spreads(sd[:k], sd[k:])
         solution, slopes = solve_with_slopes(design.layout, *grams_at(x), design.scenarios, n, spreads)
-        of_noise = np.zeros(m)
-        for j in range(m):
+        def moved(j: int, by: float) -> float:
             step = np.zeros_like(x)
-            step[j] = STEP
-            moved = solve(design.layout, *grams_at(x + step), design.scenarios, n, spreads)
-            of_noise[j] = (moved.loglik - solution.loglik) / STEP
-        return solution.loglik, np.concatenate([of_noise, scale.slopes(x[m:], slopes)])
+            step[j] = by
+            return solve(design.layout, *grams_at(x + step), design.scenarios, n, spreads).loglik
+
+        # the white level is known to 1 / sqrt(2n): a one-sided difference would be off by more than the search resolves
+        of_noise = np.array([(moved(0, STEP) - moved(0, -STEP)) / 2, *(moved(j, STEP) - solution.loglik for j in range(1, m))])
+        return solution.loglik, np.concatenate([of_noise / STEP, scale.slopes(x[m:], slopes)])
 
     begin = np.concatenate([
         noise_scale.coordinates(start.noise), scale.coordinates(np.concatenate([start.spreads.run, start.spreads.scenario]))
     ])  # fmt: skip
-    x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds], n)
+    x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds])
     noise, sd = noise_scale.noise(x[:m]), scale.settled(x[m:])
     if noise_scale.drift and x[1] < 10 * NO_SPREAD:
         noise = replace(noise, ou_sd_dps=0.0)

@@ -22,7 +22,9 @@ from gyrocal.recording.session import Array
 Index = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 
 TOLERANCE = 1e-3
-"""Approximate log-likelihood to which noise and spreads converge. The optimiser uses it divided by the number of blocks."""
+"""A search for noise and spreads ends when a step gains less log-likelihood."""
+FIRST_STEP = 0.5
+"""Length of the first step of a search in its coordinates, which are logarithms of ratios."""
 NO_SPREAD = 1e-6
 """A variance below this fraction of the variance with which one run determines the coefficient counts as zero."""
 LARGEST_SPREAD: dict[Role | None, float] = {
@@ -225,17 +227,24 @@ class SpreadScale:
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
 
 
-def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]], n: int) -> Array:
-    """The coordinates of the maximum of a log-likelihood, which is given with its derivatives."""
+def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: list[tuple[float, float]]) -> Array:
+    """The coordinates of the maximum of a log-likelihood, which is given with its derivatives.
+
+    L-BFGS-B goes the whole gradient in its first step if every coordinate is bounded. The gradient of a log-likelihood grows
+    with the data, so that step would end in a corner of the bounds. The cost is therefore scaled to a gradient of
+    ``FIRST_STEP``.
+    """
     from scipy.optimize import minimize
+
+    value, slope = loglik(x0)
+    scale = FIRST_STEP / max(float(np.linalg.norm(slope)), FIRST_STEP) if np.isfinite(value) else 1.0
 
     def cost(x: Array) -> tuple[float, Array]:
         value, slope = loglik(x)
-        return (-value, -slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
+        return (-scale * value, -scale * slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
 
-    found = minimize(
-        cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": TOLERANCE / max(n, 1)}
-    )
+    enough = TOLERANCE * scale / max(scale * abs(value), 1.0) if np.isfinite(value) else TOLERANCE
+    found = minimize(cost, x0, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": enough})
     return np.asarray(found.x)
 
 
@@ -251,7 +260,7 @@ def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n
         solution, slopes = solve_with_slopes(design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:]))
         return solution.loglik, scale.slopes(x, slopes)
 
-    x = maximise(loglik, scale.coordinates(np.concatenate([start.run, start.scenario])), scale.bounds, n)
+    x = maximise(loglik, scale.coordinates(np.concatenate([start.run, start.scenario])), scale.bounds)
     sd = scale.settled(x)
     return Spreads(sd[:k], sd[k:])
 

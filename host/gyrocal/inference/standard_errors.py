@@ -8,6 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
+from gyrocal.inference.few_cycles import widening
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.joint import Joint, errors_of, joint
 from gyrocal.inference.spread_errors import settled, spread_errors
@@ -23,7 +24,7 @@ def finish(current: AxisFit) -> AxisFit:
     current = settled(current)
     layout, design = current.design.layout, current.design
     run_se, scenario_se = spread_errors(current)
-    together = joint(current)
+    together = joint(current).widened(widening(current))
     terms = []
     for i, term in enumerate(design.terms):
         kind = term.effect
@@ -54,11 +55,11 @@ def _fitted_noise(current: AxisFit, scenario_se: Array) -> AxisNoise:
     wanted, fitted = current.design.noise_model, AxisNoise(current.noise.white_sd_dps)
     if wanted.drift is not None:
         fitted = fitted.having(Drift(current.noise.ou_sd_dps, current.noise.ou_tau_s))
+    known = np.unique(current.design.scenarios).size >= POLICY.least_scenarios
     if wanted.turn_on_bias is not None:
-        known = np.unique(current.design.scenarios).size >= POLICY.least_scenarios
         se = {"sd_dps": current.scenario_sd(scenario_se, Role.BIAS)}
         fitted = fitted.having(TurnOnBias(current.turn_on_sd_dps, se=se) if known else TurnOnBias())
-    if len(current.design.layout.scenario) > 1:
+    if known and len(current.design.layout.scenario) > 1:
         sd, sd_se = (current.scenario_sd(of, Role.SCALE) for of in (current.spreads.scenario, scenario_se))
         fitted = replace(fitted, turn_on_scale=TurnOnScale(sd, sd_se))
     return fitted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.component import NoiseComponent
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
@@ -41,4 +41,5 @@ def component(component_id: str) -> NoiseComponent:
     try:
         return COMPONENTS[component_id]
     except KeyError:
-        raise InputError(f"no noise {component_id!r}; there are {', '.join(COMPONENTS)}") from None
+        near = did_you_mean(component_id, COMPONENTS)
+        raise InputError(f"no noise {component_id!r}{near}; there are {', '.join(COMPONENTS)}") from None

@@ -101,6 +101,20 @@ class Diagnosis:
         smaller="noise whose level changes or that has heavy tails is called a misfit",
         chosen_by="bursts and Student's t noise of benchmarks/null_noise.py leave up to 0.25; chosen by judgement above it",
     )  # fmt: skip
+    told: float = threshold(
+        0.25, "fraction of an axis's squared excess that its findings must describe, or the excess is a finding of its own",
+        larger="an excess is reported beside the findings that make it up",
+        smaller="a small finding hides a large error of unknown shape",
+    )  # fmt: skip
+    alike: float = threshold(
+        0.1, "fraction of the residual's mean square by which two variables describe an excess equally well",
+        larger="a variable of few steps is told although the picture of another shows more",
+        smaller="time in the run is told wherever the cause moves smoothly in time",
+    )  # fmt: skip
+    visible: float = threshold(
+        0.5, "fraction of the residual's mean square that follows a variable, from which on an excess is told against it",
+        larger="an excess that a picture shows is said to have no shape", smaller="noise names the variable of an excess",
+    )  # fmt: skip
     excess_errors: float = threshold(
         2.0, "standard errors below which an excess has no explained part",
         larger="fewer candidates have an explained part", smaller="the explained part is a ratio of two noises",
@@ -221,6 +235,12 @@ class Diagnosis:
     largest_set: int = threshold(
         3, "largest number of overlapping effects that `explain` adds together",
         larger="more sets are fitted, which takes longer", smaller="three effects that need each other are not found",
+    )  # fmt: skip
+    member_errors: float = threshold(
+        1.0, "standard errors by which each member must raise the held-out gain of a set; the set as a whole needs gain_errors",
+        larger="sets whose members share a shape are not found, because a few held-out units show the share of each poorly",
+        smaller="a member joins a set that predicts as well without it",
+        chosen_by="the one-standard-error rule (Breiman and others 1984); gyrocal benchmark real: x in the chamber",
     )  # fmt: skip
     largest_pool: int = threshold(
         5, "largest number of overlapping effects of which `explain` forms sets; five give 25 sets",

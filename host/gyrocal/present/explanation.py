@@ -21,8 +21,8 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
     """Print the steps with the excess after each, what stays open, and the verdict."""
     report.print_warnings(e.last.comparison.warnings)
     if e.steps:
-        rows = [["(start)", "", mdps(e.steps[0].before.pooled.excess_dps, 2), ""]]
-        rows += [[named(s), ", ".join(s.axes), mdps(s.after.pooled.excess_dps, 2), remark(s)] for s in e.steps]
+        rows = [["(start)", "", mdps(e.steps[0].excess_before_dps, 2), ""]]
+        rows += [[named(s), ", ".join(s.axes), mdps(s.excess_after_dps, 2), remark(s)] for s in e.steps]
         table("Held-out excess error over the noise floor", ["added:", "axis:", "excess mdps", "remark:"], rows)
     for one in e.left:
         stdout.print(open_words(one))
@@ -43,12 +43,17 @@ def remark(step: Step) -> str:
     parts = [] if step.matters else [TOO_SMALL]
     if step.removed:
         parts.append(f"replaces {', '.join(step.removed)}")
+    if step.within:
+        parts.append(f"within power cycles, from {mdps(step.excess_before_dps, 2)}")
     return "; ".join(parts)
 
 
 def open_words(one: Open) -> str:
     """What the session cannot tell apart, and what to measure."""
-    group = ", ".join(one.group[:-1]) + f" or {one.group[-1]}" if len(one.group) > 1 else one.group[0]
+    if len(one.group) == 1:
+        fits = f"On {one.axis} {one.group[0]} fits the readings, but this session cannot prove it."
+        return f"{fits} To prove it: {one.next_measurement}."
+    group = ", ".join(one.group[:-1]) + f" or {one.group[-1]}"
     return f"On {one.axis} this session cannot tell which acts: {group}. To tell them apart: {one.next_measurement}."
 
 
@@ -74,8 +79,8 @@ def write_explanation(path: Path, e: Explanation) -> None:
         levels = [e.steps[0].before.pooled, *(s.after.pooled for s in e.steps)]
         overview = _data(pictures.waterfall(labels, [v.excess_dps or 0.0 for v in levels], levels[-1].floor_dps))
     steps = [
-        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": mdps(s.before.pooled.excess_dps, 2),
-         "after": mdps(s.after.pooled.excess_dps, 2), "remark": remark(s), "causes": _causes(s), "picture": _data(evidence(s))}
+        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": mdps(s.excess_before_dps, 2),
+         "after": mdps(s.excess_after_dps, 2), "remark": remark(s), "causes": _causes(s), "picture": _data(evidence(s))}
         for s in e.steps
     ]  # fmt: skip
     text = page.render(

@@ -32,7 +32,7 @@ RUNS_SHOWN, PERIODS_SHOWN = 4, 3
 STEPS_SHOWN = 24
 
 
-def _figure(width: float, height: float) -> tuple[Figure, Any]:
+def framed(width: float, height: float) -> tuple[Figure, Any]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained", dpi=110)
@@ -44,7 +44,7 @@ def _figure(width: float, height: float) -> tuple[Figure, Any]:
 
 def residual_against_time(comparison: Comparison) -> Figure:
     """Block means of the residual against time in the run, with all runs in one plot."""
-    figure, axes = _figure(8, 3.2)
+    figure, axes = framed(8, 3.2)
     for p in heldout.fitted(comparison.fit):
         name = AXES[p.axis]
         b = next(b for b in comparison.fit.blocks if b.run.index == p.run.index)
@@ -67,7 +67,7 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
     variable = variables()[finding.against](comparison.fit.session.about(finding.axis).runs)
     of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
     each_run = variable.period is not None and isinstance(finding.shape, ShapeOfEachRun)
-    figure, axes = _figure(8, 3.2)
+    figure, axes = framed(8, 3.2)
     for drawn, colour, line in ((comparison, AXIS_COLOURS[finding.axis], "black"), (after, GREY, PURPLE)):
         points = [] if drawn is None else _means(drawn, variable, AXES.index(finding.axis))
         if of_rate:
@@ -124,7 +124,7 @@ def _means(comparison: Comparison, variable: Variable, axis: int) -> list[Array]
 
 def spectra(comparison: Comparison) -> Figure:
     """Amplitude spectral density of the residual, and its level between the lines."""
-    figure, axes = _figure(8, 3.2)
+    figure, axes = framed(8, 3.2)
     for name, lines in comparison.spectra.items():
         if lines.frequency_hz.size:
             axes.loglog(lines.frequency_hz, np.sqrt(lines.power) * 1e3, lw=0.7, color=AXIS_COLOURS[name], label=name)
@@ -136,7 +136,7 @@ def spectra(comparison: Comparison) -> Figure:
 
 def allan(comparison: Comparison) -> Figure:
     """Allan deviation of the residual and of the model's noise."""
-    figure, axes = _figure(8, 3.2)
+    figure, axes = framed(8, 3.2)
     rate_hz = comparison.fit.session.sample_rate_hz
     predictions = list(heldout.fitted(comparison.fit))
     for name, fitted in comparison.fit.axes.items():
@@ -153,7 +153,7 @@ def allan(comparison: Comparison) -> Figure:
 
 def levels(comparison: Comparison) -> Figure:
     """Excess over the floor for each axis."""
-    figure, axes = _figure(8, 1.9)
+    figure, axes = framed(8, 1.9)
     for i, (name, level) in enumerate(comparison.per_axis.items()):
         axes.barh(i, level.floor_dps * 1e3, color=GREY, height=0.6)
         if level.excess_dps is not None and level.rms_dps is not None:
@@ -176,7 +176,7 @@ def levels(comparison: Comparison) -> Figure:
 
 def waterfall(labels: Sequence[str], excess_dps: Sequence[float], floor_dps: float) -> Figure:
     """Held-out excess (deg/s) of the given model and after each step, as falling bars over the noise floor's level."""
-    figure, axes = _figure(8, 0.9 + 0.45 * len(labels))
+    figure, axes = framed(8, 0.9 + 0.45 * len(labels))
     values = np.asarray(excess_dps) * 1e3
     for i, value in enumerate(values):
         axes.barh(i, value, color=GREY if i == 0 else BLUE, height=0.6)

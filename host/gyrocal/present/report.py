@@ -96,7 +96,10 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         table("What this session cannot show", ["effect:", "what would show it:"], rows)
     stdout.print(verdict_text(d), style="bold")
     target = model if model and model.endswith(".toml") else "model.toml"
-    if d.verdict == "add" and d.best is not None:
+    if d.verdict == "add" and d.best is not None and d.best.together:
+        stdout.print(f"{', '.join(d.best.together)} are certain only together")
+        stdout.print(f"next: gyrocal explain {session} --model {target}")
+    elif d.verdict == "add" and d.best is not None:
         stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
     if d.verdict == "unknown":
         stdout.print(

@@ -1,18 +1,21 @@
-"""Which columns of another's table are taken, in which units: ``target=column[:unit][*factor]``, see docs/importing.md."""
+"""Which columns of another's table are taken, in which units: ``target=(column-zero)[:unit][*factor]``."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.session import AXES
 from gyrocal.recording.table import OPTIONAL, REQUIRED
 
 TARGETS = (*REQUIRED, *OPTIONAL)
+QUATERNION = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
+REFERENCES = tuple(name for name in OPTIONAL if "ref_" in name)
 STANDARD_GRAVITY = 9.80665
+NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _RATE = {"dps": 1.0, "deg/s": 1.0, "mdps": 1e-3, "rad/s": 180.0 / math.pi}
@@ -52,41 +55,63 @@ class ColumnMap:
     column: str
     factor: float = 1.0
     offset: float = 0.0
+    unit: str | None = None
+    """The unit as it was stated."""
+
+    @property
+    def is_angle_of_rate(self) -> bool:
+        """True where an angle is mapped to a rate, which is its derivative."""
+        return self.target == "rate_ref_dps" and self.unit in _ANGLE
 
     @staticmethod
     def parse(text: str, scaling: Scaling) -> ColumnMap:
-        """Read ``target=column[:unit][*factor]``; ``/number`` divides. InputError says what is wrong."""
+        """Read ``target=column[:unit][*factor]`` or ``target=(column-zero)[:unit][*factor]``; ``/number`` divides.
+
+        InputError says what is wrong.
+        """
         target, equals, rest = text.partition("=")
         target = target.strip()
         if not equals or not rest.strip():
             raise InputError(f"--map {text}: want TARGET=COLUMN[:UNIT][*FACTOR], for example gx_dps=gyr_x:rad/s")
         if target not in TARGETS:
-            raise InputError(f"--map {text}: no column {target!r} in a session; there are {', '.join(TARGETS)}")
-        multiplier = 1.0
-        tail = re.fullmatch(r"(.*\S)\s*([*/])\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)", rest)
-        if tail:
-            rest = tail[1]
-            try:
-                multiplier = float(tail[3]) if tail[2] == "*" else 1.0 / float(tail[3])
-            except (ValueError, ZeroDivisionError):
-                multiplier = math.nan
-            if not math.isfinite(multiplier) or multiplier == 0.0:
-                raise InputError(f"--map {text}: {tail[2]}{tail[3]} is not a usable factor")
+            near = did_you_mean(target, TARGETS)
+            raise InputError(f"--map {text}: no column {target!r} in a session{near}; there are {', '.join(TARGETS)}")
+        rest, multiplier = _factor(text, rest)
         column, unit = rest.strip(), None
         units = units_of(target, scaling)
         head, colon, last = column.rpartition(":")
         if colon and head and last.strip() in units:
             column, unit = head.strip(), last.strip()
         elif colon and head and re.fullmatch(r"[A-Za-z/^2]{1,7}", last.strip()):
-            raise InputError(
-                f"--map {text}: unit {last.strip()!r} is not known here; {target} takes {', '.join(units)}"
-            )
+            raise InputError(f"--map {text}: unit {last.strip()!r} is not known here; {target} takes {', '.join(units)}")
         scale = units[unit] if unit is not None else (1.0, 0.0)
         if scale is None:
-            raise InputError(
-                f"--map {text}: the unit {unit} needs {'--rate-hz' if unit == 'samples' else _lsb(target)}"
-            )
-        return ColumnMap(target, column, scale[0] * multiplier, scale[1])
+            raise InputError(f"--map {text}: the unit {unit} needs {'--rate-hz' if unit == 'samples' else _lsb(target)}")
+        zero = 0.0
+        shifted = re.fullmatch(rf"\(\s*(.*\S)\s*([-+])\s*({NUMBER})\s*\)", column)
+        if shifted:
+            column, zero = shifted[1], float(shifted[2] + shifted[3])
+        factor = scale[0] * multiplier
+        return ColumnMap(target, column, factor, scale[1] + zero * factor, unit)
+
+
+def _factor(text: str, rest: str) -> tuple[str, float]:
+    """A mapping without its factor, and that."""
+    tail = re.fullmatch(rf"(.*\S)\s*([*/])\s*([-+]?{NUMBER})", rest)
+    if not tail:
+        return rest, 1.0
+    try:
+        factor = float(tail[3]) if tail[2] == "*" else 1.0 / float(tail[3])
+    except (ValueError, ZeroDivisionError):
+        factor = math.nan
+    if not math.isfinite(factor) or factor == 0.0:
+        raise InputError(f"--map {text}: {tail[2]}{tail[3]} is not a usable factor")
+    return tail[1], factor
+
+
+def has_reference(columns: Iterable[str]) -> bool:
+    """True if one of the columns is a reference of the true rate."""
+    return any(name in REFERENCES for name in columns)
 
 
 def mapping_of(form: str) -> tuple[str, ...]:
@@ -109,10 +134,12 @@ def units_of(target: str, scaling: Scaling) -> dict[str, tuple[float, float] | N
         return plain(_TIME) | counted("samples", None if scaling.rate_hz is None else 1.0 / scaling.rate_hz)
     if target == "temp_c":
         return dict(_TEMPERATURE)
-    if target in ("table_angle_deg", "ref_angle_deg"):
-        return plain(_ANGLE)
-    if target.startswith("ref_q"):
+    if target in QUATERNION:
         return plain({"1": 1.0})
+    if target.endswith("_deg"):
+        return plain(_ANGLE)
+    if target == "rate_ref_dps":
+        return plain(_RATE) | plain(_ANGLE) | counted("counts", scaling.lsb_dps)
     if target.endswith("_dps"):
         return plain(_RATE) | counted("counts", scaling.lsb_dps)
     return plain(_ACCELERATION) | counted("counts", scaling.lsb_g)

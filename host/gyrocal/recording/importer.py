@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,77 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError
-from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling, mapping_of
-from gyrocal.recording.cut import Cut, Edge, check_names_differ, with_meta
-from gyrocal.recording.header import read_header, write_header
-from gyrocal.recording.measured_rates import REFERENCES
-from gyrocal.recording.session import Array, Run, Session, run_entry
-from gyrocal.recording.source import Source, read_source
-from gyrocal.recording.stamps import goes_back, in_bursts, period_s, regression
-from gyrocal.recording.table import OPTIONAL, REQUIRED, check_table, write_table
+from gyrocal.recording import readers
+from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling, has_reference, mapping_of
+from gyrocal.recording.convert import Converted, convert, even, rate_of
+from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
+from gyrocal.recording.file_labels import labels_of
+from gyrocal.recording.guess import Guess, guess
+from gyrocal.recording.header import Reference, read_header, write_header
+from gyrocal.recording.resample import resampled
+from gyrocal.recording.second_file import SecondFile
+from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
+from gyrocal.recording.source import Source
+from gyrocal.recording.stamps import goes_back, period_s
+from gyrocal.recording.table import REQUIRED, check_table, write_table
 from gyrocal.warning import Warning
+
+SAME_RATE = 0.02
+"""Runs whose rates differ by less are of one rate."""
+STATED = 0.05
+"""A stated rate that is further from that of the times contradicts it (the warning ``sample_rate`` has the same limit)."""
+TIME_UNITS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
+TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a recording is read.
+
+    ``maps``: ``target=column[:unit][*factor]``; without any, the columns that bear a session's names, or a guess. ``cuts``: the
+    runs to take; without any, a file is one. ``run_meta``: ``PATTERN:key=value,...`` for the runs whose names fit.
+    ``defaults``: keys of ``[[run]]`` for all of them. ``axis``: the session's; None is the only one mapped, or z. ``form``: a
+    name of ``FORMATS``, whose mappings come before ``maps``. ``resample_hz``: the rate that faster runs are brought to.
+    """
+
+    maps: Sequence[str] = ()
+    cuts: Sequence[Cut] = ()
+    run_meta: Sequence[str] = ()
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    axis: str | None = None
+    scaling: Scaling = field(default_factory=Scaling)
+    columns: Sequence[str] | None = None
+    skip: int | None = None
+    topic: str | None = None
+    form: str | None = None
+    sensor: str | None = None
+    full_scale_dps: float | None = None
+    second: SecondFile | None = None
+    resample_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A recording that was read and not yet written: its session, the mappings that were taken, and what was done to it."""
+
+    session: Session
+    guessed: tuple[Guess, ...]
+    warnings: tuple[Warning, ...]
+    repaired: Mapping[str, int]
+
+    def save(self, out: str | Path, *, append: bool = False) -> Session:
+        """Write the session into a new folder, or add its runs to one; nothing is left behind where that fails."""
+        folder = Path(out)
+        if append and folder.exists():
+            return _append(folder, Session.open(folder, check=False), list(self.session.runs))
+        check_is_new(folder, append)
+        return self.session.save(folder)
+
+
+def check_is_new(folder: Path, append: bool) -> None:
+    """InputError where the folder is there already."""
+    if folder.exists() and not append:
+        raise InputError(f"{folder}: is there already; choose another name, or --append to add runs to it")
 
 
 def import_recording(
@@ -26,61 +89,66 @@ def import_recording(
     out: str | Path,
     maps: Sequence[str] = (),
     *,
-    cuts: Sequence[Cut] = (),
-    run_meta: Sequence[str] = (),
-    defaults: Mapping[str, Any] | None = None,
-    axis: str = "z",
-    scaling: Scaling | None = None,
-    columns: Sequence[str] | None = None,
-    skip: int | None = None,
-    form: str | None = None,
-    sensor: str | None = None,
-    full_scale_dps: float | None = None,
     append: bool = False,
     warn: Callable[[Warning], None] = lambda _: None,
+    **options: Any,
 ) -> Session:
-    """Make a session of a recording; nothing is left behind where that fails.
+    """Make a session of a recording in one step, without a guess; ``options`` are fields of :class:`Options`.
 
     Args:
-        source: the file; for EuRoC its folder (``imu0``) will do.
+        source: the file; a folder with a file a run; for EuRoC its folder (``imu0``) will do.
         out: the session's folder, new unless ``append``.
         maps: ``target=column[:unit][*factor]``; without any, the columns that bear a session's names.
-        cuts: the runs to take; without any, the whole table is one.
-        run_meta: ``PATTERN:key=value,...`` for the cuts whose names fit.
-        defaults: keys of ``[[run]]`` for all of them.
-        axis: the session's axis.
-        form: a name of ``FORMATS``, whose mappings come before ``maps``.
-        warn: told what was left out of the file.
+        warn: told what was left out of the file or repaired in it.
 
     Raises:
         InputError: one line naming file, row or option, and the reason.
     """
-    path, folder, scaling = Path(source), Path(out), scaling or Scaling()
-    scaling.check()
-    if form is not None:
-        maps, path = [*mapping_of(form), *maps], _data_file(path)
-    if folder.exists() and not append:
-        raise InputError(f"{folder}: is there already; choose another name, or --append to add runs to it")
-    table, mappings = _read(path, maps, scaling, columns, skip)
-    if table.damage:
-        warn(Warning("line_damaged", None, None, f"{path}: {table.damage}"))
-    existing = Session.open(folder, check=False) if append and folder.exists() else None
+    check_is_new(Path(out), append)
+    known = {key: value for key, value in options.items() if value is not None}
+    found = read_recording(source, Options(maps=maps, **known), existing=_existing(Path(out), append))
+    if found.guessed:
+        raise InputError(f"{source}: its columns are not mapped; a guess: {' '.join(g.map for g in found.guessed)}")
+    for warning in found.warnings:
+        warn(warning)
+    return found.save(out, append=append)
+
+
+def _existing(out: Path, append: bool) -> Session | None:
+    return Session.open(out, check=False) if append and out.exists() else None
+
+
+def read_recording(source: str | Path, options: Options, existing: Session | None = None) -> Imported:
+    """Read and convert a recording; nothing is written. ``existing``: the session that its runs will be added to."""
+    options.scaling.check()
+    path = Path(source)
+    if options.form is not None:
+        options = replace(options, maps=[*mapping_of(options.form), *options.maps])
+        path = _data_file(path)
+    files = _files(path)
+    if len(files) > 1 and options.cuts:
+        raise InputError(f"{path}: {len(files)} files, each a run; --run and --sections cut a single file")
+    runs: list[Run] = []
+    warnings: list[Warning] = []
+    repaired: dict[str, int] = {}
+    guessed: tuple[Guess, ...] = ()
     number = len(existing.runs) if existing else 0
-    face = (defaults or {}).get("face", "up")
-    cuts = with_meta(list(cuts) or [Cut(f"{number:03d}_{face}")], run_meta, defaults or {})
-    check_names_differ(cuts)
-    runs = cut_runs(table, mappings, cuts, scaling.rate_hz, axis, warn)
-    if existing is not None:
-        return _append(folder, existing, runs)
+    axis = options.axis or (existing.axis if existing else None)
+    for file in files:
+        read = _read_file(file, replace(options, axis=axis), number + len(runs), named=len(files) > 1)
+        runs += read.session.runs
+        axis = axis or read.session.axis
+        warnings += read.warnings
+        guessed = guessed or read.guessed
+        for what, count in read.repaired.items():
+            repaired[what] = repaired.get(what, 0) + count
     session = Session(
-        sample_rate_hz=scaling.rate_hz or runs[0].sample_rate_hz,
-        runs=tuple(runs),
-        axis=axis,  # type: ignore[arg-type]
-        sensor=sensor,
-        full_scale_dps=full_scale_dps,
-        lsb_dps=scaling.lsb_dps,
-    )
-    return session.save(folder)
+        sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis or "z",  # type: ignore[arg-type]
+        sensor=options.sensor, full_scale_dps=options.full_scale_dps, lsb_dps=options.scaling.lsb_dps,
+        reference=Reference.model_validate({"clock": "own"} if options.second and options.second.clock == "own" else {}),
+    )  # fmt: skip
+    session, slowed = _of_one_rate(session, options.resample_hz, existing)
+    return Imported(session, guessed, tuple(warnings), repaired | ({"resampled": slowed} if slowed else {}))
 
 
 def _data_file(path: Path) -> Path:
@@ -88,99 +156,164 @@ def _data_file(path: Path) -> Path:
     return next((p for p in (path / "data.csv", path / "imu0" / "data.csv") if p.is_file()), path)
 
 
-def _read(
-    path: Path, maps: Sequence[str], scaling: Scaling, columns: Sequence[str] | None, skip: int | None
-) -> tuple[Source, list[ColumnMap]]:
-    """The table's wanted columns and what they are mapped to; without ``maps``, those that bear a session's names."""
-    mappings = list({m.target: m for m in (ColumnMap.parse(text, scaling) for text in maps)}.values())
-    if not mappings:
-        table = read_source(path, REQUIRED, OPTIONAL, columns, skip)
-        return table, [ColumnMap(name, name) for name in table.frame.columns]
-    lacking = [t for t in REQUIRED[1:] if t not in {m.target for m in mappings}]
-    if lacking:
-        raise InputError(f"{path}: nothing is mapped to {', '.join(lacking)}; see gyrocal import --help")
-    return read_source(path, [m.column for m in mappings], (), columns, skip), mappings
+def _files(path: Path) -> list[Path]:
+    """The file, or the tables in a folder that is no ROS 2 bag."""
+    if not path.is_dir() or (path / "metadata.yaml").is_file():
+        return [path]
+    found = sorted(p for p in path.iterdir() if p.suffix.lower() in TABLES)
+    if not found:
+        raise InputError(f"{path}: no tables in this folder ({', '.join(TABLES)})")
+    return found
 
 
-def cut_runs(
-    source: Source, mappings: Sequence[ColumnMap], cuts: Sequence[Cut], rate_hz: float | None, axis: str,
-    warn: Callable[[Warning], None] = lambda _: None,
-) -> list[Run]:  # fmt: skip
-    """The cuts as runs, checked; without a mapping of ``t_s``, ``rate_hz`` numbers the samples.
-
-    Times that repeat or come in bursts are replaced by their regression on the sample's number, and ``warn`` is told.
-    """
-    height = source.frame.height
-    by_target = {m.target: m for m in mappings}
-    if "t_s" not in by_target and rate_hz is None:
+def _read_file(path: Path, options: Options, number: int, named: bool) -> Imported:
+    """The runs of one file; ``number`` is the first run's, and ``named`` takes the run's name from the file's."""
+    mappings, source, guessed = _mapped(path, options)
+    axis = options.axis or _only_axis(mappings)
+    rate_hz = options.scaling.rate_hz
+    if "t_s" not in {m.target for m in mappings} and rate_hz is None:
         raise InputError(f"{source.label}: no time: map t_s, or give --rate-hz where samples are evenly spaced")
-    runs = []
-    for index, cut in enumerate(cuts):
-        start = _row(source, by_target, cut.start, 0, rate_hz)
-        end = _row(source, by_target, cut.end, height, rate_hz)
-        if not 0 <= start < end <= height or end - start < 2:
-            raise InputError(
-                f"{source.label}: run {cut.name}: rows {start} to {end} of {height} do not hold two samples"
-            )
-        columns = {m.target: source.numbers(m, start, end) for m in mappings}
-        if "t_s" not in columns:
-            assert rate_hz is not None
-            columns["t_s"] = np.arange(end - start) / rate_hz
-        columns["t_s"] = _even(columns["t_s"], source, start, cut, warn)
-        frame = pl.DataFrame({name: columns[name] for name in TARGETS if name in columns}).fill_nan(None)
-        meta = cut.meta
-        face = meta.get("face", "up")
-        run = Run(
-            index, f"{cut.name}.csv", meta.get("scenario", "s000"), face, meta.get("axis") or axis,  # type: ignore[arg-type]
-            meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
-            rate_hz or _nominal_rate_hz(columns["t_s"]), frame=check_table(frame, f"{source.label}: run {cut.name}"),
-        )  # fmt: skip
-        if run.table_rate_dps is None and run.turn_deg is None and not set(REFERENCES) & set(columns):
-            raise InputError(
-                f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map a reference (rate_ref_dps)"
-            )
-        runs.append(run)
-    return runs
+    table = convert(source, mappings, rate_hz)
+    table, rate_hz, warnings = _rate_and_unit(source, mappings, table, rate_hz)
+    if table.damage:
+        warnings.append(Warning("line_damaged", None, None, f"{source.label}: {table.damage}"))
+    if options.second is not None:
+        start_s = next((source.start_s(m) for m in mappings if m.target == "t_s"), 0.0)
+        more = options.second.columns(table.columns["t_s"], start_s, options.scaling)
+        table = replace(table, columns={**table.columns, **more})
+    stem = path.name.split(".")[0]
+    labels = check_meta(labels_of(stem), str(path))
+    defaults = {**labels, **options.defaults}
+    if "turn_deg" in options.defaults and "table_rate_dps" not in options.defaults:
+        defaults.pop("table_rate_dps", None)
+    cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{defaults.get('face', 'up')}")]
+    cuts = with_meta(cuts, options.run_meta, defaults)
+    check_names_differ(cuts)
+    evened: list[Warning] = []
+    runs = [_run(source, mappings, table, cut, number + i, axis, rate_hz, evened.append) for i, cut in enumerate(cuts)]
+    times = sum(len(run) for run in runs if run.file in {w.file for w in evened})
+    counts = {"times": times, "rows": table.left_out, "cells": table.cells}
+    session = Session(sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis)  # type: ignore[arg-type]
+    return Imported(session, guessed, (*warnings, *evened), {what: count for what, count in counts.items() if count})
 
 
-def _even(t_s: Array, source: Source, start: int, cut: Cut, warn: Callable[[Warning], None]) -> Array:
-    """The times of a cut [n], s: as they are, or by regression where they repeat or come in bursts."""
-    if not np.isfinite(t_s).all() or not in_bursts(t_s):
-        return t_s
-    if goes_back(t_s) or t_s[-1] <= t_s[0]:
-        row = start + int(np.flatnonzero(np.diff(t_s) <= 0)[0]) + 1
-        raise InputError(
-            f"{source.label}: row {source.first_row + row}: time repeats or goes back; cut it with --run, "
-            "or number the samples with --rate-hz and no t_s"
-        )
-    stamps = regression(t_s)
-    lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
-    warn(Warning(
-        "sample_rate", None, f"{cut.name}.csv",
-        f"the times repeat or come in bursts, {1e3 * stamps.jitter_s:.3g} ms rms off an even course of "
-        f"{1 / stamps.period_s:.5g} samples a second{lost}; they were replaced by their regression on the sample's number. "
-        "Record the sensor's own time if you can",
-    ))  # fmt: skip
-    return stamps.t_s
+def _mapped(path: Path, options: Options) -> tuple[list[ColumnMap], Source, tuple[Guess, ...]]:
+    """The mappings, the table, and the guess where nothing was mapped and the columns do not bear a session's names."""
+    scaling = options.scaling
+    mappings = list({m.target: m for m in (ColumnMap.parse(text, scaling) for text in options.maps)}.values())
+    names = [m.column for m in mappings]
+    source = readers.read(path, names, options.columns, options.skip, options.topic)
+    if mappings:
+        source.check_has(names)
+        if not any(f"g{a}_dps" in {m.target for m in mappings} for a in AXES):
+            raise InputError(f"{path}: no gyroscope is mapped, as by --map gz_dps=COLUMN:UNIT; see gyrocal import --help")
+        return mappings, source, ()
+    if set(REQUIRED) <= set(source.frame.columns):
+        return [ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source, ()
+    guessed = tuple(guess(source, scaling))
+    return [ColumnMap.parse(g.map, scaling) for g in guessed], source, guessed
 
 
-def _row(
-    source: Source, by_target: Mapping[str, ColumnMap], edge: Edge | None, default: int, rate_hz: float | None
-) -> int:
+def _only_axis(mappings: Sequence[ColumnMap]) -> str:
+    mapped = [a for a in AXES if f"g{a}_dps" in {m.target for m in mappings}]
+    return mapped[0] if len(mapped) == 1 else "z"
+
+
+def _rate_and_unit(
+    source: Source, mappings: Sequence[ColumnMap], table: Converted, rate_hz: float | None
+) -> tuple[Converted, float | None, list[Warning]]:
+    """The table with its time in seconds, and the nominal rate: the stated one unless the times contradict it.
+
+    A time without a stated unit that is a power of 1000 off the stated rate is in ms, us or ns.
+    """
+    time = next((m for m in mappings if m.target == "t_s"), None)
+    t_s = table.columns["t_s"]
+    if time is None or rate_hz is None or t_s.size < 3 or goes_back(t_s) or t_s[-1] <= t_s[0]:
+        return table, rate_hz, []
+    ratio = rate_hz * period_s(t_s)
+    if abs(ratio - 1) <= STATED:
+        return table, rate_hz, []
+    unit = next((u for u in TIME_UNITS if time.unit is None and abs(ratio / u - 1) <= STATED), None)
+    if unit is not None:
+        return replace(table, columns={**table.columns, "t_s": t_s / unit}), rate_hz, []
+    text = (
+        f"{source.label}: {time.column} has {rate_hz / ratio:.5g} samples a second, --rate-hz says {rate_hz:g}. The session "
+        "has the rate of its times; give their unit (--map t_s=COLUMN:ms), or leave t_s out to number the samples"
+    )
+    return table, None, [Warning("sample_rate", None, None, text)]
+
+
+def _run(
+    source: Source, mappings: Sequence[ColumnMap], table: Converted, cut: Cut, index: int, axis: str, rate_hz: float | None,
+    warn: Callable[[Warning], None],
+) -> Run:  # fmt: skip
+    """One cut as a run, checked; its time starts at 0."""
+    height = int(table.entry[-1]) + 1 if table.entry.size else 0
+    start = _place(table, cut.start, 0)
+    end = _place(table, cut.end, table.entry.size)
+    if not 0 <= start < end <= table.entry.size or end - start < 2:
+        raise InputError(f"{source.label}: run {cut.name}: its rows do not hold two samples of {height}")
+    columns = {name: values[start:end] for name, values in table.columns.items()}
+    file = f"{cut.name}.csv"
+    steps = np.flatnonzero(np.diff(columns["t_s"]) <= 0)
+    where = source.row(int(table.entry[start + (steps[0] + 1 if steps.size else 0)]))
+    columns["t_s"], warning = even(columns["t_s"] - columns["t_s"][0], where, file)
+    if warning is not None:
+        warn(warning)
+    if any(m.is_angle_of_rate for m in mappings):
+        columns["rate_ref_dps"] = rate_of(columns["t_s"], columns["rate_ref_dps"])
+    meta = cut.meta
+    run_axis = meta.get("axis") or axis
+    if f"g{run_axis}_dps" not in columns:
+        raise InputError(f"run {cut.name}: its axis is {run_axis}, and nothing is mapped to g{run_axis}_dps; see --axis")
+    for name in REQUIRED[1:]:
+        columns.setdefault(name, np.zeros(end - start))
+    if "table_rate_dps" not in meta and meta.get("turn_deg") is None and not has_reference(columns):
+        raise InputError(f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map rate_ref_dps")
+    return Run(
+        index, file, meta.get("scenario", "s000"), meta.get("face", "up"), run_axis,  # type: ignore[arg-type]
+        meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
+        rate_hz or _nominal_rate_hz(columns["t_s"]),
+        frame=check_table(_frame(columns), f"{source.label}: run {cut.name}"), table_rate_se_dps=meta.get("table_rate_se_dps"),
+    )  # fmt: skip
+
+
+def _frame(columns: Mapping[str, Array]) -> pl.DataFrame:
+    return pl.DataFrame({name: columns[name] for name in TARGETS if name in columns}).fill_nan(None)
+
+
+def _place(table: Converted, edge: Edge | None, default: int) -> int:
+    """The place among the converted rows of an edge, which counts the table's samples or seconds."""
     if edge is None:
         return default
     if not edge.in_seconds:
-        return int(edge.value)
-    if "t_s" in by_target:
-        t_s = source.numbers(by_target["t_s"], 0, source.frame.height)
-    else:
-        assert rate_hz is not None
-        t_s = np.arange(source.frame.height) / rate_hz
-    return int(np.searchsorted(t_s, edge.value - 0.5e-6))
+        last = int(table.entry[-1]) + 1 if table.entry.size else 0
+        return int(np.searchsorted(table.entry, edge.value)) if edge.value <= last else -1
+    return int(np.searchsorted(np.maximum.accumulate(table.columns["t_s"]), edge.value - 0.5e-6))
 
 
 def _nominal_rate_hz(t_s: Array) -> float:
     return float(f"{1.0 / period_s(t_s):.5g}")
+
+
+def _of_one_rate(session: Session, resample_hz: float | None, existing: Session | None) -> tuple[Session, int]:
+    """The session with its faster runs at the rate of the slowest, or as asked for, and how many samples were averaged."""
+    rates = [run.sample_rate_hz for run in session.runs]
+    rate_hz = resample_hz or (existing.sample_rate_hz if existing else min(rates))
+    slow = next((run for run in session.runs if run.sample_rate_hz < rate_hz * (1 - SAME_RATE)), None)
+    if slow is not None:
+        raise InputError(
+            f"run {slow.file}: {slow.sample_rate_hz:g} Hz is slower than {rate_hz:g} Hz; one session holds one rate: import "
+            f"the slowest recording first, or all with --resample-hz {slow.sample_rate_hz:g}"
+        )
+    runs, averaged = [], 0
+    for run in session.runs:
+        if run.sample_rate_hz > rate_hz * (1 + SAME_RATE):
+            averaged += len(run)
+            columns = resampled({name: run.table[name].to_numpy() for name in run.table.columns}, rate_hz)
+            run = replace(run, frame=_frame(columns), sample_rate_hz=rate_hz)
+        runs.append(run)
+    return replace(session, runs=tuple(runs), sample_rate_hz=rate_hz), averaged
 
 
 def _append(folder: Path, session: Session, runs: list[Run]) -> Session:
@@ -188,11 +321,6 @@ def _append(folder: Path, session: Session, runs: list[Run]) -> Session:
     header = read_header(folder).model_dump(exclude_none=True)
     entries = header.pop("run")
     for run in runs:
-        if abs(run.sample_rate_hz / session.sample_rate_hz - 1.0) > 0.02:
-            raise InputError(
-                f"{folder}: is at {session.sample_rate_hz:g} Hz, run {run.file} at {run.sample_rate_hz:g} Hz; "
-                "one session holds one rate"
-            )
         if (folder / run.file).exists():
             raise InputError(f"{folder / run.file}: is there already; name the run otherwise with --run NAME::")
     written: list[Path] = []

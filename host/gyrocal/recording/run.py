@@ -202,12 +202,16 @@ class Run:
 
     @cached_property
     def _smooth_reference(self) -> Smoothed | None:
-        """The reference without its noise, whatever the timing; None if the rate is not measured but known."""
+        """The reference without its noise, whatever the timing; None if the rate is not measured but known.
+
+        The rate of a rest is zero. The residual holds the reference's noise, so a column of what is left of it at rest
+        would fit it.
+        """
         reference = self.reference_dps
         if reference is None or not self.smooth or (self.measured_rates is not None and self.measured_rates.derived):
             return None
         known = np.isfinite(reference)
-        found = smoothed(reference[known], self.reference.ref_noise_dps)
+        found = smoothed(reference[known], self.reference.ref_noise_dps).at_rest()
         return found if known.all() else found.at(self.sample_s, self.sample_s[known])
 
     @cached_property

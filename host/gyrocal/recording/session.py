@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,13 @@ from gyrocal.recording.header import FORMAT, Axis, Reference, RunEntry, SessionF
 from gyrocal.recording.registration import RegistrationFit
 from gyrocal.recording.run import AXES, GAP_PERIODS, Array, Run
 from gyrocal.recording.table import write_table
+from gyrocal.shown import Shown
 
 __all__ = ["AXES", "GAP_PERIODS", "Array", "Axis", "Run", "Session", "run_entry"]
 
 
-@dataclass(frozen=True)
-class Session:
+@dataclass(frozen=True, repr=False)
+class Session(Shown):
     """A folder of runs; ``runs`` keep the file's order."""
 
     sample_rate_hz: float
@@ -35,6 +36,11 @@ class Session:
     """Keys of session.toml that no command reads."""
     reference: Reference = field(default_factory=Reference)
     """The table ``[reference]``: what is known of references and thermometers."""
+    board: str | None = None
+    rig: str | None = None
+    line: str | None = None
+    made_on: str | None = None
+    """What a fleet knows its boards by: serial number, rig, production line and date (ISO), as free text."""
     registration_fit: RegistrationFit | None = None
     """How well the runs' ``registration`` is known; None where it was not estimated."""
 
@@ -55,6 +61,10 @@ class Session:
             accept=tuple(header.accept or ()),
             unread=(*(header.model_extra or ()), *(f"reference.{key}" for key in header.reference.model_extra or ())),
             reference=header.reference,
+            board=header.board,
+            rig=header.rig,
+            line=header.line,
+            made_on=None if header.made_on is None else str(header.made_on),
         )
         for run in session.runs:
             if run.path is not None and not run.path.is_file():
@@ -62,6 +72,17 @@ class Session:
             if check:
                 _check_rate_known(run)
         return session
+
+    @staticmethod
+    def from_frames(frames: Sequence[Any], runs: Sequence[Mapping[str, Any]], **header: Any) -> Session:
+        """A session of frames (polars, pandas, or arrays by name) with a session's columns; ``runs`` are their facts.
+
+        The facts have the names of ``[[run]]`` in session.toml (``face``, ``table_rate_dps``, ...), ``header`` those above it
+        (``axis``, ``sensor``, ...). Without ``sample_rate_hz`` it is that of the first frame. Raises InputError.
+        """
+        from gyrocal.recording.frames import session_of
+
+        return session_of(frames, runs, **header)
 
     def about(self, axis: str) -> Session:
         """The same session with the true rate about another axis of the sensor in the runs whose reference has three axes."""
@@ -119,6 +140,7 @@ class Session:
         return {
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
+            "board": self.board, "rig": self.rig, "line": self.line, "made_on": self.made_on,
             "accept": list(self.accept) or None,
             "reference": self.reference.model_dump(exclude_none=True, exclude_defaults=True) or None,
         }  # fmt: skip

@@ -26,6 +26,10 @@ SIGNIFICANT = 4.0
 """Standard errors that count as significant: of a fall of the level between the halves of that band, and of a lost motion."""
 AGREE = 3.0
 """Standard errors within which the parabolas of a shorter and a longer window agree."""
+HIDDEN = 4.0
+"""Standard errors of a smoothed value below which it may be zero."""
+AT_REST = 20
+"""So many values in a row that may be zero are a rest, and not the moment at which a swing turns back."""
 LARGEST_CHANGE = 1e-3
 """Of the motion: a window that removes significantly more of it over the whole run is too long."""
 TURNS_BACK = 0.25
@@ -66,6 +70,15 @@ class Smoothed:
     def error_of_means(self, samples: float) -> Array:
         """The variance [n] that the noise leaves in a mean over ``samples`` values about each value."""
         return np.minimum(self.error, self.noise.sd**2 / samples)
+
+    def at_rest(self) -> Smoothed:
+        """The same column, zero where its noise hides for ``AT_REST`` values or more whether it differs from zero."""
+        hidden = self.values**2 < HIDDEN**2 * self.error
+        start = np.flatnonzero(np.diff(hidden, prepend=False) & hidden)
+        length = np.flatnonzero(np.diff(hidden, append=False) & hidden) + 1 - start
+        for first, count in zip(start[length < AT_REST], length[length < AT_REST], strict=True):
+            hidden[first : first + count] = False
+        return Smoothed(np.where(hidden, 0.0, self.values), np.where(hidden, 0.0, self.error), self.noise)
 
     def at(self, t_s: Array, known_s: Array) -> Smoothed:
         """The column at the times ``t_s`` [m], by interpolation between the times ``known_s`` [n] that have a reading."""

@@ -1,13 +1,7 @@
-"""Others' tables as they lie in files.
-
-A table is CSV (comma, semicolon, tab or space; lines of other text may stand above it; gzip or not) or Parquet.
-"""
+"""The table of somebody else's recording, as it lies in its file: columns by name, not yet converted."""
 
 from __future__ import annotations
 
-import gzip
-import io
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,177 +10,103 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from gyrocal.errors import InputError, first_line
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
-from gyrocal.recording.table import OPTIONAL
 
-HEADER_SEARCH_LINES = 200
-QUOTES = " \t\"'"
+Booleans = np.ndarray[Any, np.dtype[np.bool_]]
+TOO_LONG = "in a row of too many cells"
+"""Stands in each cell of such a row: nobody knows which cell belongs to which column."""
+SHOWN_COLUMNS = 40
+"""Names of columns that an error lists."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A table as it lies in a file: the wanted columns, not yet converted; ``first_row``: the file's row of entry 0.
+    """A table: ``label`` names its file, ``first_row`` is the file's row of the table's entry 0.
 
-    ``damage`` says in words what was left out of it.
+    Cells of a text stay text until a column is converted. A row without any cell is a blank line.
     """
 
     label: str
-    first_row: int
     frame: pl.DataFrame
-    damage: str = ""
+    first_row: int = 1
+    si: bool = False
+    """True where the kind of file defines its units: rad/s and m/s2."""
 
-    def numbers(self, mapping: ColumnMap, start: int, end: int) -> Array:
-        """A column's rows in the target's unit; NaN where an optional cell is empty. Time starts at 0."""
-        column = self.frame[mapping.column][start:end]
+    def check_has(self, names: Sequence[str]) -> None:
+        """InputError where one of the columns is not there."""
+        for name in names:
+            if name not in self.frame.columns:
+                shown = ", ".join(self.frame.columns[:SHOWN_COLUMNS])
+                near = did_you_mean(name, self.frame.columns)
+                raise InputError(f"{self.label}: no column {name!r} among {shown}{near}")
+
+    def row(self, entry: int) -> str:
+        """Where an entry stands, in words."""
+        return f"{self.label}: row {self.first_row + entry}"
+
+    def numbers(self, mapping: ColumnMap) -> Array:
+        """A column [n] in the target's unit; NaN where a cell holds no finite number. Time counts from its first number."""
+        column = self.frame[mapping.column]
         if mapping.target == "t_s" and not column.dtype.is_float():
             whole = column.cast(pl.Int64, strict=False)
-            if whole.null_count() == 0:  # nanoseconds since 1970 do not fit a float64
-                return (whole - whole[0]).to_numpy() * mapping.factor
-        values = column.cast(pl.Float64, strict=False).to_numpy().astype(np.float64)
-        bad = ~np.isfinite(values)
-        if mapping.target in OPTIONAL:
-            bad &= ~_missing(column)
-        if bad.any():
-            row = int(np.flatnonzero(bad)[0])
-            shown = "empty" if column[row] in (None, "") else repr(column[row])
-            where = f"{self.label}: row {self.first_row + start + row}"
-            raise InputError(f"{where}: {mapping.column} is {shown}, not a finite number")
+            if whole.null_count() == _as_float(column).null_count() and whole.null_count() < len(whole):
+                first = whole.drop_nulls()[0]  # nanoseconds since 1970 do not fit a float64
+                return _finite((whole - first).cast(pl.Float64)) * mapping.factor
+        values = _finite(_as_float(column))
         if mapping.target == "t_s":
-            values = values - values[0]
+            known = values[np.isfinite(values)]
+            values = values - (known[0] if known.size else 0.0)
         return values * mapping.factor + mapping.offset
 
+    def start_s(self, mapping: ColumnMap) -> float:
+        """The moment of the column's first number in the clock of the file, s, that :meth:`numbers` counts time from."""
+        known = _as_float(self.frame[mapping.column]).drop_nulls()
+        return float(known[0]) * mapping.factor if len(known) else 0.0
 
-def _missing(column: pl.Series) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    if column.dtype == pl.String:
-        return column.str.to_lowercase().is_in(["", "nan"]).fill_null(True).to_numpy()
-    return column.cast(pl.Float64).is_nan().fill_null(True).to_numpy()
+    def has_text(self, mapping: ColumnMap) -> Booleans:
+        """The entries [n] whose cell is neither a number nor stands for a missing one."""
+        column = self.frame[mapping.column]
+        wrong = _as_float(column).is_null()
+        if column.dtype != pl.String or not wrong.any():
+            return np.zeros(len(column), dtype=bool)
+        empty = column.str.to_lowercase().is_in(["", "nan", "null", "none", "n/a", TOO_LONG]).fill_null(True)
+        return (wrong & ~empty).to_numpy()
+
+    def blank(self) -> Booleans:
+        """The entries [n] without any cell."""
+        return self.frame.select(pl.all_horizontal(pl.all().is_null())).to_series().to_numpy()
 
 
-def read_source(
-    path: Path,
-    names: Sequence[str],
-    optional: Sequence[str] = (),
-    columns: Sequence[str] | None = None,
-    skip: int | None = None,
-) -> Source:
-    """Read the columns ``names`` of a table, and those of ``optional`` that are there.
+def _as_float(column: pl.Series) -> pl.Series:
+    return column.cast(pl.Float64, strict=False)
 
-    ``columns`` names all columns where the file itself does not; ``skip`` lines stand above the header, by default as
-    many as there are.
+
+def _finite(column: pl.Series) -> Array:
+    values = column.to_numpy().astype(np.float64)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: bool = False) -> Source:
+    """A table of arrays by name: those of the length that most columns have; [n, k] becomes the columns ``name.0`` to k - 1.
+
+    InputError where no array of numbers has two entries.
     """
-    try:
-        data = path.read_bytes()
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"{path}: {getattr(error, 'strerror', None) or first_line(error)}") from None
-    if data[:4] == b"PAR1":
-        return _read_parquet(path, data, names, optional)
-    lines = data.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").split("\n")
-    while lines and not lines[-1].strip():
-        lines.pop()
-    if columns is None:
-        header, separator = _find_header(path, lines, names, skip)
-        columns, first = _cells(lines[header], separator), header + 1
-    else:
-        first, separator = _find_data(path, lines, columns, names, skip)
-    names = _present(path, columns, names, optional)
-    if first >= len(lines):
-        raise InputError(f"{path}: row {first + 1}: no samples")
-    wanted = [list(columns).index(name) for name in names]
-    table: list[list[str]] = [[] for _ in names]
-    damage = ""
-    for number, line in enumerate(lines[first:], start=first + 1):
-        cells = _split(line, separator)
-        if number == len(lines) and len(cells) < len(columns) and number > first + 2:
-            damage = f"row {number} was not written to its end ({len(cells)} cells of {len(columns)}) and is left out"
-            break
-        if len(cells) != len(columns):
-            raise InputError(f"{path}: row {number}: {len(cells)} cells, there should be {len(columns)}")
-        for taken, index in zip(table, wanted, strict=True):
-            taken.append(cells[index])
-    series = [pl.Series(n, cells, pl.String).str.strip_chars(QUOTES) for n, cells in zip(names, table, strict=True)]
-    if separator == ";":
-        series = [column.str.replace(",", ".", literal=True) for column in series]
-    return Source(str(path), first + 1, pl.DataFrame(series), damage)
-
-
-def _present(path: Path, columns: Sequence[str], names: Sequence[str], optional: Sequence[str]) -> list[str]:
-    """The wanted names, each once; InputError where one is not there or not unique."""
-    for name in names:
-        if name not in columns:
-            raise InputError(f"{path}: no column {name!r} among {', '.join(columns)[:200]}")
-    wanted = list(dict.fromkeys([*names, *(n for n in optional if n in columns)]))
-    for name in wanted:
-        if list(columns).count(name) > 1:
-            raise InputError(f"{path}: column {name!r} stands twice in the header")
-    return wanted
-
-
-def _read_parquet(path: Path, data: bytes, names: Sequence[str], optional: Sequence[str]) -> Source:
-    try:
-        frame = pl.read_parquet(io.BytesIO(data))
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise InputError(f"{path}: not a readable Parquet file: {first_line(error)}") from None
-    frame = frame.select(_present(path, frame.columns, names, optional))
-    for name, dtype in frame.schema.items():
-        if isinstance(dtype, pl.Datetime):
-            frame = frame.with_columns(pl.col(name).dt.epoch("ns"))
-        elif isinstance(dtype, pl.Duration):
-            frame = frame.with_columns(pl.col(name).dt.total_nanoseconds())
-        elif not (dtype.is_numeric() or dtype == pl.String):
-            raise InputError(f"{path}: column {name!r} holds {dtype}, not numbers")
-    if not frame.height:
-        raise InputError(f"{path}: row 1: no samples")
-    return Source(str(path), 1, frame)
-
-
-def _split(line: str, separator: str) -> list[str]:
-    return line.split() if separator == " " else line.split(separator)
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip(QUOTES + "#") for cell in _split(line, separator)]
-
-
-def _find_header(path: Path, lines: list[str], names: Sequence[str], skip: int | None) -> tuple[int, str]:
-    """The line that holds every wanted name, and the separator that shows them."""
-    first, last = (0, HEADER_SEARCH_LINES) if skip is None else (skip, skip + 1)
-    for number, line in list(enumerate(lines))[first:last]:
-        for separator in ",\t; ":
-            if set(names) <= set(_cells(line, separator)):
-                return number, separator
-    shown = lines[first : first + 1] or ["nothing"]
-    where = "no line" if skip is None else f"row {skip + 1}"
-    raise InputError(
-        f"{path}: {where} names the columns {', '.join(dict.fromkeys(names))}; row {first + 1} is {shown[0][:120]!r} "
-        "(other names: --map; no header: --columns a,b,c)"
-    )
-
-
-def _find_data(
-    path: Path, lines: list[str], columns: Sequence[str], names: Sequence[str], skip: int | None
-) -> tuple[int, str]:
-    """The first line that has as many cells as there are names, numbers where numbers are wanted; and the separator."""
-    wanted = [i for i, column in enumerate(columns) if column in names]
-    first, last = (0, HEADER_SEARCH_LINES) if skip is None else (skip, skip + 1)
-    for number, line in list(enumerate(lines))[first:last]:
-        for separator in ",\t; ":
-            cells = _cells(line, separator)
-            if len(cells) == len(columns) and all(_is_number(cells[i]) for i in wanted):
-                return number, separator
-    shown = lines[first : first + 1] or ["nothing"]
-    raise InputError(
-        f"{path}: no row of {len(columns)} cells with numbers in {', '.join(dict.fromkeys(names))}; "
-        f"row {first + 1} is {shown[0][:120]!r}"
-    )
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", ".") or "0")
-    except ValueError:
-        return False
-    return True
+    columns: dict[str, Any] = {}
+    for name, value in arrays.items():
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiub" or array.size < 2:
+            continue
+        array = array.squeeze()
+        if array.ndim == 1:
+            columns[name] = array
+        elif array.ndim == 2:
+            across = array if array.shape[0] >= array.shape[1] else array.T
+            columns.update({f"{name}.{i}": across[:, i] for i in range(across.shape[1])})
+    lengths = [array.size for array in columns.values()]
+    if not lengths:
+        raise InputError(f"{path}: no columns of numbers in it")
+    length = max(set(lengths), key=lambda n: (lengths.count(n), n))
+    frame = pl.DataFrame({name: np.ascontiguousarray(a) for name, a in columns.items() if a.size == length})
+    return Source(label or str(path), frame, si=si)

@@ -84,6 +84,8 @@ def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
         raise InputError(f"{label}: row {table.height + 1}: a run needs two samples at least")
     for name in known:
         column = table[name]
+        if np.isfinite(column.to_numpy()).all():  # an empty cell is NaN here
+            continue
         bad = column.is_null() if name in REQUIRED else pl.repeat(False, table.height, eager=True)
         bad = bad | (column.is_finite() == False).fill_null(False)  # noqa: E712
         if bad.any():
@@ -108,7 +110,8 @@ def _check_columns(columns: list[str], label: str) -> None:
         raise InputError(f"{label}: row 1: column {sorted(doubled)[0]!r} stands twice in the header")
     missing = [c for c in REQUIRED if c not in columns]
     if missing:
-        raise InputError(f"{label}: row 1: the header lacks {', '.join(missing)}; it has {', '.join(columns)[:120]}")
+        comma = "; cells are separated by commas here: `gyrocal import` reads other tables" if len(columns) == 1 else ""
+        raise InputError(f"{label}: row 1: the header lacks {', '.join(missing)}; it has {', '.join(columns)[:120]}{comma}")
 
     for name in OPTIONAL:
         stem, _, unit = name.rpartition("_")

@@ -19,7 +19,7 @@ import polars as pl
 from gyrocal.effects import base
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.files import replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.component import NoiseComponent
@@ -197,7 +197,7 @@ def simulate(
 
 def _check(campaign: str, seconds: float | None) -> None:
     if campaign not in CAMPAIGNS:
-        raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}")
+        raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}{did_you_mean(campaign, CAMPAIGNS)}")
     if seconds is not None and not 2.0 / RATE_HZ <= seconds < np.inf:
         raise InputError(f"--seconds {seconds:g}: a run lasts two samples of 1/{RATE_HZ:g} s at least")
 

@@ -12,6 +12,10 @@ from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Shape
 
 RESOLUTION_C = 0.05
+WITHIN = 0.5
+"""Part of a session's range of temperature that the runs must pass through to be cut into the steps of a ramp."""
+FEW_STEPS = 2
+"""Number of steps between runs up to which a ramp within the runs shows more."""
 
 
 class Temperature(Variable):
@@ -26,5 +30,8 @@ class Temperature(Variable):
         measured_c = [temp_c for r in self.runs if (temp_c := temperature_c(r)) is not None]
         if not measured_c:
             return []
-        edges = quantile_edges(np.concatenate(measured_c), RESOLUTION_C, min(MOST_STEPS, self.steps_between_runs))
+        together_c = np.concatenate(measured_c)
+        moves = float(np.median([np.ptp(temp_c) for temp_c in measured_c])) > WITHIN * float(np.ptp(together_c))
+        ramp = moves and self.steps_between_runs <= FEW_STEPS
+        edges = quantile_edges(together_c, RESOLUTION_C, MOST_STEPS if ramp else min(MOST_STEPS, self.steps_between_runs))
         return self.steps(axis, edges) if edges.size else []

@@ -27,9 +27,11 @@ class Effect:
 class Case:
     """One session to be made. `expected` are the ids to be named, `rivals` those hardly told from them by it.
 
-    Kinds: "null" (nothing to name), "effect", "pair", "confounded" (real, but this protocol cannot show it apart from
-    `rivals`), "unknown" (outside the library). Protocols: "paper", "full" and "swing" (rate_ref_dps, a slow
-    sinusoidal rate; constant rates can show neither lag nor clock error). `seconds` is the length of one run.
+    Kinds: "null" (nothing to name), "effect", "pair", "set" (two to five effects), "confounded" (real, but this protocol
+    cannot show it apart from `rivals`), "unknown" (outside the library). Constant rates: "paper", "full" and "long" (one
+    run). With a reference of the rate: "swing" (a slow sinusoid), "staircase" (levels from rest to the highest rate and
+    back), "hand" (turned by hand, with an encoder) and "chamber" (a few levels while the temperature ramps up and down).
+    `seconds` is the length of one run, `vibration_g` the strongest vibration (rms) of any run.
     """
 
     name: str
@@ -53,6 +55,14 @@ class Case:
     latitude_deg: float | None = None
     accelerometer: bool = True
     table_angle: bool = False
+    poll_hz: float = 145.0
+    odr_hz: float = 416.0
+    cutoff_hz: float = 136.0
+    noise_density_dps: float = 3.8e-3  # per sqrt(Hz), one-sided, before the low-pass
+    reference_sd_dps: float = 0.0
+    largest_scale: float | None = None  # uniform up to this size; None: a data sheet's normal distribution
+    largest_bias_dps: float = 0.7
+    vibration_g: float = 0.0
     file_format: str = "csv"
 
 
@@ -75,6 +85,8 @@ class RunTruth:
     rate_dps: Array
     temp_c: Array
     table_angle_deg: Array
+    acceleration_g: Array
+    cycle_s: Array
     scale: Array
     bias_dps: Array
     drift_dps: Array

@@ -19,6 +19,7 @@ class Climate:
         self.base_c = {day: random.uniform(23.0, 27.0) for day in (1, 2, 3)}
         self.slow = [(random.uniform(0.3, 0.8), random.uniform(900, 2400), random.random()) for _ in range(2)]
         self.heater = (3.0 if case.climate == "chamber" else 0.0, random.uniform(60.0, 80.0), random.random())
+        self.ramp = (14.0, case.seconds * random.uniform(1.2, 1.5), random.random()) if case.climate == "ramp" else None
         # heat left from the power cycles before, at each power-on
         self.heat_c: dict[int, float] = {}
         heat_c, last_day, last_on_s, last_off_s = 0.0, 0, 0.0, 0.0
@@ -41,6 +42,12 @@ class Climate:
             angle = 2 * np.pi * (time_s / period_s + phase)
             temp_c += amplitude_c * np.sin(angle)
             slope += amplitude_c * 2 * np.pi / period_s * np.cos(angle)
+        if self.ramp is not None:
+            amplitude_c, period_s, phase = self.ramp
+            for k in (1, 3, 5):  # of a triangle's waves: a chamber turns within seconds, not within a sample
+                angle = 2 * np.pi * k * (time_s / period_s + phase)
+                temp_c += amplitude_c * 8 / (np.pi * k) ** 2 * np.cos(angle)
+                slope -= amplitude_c * 16 / (np.pi * k * period_s) * np.sin(angle)
         left = (self.heat_c[plan.scenario] - SELF_HEATING_C) * np.exp(
             -(time_s - plan.power_on_time_s) / SELF_HEATING_TAU_S
         )

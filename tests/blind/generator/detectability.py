@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
 from .case import AXES, Array, Truth
-from .chip import POLL_HZ
+from .chip import Chip
+
+ORDER = 12
 
 
 def _signal(truth: Truth, effect: str | None) -> list[Array]:
@@ -16,22 +20,40 @@ def _signal(truth: Truth, effect: str | None) -> list[Array]:
     ]
 
 
-def _whitened(truth: Truth, columns: Array) -> Array:
-    """Columns [..., n] through the filter that turns the true white + OU noise into unit white noise (exact Kalman)."""
+def whitened(truth: Truth, columns: Array) -> Array:
+    """Columns [..., n] through the filter that turns the true noise into unit white noise.
+
+    White noise as the low-pass leaves it is whitened by its autoregressive predictor. Where it is white at the polls, this
+    is a factor alone. Drift noise (OU) is far slower than the predictor, whose gain at zero frequency it keeps; the exact
+    Kalman filter takes it out.
+    """
     case = truth.case
-    variance = truth.white_sd_dps**2 + truth.lsb_dps**2 / 12
+    predictor, variance = _predictor(truth)
+    columns = lfilter(predictor, [1.0], columns - columns[..., :1], axis=-1) + columns[..., :1] * np.sum(predictor)
     if case.ou_sd_dps == 0.0:
         return columns / np.sqrt(variance)
-    pole = np.exp(-1 / (POLL_HZ * case.ou_tau_s))
-    spread, state = case.ou_sd_dps**2, np.zeros(columns.shape[:-1])
+    pole = np.exp(-1 / (case.poll_hz * case.ou_tau_s))
+    ou_variance = (case.ou_sd_dps * np.sum(predictor)) ** 2
+    spread, state = ou_variance, np.zeros(columns.shape[:-1])
     out = np.empty_like(columns)
     for i in range(columns.shape[-1]):
         innovation = columns[..., i] - state
         total = spread + variance
         out[..., i] = innovation / np.sqrt(total)
         state = pole * (state + spread / total * innovation)
-        spread = pole**2 * spread * variance / total + case.ou_sd_dps**2 * (1 - pole**2)
+        spread = pole**2 * spread * variance / total + ou_variance * (1 - pole**2)
     return out
+
+
+def _predictor(truth: Truth) -> tuple[Array, float]:
+    """The autoregressive whitening filter of the fast noise, and the variance of what it leaves."""
+    white = truth.lsb_dps**2 / 12 + truth.case.reference_sd_dps**2
+    covariance = Chip(truth.case).noise_covariance(truth.case.poll_hz, ORDER)
+    covariance[0] += white
+    if np.all(np.abs(covariance[1:]) < 0.05 * covariance[0]):
+        return np.ones(1), truth.white_sd_dps**2 + white
+    predictor = np.concatenate([[1.0], -solve_toeplitz(covariance[:-1], covariance[1:])])
+    return predictor, float(predictor @ covariance)
 
 
 def detectability(truth: Truth, effect: str | None = None) -> float:
@@ -50,7 +72,7 @@ def detectability(truth: Truth, effect: str | None = None) -> float:
         shown = [[signal[i], constant] for signal in signals]
         if axis == truth.case.table_axis:
             shown = [[*columns, run.rate_dps] for columns, run in zip(shown, truth.runs, strict=True)]
-        columns = _whitened(truth, np.array(shown))
+        columns = whitened(truth, np.array(shown))
         information = np.zeros((columns.shape[1],) * 2)
         for scenario in dict.fromkeys(run.scenario for run in truth.runs):
             mine = np.concatenate([columns[k] for k, run in enumerate(truth.runs) if run.scenario == scenario], axis=1)

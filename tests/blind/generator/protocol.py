@@ -8,6 +8,9 @@ import numpy as np
 
 from .case import Case, random_of
 
+RUNS_A_DAY = {"staircase": 1, "hand": 2, "chamber": 1}
+MOVING = tuple(RUNS_A_DAY)
+
 
 @dataclass
 class Plan:
@@ -20,6 +23,7 @@ class Plan:
     power_on_time_s: float
     start_time_s: float
     swing_hz: float = 0.0
+    moves: bool = False  # the rate changes through the run, and the session has a reference of it
 
 
 def plans_of(case: Case) -> list[Plan]:
@@ -41,13 +45,18 @@ def plans_of(case: Case) -> list[Plan]:
             ]
         elif case.protocol == "swing":
             cycles = [[(face, 10.0, random.uniform(0.05, 0.12))] for face in ("up", "down") for _ in range(3)]
+        elif case.protocol == "long":
+            cycles = [[("up", case.rates_dps[-1], 0.0)]] if day == 1 else []
+        elif case.protocol in MOVING:
+            cycles = [[(face, case.rates_dps[-1], 0.0)] for face in ("up", "down")[: RUNS_A_DAY[case.protocol]]]
         else:
-            raise ValueError(f"{case.name}: unknown protocol {case.protocol!r}; use paper, full or swing")
+            raise ValueError(f"{case.name}: unknown protocol {case.protocol!r}")
         for cycle in cycles:
             power_on_time_s = clock_s
             clock_s += random.uniform(2.0, 4.0)
             for face, rate, swing_hz in cycle:
-                plans.append(Plan(scenario, face, day, rate, power_on_time_s, clock_s, swing_hz))
+                moves = bool(swing_hz) or case.protocol in MOVING
+                plans.append(Plan(scenario, face, day, rate, power_on_time_s, clock_s, swing_hz, moves))
                 clock_s += case.seconds + random.uniform(15.0, 30.0)
             clock_s += random.uniform(10.0, 25.0)
             scenario += 1

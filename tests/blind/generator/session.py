@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +10,14 @@ from numpy.typing import NDArray
 
 from . import chip
 from .case import AXES, Array, Case, RunTruth, Truth, random_of
-from .chip import POLL_HZ, Chip
+from .chip import Chip
 from .climate import Climate
+from .motion import Motion, motion
 from .protocol import Plan, jumps_of, plans_of
 from .signals import SIGNALS, World
 
 EARTH_RATE_DPS = 15.041 / 3600
+HISTORY_STEP_S = 0.05
 
 
 def make(case: Case, folder: str | Path) -> Truth:
@@ -25,7 +26,7 @@ def make(case: Case, folder: str | Path) -> Truth:
     folder.mkdir(parents=True, exist_ok=True)
     setup = Setup(case)
     truth = Truth(case, setup.scale, setup.bias_dps, setup.chip.white_sd_dps, setup.lsb_dps)
-    n = int(case.seconds * POLL_HZ)
+    n = int(case.seconds * case.poll_hz)
     drift = np.zeros((3, 1))
     entries = []
     for run, plan in enumerate(setup.plans):
@@ -52,7 +53,9 @@ class Setup:
         self.jumps = jumps_of(case, self.plans)
         sensor = random_of(case, "sensor")
         self.scale: Array = np.clip(sensor.normal(0.0, 0.004, 3), -0.01, 0.01)
-        self.bias_dps: Array = sensor.uniform(-0.7, 0.7, 3)
+        if case.largest_scale is not None:
+            self.scale = sensor.uniform(-case.largest_scale, case.largest_scale, 3)
+        self.bias_dps: Array = sensor.uniform(-case.largest_bias_dps, case.largest_bias_dps, 3)
         self.tilt = np.radians(sensor.uniform(0.1, 0.5))
         self.lsb_dps = chip.LSB_PER_FULL_SCALE * case.full_scale_dps
         self.clock_error = next((e.parameters["e"] for e in case.effects if e.id == "clock_error"), 0.0)
@@ -71,34 +74,16 @@ class Setup:
         return jumps_dps
 
 
-@dataclass(frozen=True)
-class Motion:
-    """How the table moves in one run, arrays [n] on the fine time base."""
-
-    rate_dps: Array  # about the sensor's sensed axis
-    reference_dps: Array  # the rate that the session states
-    angle_deg: Array
-
-
-def _motion(setup: Setup, plan: Plan, random: np.random.Generator) -> Motion:
-    side = 1.0 if plan.face == "up" else -1.0
-    start_deg = random.uniform(0.0, 360.0)
-    t_s = setup.fine_s
-    if plan.swing_hz:
-        omega, phase = 2 * np.pi * plan.swing_hz, 2 * np.pi * random.random()
-        rate_dps = side * plan.table_rate_dps * np.sin(omega * t_s + phase)
-        reference = side * plan.table_rate_dps * np.sin(omega * t_s / (1 + setup.clock_error) + phase)
-        swept_deg = plan.table_rate_dps / omega * (np.cos(phase) - np.cos(omega * t_s + phase))
-    else:
-        rate_dps = np.full_like(t_s, side * plan.table_rate_dps)
-        reference = rate_dps
-        swept_deg = plan.table_rate_dps * t_s
-    return Motion(rate_dps, reference, start_deg + swept_deg)
-
-
 def _world(setup: Setup, run: int, motion: Motion) -> World:
     plan, t_s = setup.plans[run], setup.fine_s
     temp_c, temp_slope = setup.climate(plan, t_s)
+    first = setup.first_of_cycle(plan)
+    since_first_s = np.arange(first.start_time_s - plan.start_time_s, t_s[-1] + HISTORY_STEP_S, HISTORY_STEP_S)
+    vibration_g = _vibration(setup.case, run, t_s)
+    acceleration_g = in_sensor_frame(
+        setup.case.table_axis, plan.face, np.sin(setup.tilt), np.cos(setup.tilt), motion.angle_deg
+    )
+    acceleration_g[AXES.index(setup.case.table_axis)] += vibration_g
     return World(
         t_s=t_s,
         power_on_s=t_s + plan.start_time_s - plan.power_on_time_s,
@@ -108,13 +93,23 @@ def _world(setup: Setup, run: int, motion: Motion) -> World:
         table_angle_deg=motion.angle_deg,
         temp_c=temp_c,
         temp_slope_c_s=temp_slope,
-        acceleration_g=in_sensor_frame(
-            setup.case.table_axis, plan.face, np.sin(setup.tilt), np.cos(setup.tilt), motion.angle_deg
-        ),
+        acceleration_g=acceleration_g,
         seconds=setup.case.seconds,
         jumps_dps=setup.jumps_dps(run, plan),
         random=random_of(setup.case, "effects", run),
+        vibration_g=vibration_g,
+        cycle_temp=(since_first_s, setup.climate(plan, since_first_s)[0]),
     )
+
+
+def _vibration(case: Case, run: int, t_s: Array) -> Array:
+    """A motor's shaking of the run's own strength, which comes and goes over several seconds."""
+    if case.vibration_g == 0.0:
+        return np.zeros_like(t_s)
+    random = random_of(case, "vibration", run)
+    f_hz = case.poll_hz * random.uniform(0.08, 0.2)
+    strength_g = case.vibration_g * np.sqrt(2) * np.abs(np.sin(np.pi * (t_s / random.uniform(8, 20) + random.random())))
+    return strength_g * np.sin(2 * np.pi * (f_hz * t_s + random.random()))
 
 
 def _record(setup: Setup, run: int, drift: Array, random: np.random.Generator) -> tuple[RunTruth, dict[str, Array]]:
@@ -122,15 +117,15 @@ def _record(setup: Setup, run: int, drift: Array, random: np.random.Generator) -
     case, plan = setup.case, setup.plans[run]
     n = drift.shape[1]
     # the host's clock reads t_s; the world is at (1 + e) t_s
-    t_s = np.arange(n) / POLL_HZ + np.abs(random.normal(0.0, chip.POLL_JITTER_S, n))
+    t_s = np.arange(n) / case.poll_hz + np.abs(random.normal(0.0, chip.POLL_JITTER_S, n))
     t_s = np.round(t_s - t_s[0], 6)
     index = setup.chip.newest(t_s * (1 + setup.clock_error))
-    motion = _motion(setup, plan, random)
-    world = _world(setup, run, motion)
+    moved = motion(case.protocol, plan, setup.fine_s, case.seconds, setup.clock_error, random)
+    world = _world(setup, run, moved)
 
     injected = _injected(setup, world, index)
-    rate = setup.chip.low_pass(motion.reference_dps)[index]
-    earth = _earth(case, plan, motion.angle_deg[index])
+    rate = setup.chip.low_pass(moved.reference_dps)[index]
+    earth = _earth(case, plan, moved.angle_deg[index])
     turn_on = case.turn_on_sd_dps * random_of(case, "turn_on", plan.scenario).standard_normal(3)
     power_cycle_bias = setup.bias_dps + turn_on
     analogue = power_cycle_bias[:, None] + earth + drift + setup.chip.noise(random, len(setup.fine_s), index)
@@ -142,21 +137,23 @@ def _record(setup: Setup, run: int, drift: Array, random: np.random.Generator) -
 
     columns = {"t_s": t_s} | {f"g{name}_dps": reading[i] for i, name in enumerate(AXES)}
     columns |= _other_columns(case, world, t_s, index, random)
-    if plan.swing_hz:
-        columns["rate_ref_dps"] = rate
+    if plan.moves:
+        columns["rate_ref_dps"] = rate + case.reference_sd_dps * random_of(case, "reference", run).standard_normal(n)
     if case.table_angle:
-        columns["table_angle_deg"] = motion.angle_deg[index]
+        columns["table_angle_deg"] = moved.angle_deg[index]
     return RunTruth(
         file=f"{run:03d}_{plan.face}.{case.file_format}",
         scenario=f"s{plan.scenario:03d}",
         face=plan.face,
         day=plan.day,
         power_on_s=round(plan.start_time_s - plan.power_on_time_s, 3),
-        table_rate_dps=None if plan.swing_hz else plan.table_rate_dps,
+        table_rate_dps=None if plan.moves else plan.table_rate_dps,
         t_s=t_s,
         rate_dps=rate,
         temp_c=world.temp_c[index],
-        table_angle_deg=motion.angle_deg[index],
+        table_angle_deg=moved.angle_deg[index],
+        acceleration_g=world.acceleration_g[:, index],
+        cycle_s=world.cycle_s[index],
         scale=setup.scale,
         bias_dps=power_cycle_bias,
         drift_dps=drift,
@@ -230,11 +227,15 @@ def _head(case: Case, lsb_dps: float) -> list[str]:
         'format = "gyrocal-session/1"',
         'sensor = "LSM6DSO"',
         f'axis = "{case.table_axis}"',
-        f"sample_rate_hz = {POLL_HZ!r}",
+        f"sample_rate_hz = {case.poll_hz!r}",
         f"full_scale_dps = {case.full_scale_dps!r}",
         f"lsb_dps = {lsb_dps:.6f}",
     ]
-    return head if case.latitude_deg is None else [*head, f"latitude_deg = {case.latitude_deg!r}"]
+    if case.latitude_deg is not None:
+        head.append(f"latitude_deg = {case.latitude_deg!r}")
+    if case.reference_sd_dps:
+        head += ["", "[reference]", f"ref_noise_dps = {case.reference_sd_dps!r}"]
+    return head
 
 
 def _entry(run: RunTruth) -> str:

@@ -26,6 +26,8 @@ class World:
     acceleration_g: Array  # [3, n]
     seconds: float
     jumps_dps: Array  # steps planted in this power cycle so far, [n]
+    vibration_g: Array  # along the table's axis, part of the acceleration
+    cycle_temp: tuple[Array, Array]  # t_s and temperature, from the power cycle's first sample to the run's end
     random: np.random.Generator
 
 
@@ -99,6 +101,60 @@ def _fan_sweep(p: Mapping[str, float], world: World) -> Array:
     return p["A_dps"] * np.sin(2 * np.pi * cycles)
 
 
+def _order_tone(p: Mapping[str, float], world: World) -> Array:
+    return p["A_dps"] * np.sin(np.radians(p["order"] * world.table_angle_deg + p["phase_deg"]))
+
+
+def _dead_band(p: Mapping[str, float], world: World) -> Array:
+    return np.where(np.abs(world.rate_dps) < p["width_dps"], -world.rate_dps, 0.0)
+
+
+def play(temp_c: Array, width_c: float) -> Array:
+    """Where the temperature came from, -1 to 1: the play operator, a loop of the given width, from its middle."""
+    middle, at = np.empty_like(temp_c), temp_c[0]
+    for i, now in enumerate(temp_c):
+        at = min(max(at, now - width_c / 2), now + width_c / 2)
+        middle[i] = at
+    return (temp_c - middle) / (width_c / 2)
+
+
+def _thermal_hysteresis(p: Mapping[str, float], world: World) -> Array:
+    t_s, temp_c = world.cycle_temp
+    return p["amplitude_dps"] * np.interp(world.t_s, t_s, play(temp_c, p["width_c"]))
+
+
+def _two_point_control(p: Mapping[str, float], world: World) -> Array:
+    """A heater's switch pulls the supply: on and off in turn, each time for a little longer or shorter."""
+    halves = int(4 * (world.seconds + 4) / p["period_s"])
+    edges = world.t_s[0] + np.cumsum(p["period_s"] / 2 * world.random.uniform(0.7, 1.3, halves))
+    return p["A_dps"] * (-1.0) ** np.searchsorted(edges, world.t_s)
+
+
+def _friction(p: Mapping[str, float], world: World) -> Array:
+    """The mount gives way against its friction: an offset with the sign of the angular acceleration, held at rest."""
+    slope = np.gradient(world.rate_dps, world.t_s)
+    sign = np.where(np.abs(slope) > 0.5, np.sign(slope), 0.0)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    return p["A_dps"] * sign[last]
+
+
+def _periodic_nonlinearity(p: Mapping[str, float], world: World) -> Array:
+    """The converter's integral nonlinearity: a wave over the rate."""
+    return p["A_dps"] * np.sin(2 * np.pi * world.rate_dps / p["period_dps"] + p["phase"])
+
+
+def _hum_bursts(p: Mapping[str, float], world: World) -> Array:
+    """A pump nearby that runs for a while and stops, its frequency a little different each time."""
+    hum, at_s = np.zeros_like(world.t_s), world.t_s[0]
+    while at_s < world.t_s[-1]:
+        at_s += world.random.exponential(2 * p["burst_s"])
+        length_s, f_hz = world.random.exponential(p["burst_s"]), p["f_hz"] * world.random.uniform(0.85, 1.15)
+        on = (world.t_s >= at_s) & (world.t_s < at_s + length_s)
+        hum[on] = np.sin(2 * np.pi * (f_hz * world.t_s[on] + world.random.random()))
+        at_s += length_s
+    return p["A_dps"] * hum
+
+
 SIGNALS: dict[str, Callable[[Mapping[str, float], World], Array]] = {
     "bias_temperature": _bias_temperature,
     "scale_temperature": lambda p, world: p["k_per_c"] * (world.temp_c - 25.0) * world.rate_dps,
@@ -116,6 +172,14 @@ SIGNALS: dict[str, Callable[[Mapping[str, float], World], Array]] = {
     "lag": _lag,
     "clock_error": _clock_error,
     "bias_jumps": lambda p, world: world.jumps_dps,
+    "thermal_hysteresis": _thermal_hysteresis,
+    "dead_band": _dead_band,
+    "order_tone": _order_tone,
+    "g2_sensitivity": lambda p, world: p["k_dps_per_g2"] * np.sum(world.acceleration_g**2, axis=0),
+    "two_point_control": _two_point_control,
+    "friction": _friction,
+    "periodic_nonlinearity": _periodic_nonlinearity,
+    "hum_bursts": _hum_bursts,
     "stick_slip": _stick_slip,
     "gear_ripple": _gear_ripple,
     "mount_resonance": _mount_resonance,

@@ -1,0 +1,92 @@
+"""What the candidates of an axis show beside each other.
+
+Each candidate is judged beside the model alone. The signal of a strong cause can raise others that have nothing to do with
+it: a dead band makes jumps, and a lost carry makes wide waves. Beside the first candidate of an axis, another one keeps the
+decision ``add`` only if it still gains with the first one in the model.
+
+Slow effects can also hide each other: a curve over temperature hides a hysteresis, and alone neither predicts held-out data.
+Where no candidate of an axis passes, those that were suggested are compared as sets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.decision import in_range, proven, sure_gain
+from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.sets import choose, fitted_together
+from gyrocal.policy import POLICY
+from gyrocal.threads import each
+
+
+def beside_first(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
+    """The candidates; those with decision ``add`` that do not gain beside the first one of their axis have ``suggest``.
+
+    Rivals of the first one stay, because the session cannot tell which of them acts.
+    """
+    tested = sum(c.decision != "not_measurable" for c in candidates)
+    passed = [c for c in candidates if c.decision == "add"]
+    first = {c.axis: c for c in sorted(passed, key=lambda c: c.gain or 0.0)}
+    others = [c for c in passed if c is not first[c.axis] and c.effect.id not in first[c.axis].group]
+    axes = {c.axis for c in others}
+    richer = {axis: Current.of(comparison, axis).with_effect(first[axis].effect, first[axis].values) for axis in axes}
+
+    def still(c: Candidate) -> bool:
+        return _gains(judge(richer[c.axis], c.effect), first[c.axis], tested)
+
+    kept = dict(zip(map(id, others), each(still, others, comparison.fit.session.rows), strict=True))
+    return [c if kept.get(id(c), True) else replace(c, decision="suggest", group=()) for c in candidates]
+
+
+def _gains(again: Candidate, first: Candidate, tested: int) -> bool:
+    """True if a candidate is proven beside the first one.
+
+    Two faults of the reading are found in the same codes, so that a second one must also improve the prediction.
+    """
+    same_codes = first.effect.fault_of(first.values) is not None or first.effect.fault is not None
+    if same_codes and again.effect.fault_of(again.values) is not None and not sure_gain(again):
+        return False
+    return bool(again.values) and proven(again, tested) and in_range(again)
+
+
+def as_sets(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
+    """The candidates; on each axis with a finding and without a name, the members of the best set have decision ``add``."""
+    named = {c.axis for c in candidates if c.decision == "add"}
+    found = {f.axis for f in comparison.where} - named
+    out = list(candidates)
+    for axis in comparison.judged:
+        runs = comparison.fit.session.runs
+        slow = [
+            c for c in candidates
+            if c.axis == axis and c.decision == "suggest" and c.signal is not None and not c.effect.fast
+            and c.effect.scope_in(runs) == "session"
+        ]  # fmt: skip
+        if axis in found and len(slow) > 1:
+            pool = sorted(slow, key=lambda c: c.chance)[: POLICY.largest_pool]
+            changed = _set_of(pool, comparison, sum(c.decision != "not_measurable" for c in candidates))
+            out = [changed.get(c.effect.id, c) if c.axis == axis else c for c in out]
+    return out
+
+
+def _set_of(pool: Sequence[Candidate], comparison: Comparison, tested: int) -> dict[str, Candidate]:
+    """The members of the best set of one axis by id, each with its evidence beside the others."""
+    current = Current.of(comparison, pool[0].axis)
+    choice = choose(current, [c.effect for c in pool], tested)
+    ids = tuple(e.id for e in choice.certain)
+    changed = {}
+    for effect in choice.certain:
+        others = fitted_together(current, [e for e in choice.certain if e is not effect])
+        if others is not None:
+            again = judge(replace(current, fit=others, changed=True), effect)
+            changed[effect.id] = replace(
+                again, decision="add", group=(effect.id,), together=ids if len(ids) > 1 else (),
+                q_value=min(1.0, again.chance * tested),
+            )  # fmt: skip
+    for c in pool:
+        if choice.open and c.effect.id == choice.open[0]:
+            changed[c.effect.id] = replace(c, decision="add", group=choice.open)
+    return changed

@@ -1,0 +1,76 @@
+"""The drift that the boards of a fleet share, from some of them.
+
+A short session hardly knows its own drift, and standard errors with a badly known drift are a few percent too small: a thousand
+boards then show an effect that is not there. Boards of one kind share the drift, so its likelihood is summed over boards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.reml import LARGEST_SPREAD, Spreads, solve
+from gyrocal.noise.whitening import Noise
+
+SIZES = (0.0, *np.geomspace(0.01, 0.64, 13).tolist())
+"""Standard deviation of the drift over that of the white noise of a sample."""
+TIMES_S = (10.0, 30.0, 100.0)
+PILOT = 40
+"""Sessions, evenly spaced in the sorted list, from which the drift is taken."""
+
+
+@dataclass(frozen=True)
+class FleetDrift:
+    """A drift: its standard deviation over that of the white noise of a sample, and its correlation time in s."""
+
+    size: float
+    tau_s: float
+
+    def noise(self, own: Noise) -> Noise:
+        """A board's noise with the fleet's drift."""
+        return replace(own, ou_sd_dps=self.size * own.white_sd_dps, ou_tau_s=self.tau_s)
+
+
+def pilot(paths: Sequence[str]) -> list[str]:
+    """The sessions from which the drift is taken."""
+    return [paths[i] for i in sorted({int(i) for i in np.linspace(0, len(paths) - 1, min(PILOT, len(paths)))})]
+
+
+def loglik_of(fitted: AxisFit) -> list[list[float]]:
+    """REML log-likelihood of a session's axis for each of ``TIMES_S`` and ``SIZES``, at its white level.
+
+    Bias and scale of its power cycles are as good as free: with their spreads as fitted, which are badly known from a few
+    cycles, the drift would come out too small.
+    """
+    design, n = fitted.design, int(fitted.design.n_blocks.sum())
+    roles = [design.terms[design.layout.fixed[j][0]].effect.role for j in design.layout.scenario]
+    spreads = Spreads(fitted.spreads.run, np.array([LARGEST_SPREAD[role] for role in roles]))
+
+    def at(size: float, tau_s: float) -> float:
+        grams, logdet = design.grams(FleetDrift(size, tau_s).noise(fitted.noise))
+        return solve(design.layout, grams, logdet, design.scenarios, n, spreads).loglik
+
+    return [[at(size, tau_s) for size in SIZES] for tau_s in TIMES_S]
+
+
+def fleet_drifts(said: Iterable[Mapping[str, Sequence[Sequence[float]]]]) -> dict[str, FleetDrift]:
+    """The likeliest drift of each axis; the size is interpolated between ``SIZES``."""
+    total: dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]] = {}
+    for one in said:
+        for axis, loglik in one.items():
+            total[axis] = total.get(axis, 0.0) + np.array(loglik, dtype=np.float64)
+    return {axis: _likeliest(loglik) for axis, loglik in sorted(total.items())}
+
+
+def _likeliest(loglik: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> FleetDrift:
+    from scipy.interpolate import CubicSpline
+
+    t, k = (int(i) for i in np.unravel_index(int(np.nanargmax(loglik)), loglik.shape))
+    if k < 2:  # below the smallest size there is no logarithm to interpolate in
+        return FleetDrift(SIZES[k], TIMES_S[t])
+    course = CubicSpline(np.log(SIZES[1:]), loglik[t, 1:])
+    between = np.linspace(np.log(SIZES[k - 1]), np.log(SIZES[min(k + 1, len(SIZES) - 1)]), 401)
+    return FleetDrift(float(np.exp(between[int(np.argmax(course(between)))])), TIMES_S[t])

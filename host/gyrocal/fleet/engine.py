@@ -1,0 +1,119 @@
+"""Where tasks run: in this process, on processes of this machine, or on a running Dask scheduler.
+
+Tasks stream: a bounded number is submitted, and each result that arrives makes room for the next task, so that the memory of
+client and scheduler does not grow with the fleet. A task whose worker dies is run again elsewhere; one that has killed several
+workers is given up with a reason. If the scheduler restarts, what it had not finished is submitted again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any, Protocol
+
+from gyrocal.errors import GyrocalError, InputError
+from gyrocal.fleet.board import Done
+
+AHEAD = 4
+"""Tasks that are submitted for each worker."""
+PATIENCE_S = 60
+"""How long a scheduler or worker that went away is waited for."""
+RESUBMITTED = 5
+"""How often a task that its scheduler lost is submitted again."""
+
+Task = Callable[[str], Done]
+
+
+class Engine(Protocol):
+    """Runs a task for each path and yields the results as they arrive."""
+
+    dashboard: str | None
+
+    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]: ...
+
+
+class InProcess:
+    """One task after another, in this process."""
+
+    dashboard: str | None = None
+
+    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]:
+        yield from map(task, paths)
+
+
+class OnDask:
+    """Tasks on the workers of a Dask client."""
+
+    def __init__(self, client: Any) -> None:
+        self.client = client
+        self.dashboard: str | None = client.dashboard_link or None
+
+    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]:
+        from distributed import as_completed
+
+        waiting, running, tries = iter(paths), {}, dict.fromkeys(paths, 0)
+        window = AHEAD * max(1, sum(self.client.nthreads().values()))
+
+        def submit(path: str) -> Any:
+            tries[path] += 1
+            future = self.client.submit(task, path, pure=False)
+            running[future.key] = path
+            return future
+
+        arrived = as_completed([submit(path) for path in islice(waiting, window)])
+        for future in arrived:
+            path = running.pop(future.key)
+            if future.status in ("cancelled", "lost") and tries[path] < RESUBMITTED:
+                self._wait(path)
+                arrived.add(submit(path))
+                continue
+            yield _outcome(future, path)
+            for following in islice(waiting, 1):
+                arrived.add(submit(following))
+
+    def _wait(self, path: str) -> None:
+        try:
+            self.client.wait_for_workers(1, timeout=PATIENCE_S)
+        except Exception as error:
+            raise GyrocalError(f"the scheduler went away while {path} was computed ({error}); run the command again: "
+                               "finished sessions are kept") from None  # fmt: skip
+
+
+def _outcome(future: Any, path: str) -> Done:
+    if future.status == "finished":
+        done = future.result()
+        future.release()
+        return Done(done.session, done.key, done.reason)
+    error = future.exception() if future.status == "error" else "the scheduler lost it"
+    return Done(path, reason=f"its workers died or failed: {' '.join(str(error).split())[:200]}")
+
+
+@contextmanager
+def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator[Engine]:
+    """The engine that the options ask for: ``workers`` processes here (None: one a core; 0: this process), or a scheduler.
+
+    Raises InputError if Dask is not installed or the scheduler does not answer.
+    """
+    if workers is not None and (workers < 0 or scheduler is not None):
+        raise InputError("--workers: 0 or more, and not together with --scheduler")
+    if workers == 0:
+        yield InProcess()
+        return
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise InputError("a cluster needs Dask: pip install 'gyrocal[fleet]', or give --workers 0") from None
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=PATIENCE_S)
+        except (OSError, ValueError) as error:
+            raise InputError(f"--scheduler {scheduler}: no answer ({error}); is `dask scheduler` running there?") from None
+        with client:
+            yield OnDask(client)
+        return
+    count = workers or os.cpu_count() or 1
+    quiet = {"dashboard_address": ":0", "silence_logs": "CRITICAL"}
+    with LocalCluster(n_workers=count, threads_per_worker=1, processes=True, **quiet) as here, Client(here) as client:
+        yield OnDask(client)

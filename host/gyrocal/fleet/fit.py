@@ -1,0 +1,199 @@
+"""A fleet's sessions fitted as one population: tasks for the sessions, then the population from their summaries."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.fleet import missing, trend
+from gyrocal.fleet.board import Done, listen, work
+from gyrocal.fleet.drift import FleetDrift, fleet_drifts, pilot
+from gyrocal.fleet.engine import Engine
+from gyrocal.fleet.likelihood import CycleSpreads, Kind, evidence, names_of
+from gyrocal.fleet.listing import sessions
+from gyrocal.fleet.missing import Evidence, Missing
+from gyrocal.fleet.outliers import Outlier, outliers
+from gyrocal.fleet.pooling import Pooled, labelled, pool
+from gyrocal.fleet.summary import Summary
+from gyrocal.recording.session import AXES, Array
+
+RESULTS = "results"
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """One quantity of many sessions: the sessions' numbers in :attr:`Fleet.boards`, values and standard errors, each [n]."""
+
+    sessions: np.ndarray[Any, np.dtype[np.intp]]
+    values: Array = field(repr=False)
+    se: Array = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """A fleet as one population. ``boards`` has what is known of each session that was fitted, in the order of its path."""
+
+    model: Model
+    boards: list[Summary]
+    failed: list[Done]
+    estimates: dict[str, Estimates]
+    population: dict[str, Pooled]
+    outliers: list[Outlier]
+    missing: list[Missing]
+    trends: list[trend.Trend]
+    attribution: str
+    spreads: dict[Kind, Array]
+    drifts: dict[str, FleetDrift]
+    seconds: float
+
+    @property
+    def sessions_per_s(self) -> float:
+        return (len(self.boards) + len(self.failed)) / max(self.seconds, 1e-9)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "boards": len({b.board for b in self.boards}),
+            "sessions": len(self.boards),
+            "failed": [{"session": d.session, "reason": d.reason} for d in self.failed],
+            "population": {name: found.to_json() for name, found in self.population.items()},
+            "outliers": [o.to_json() for o in self.outliers],
+            "missing": [m.to_json() for m in self.missing],
+            "trends": [t.to_json() for t in self.trends],
+            "attribution": self.attribution,
+            "warnings": dict(sorted(Counter(w for b in self.boards for w in b.warnings).items())),
+            "sessions_per_s": self.sessions_per_s,
+        }
+
+
+def fit_fleet(source: str, model: Model, engine: Engine, out: Path, progress: Progress | None = None) -> Fleet:
+    """Fit every session of ``source`` (see :func:`~gyrocal.fleet.listing.sessions`) and pool them.
+
+    Summaries are kept in ``out/results`` and never computed twice; a session that failed is tried again. The result does not
+    depend on the number of workers or their order. Raises InputError if there is no session, or none that can be fitted.
+    """
+    began = time.perf_counter()
+    paths, results = sessions(source), out / RESULTS
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{results}: {error.strerror}") from None
+    told = _done(engine, partial(listen, model=model, results=str(results.absolute())), pilot(paths), None)
+    drifts = fleet_drifts(json.loads((results / f"{d.key}.drift.json").read_text()) for d in told if d.key)
+    task = partial(work, model=model, drifts=drifts, results=str(results.absolute()))
+    done = _done(engine, task, paths, progress)
+    seconds = time.perf_counter() - began
+    fitted, failed = [d for d in done if d.key], [d for d in done if not d.key]
+    if not fitted:
+        raise InputError(f"{source}: none of {len(done)} sessions could be fitted; the first: {failed[0].reason}")
+    return _pooled(model, results, fitted, failed, drifts, seconds)
+
+
+def _done(engine: Engine, task: Callable[[str], Done], paths: Sequence[str], progress: Progress | None) -> list[Done]:
+    done = []
+    for one in engine.run(task, paths):
+        done.append(one)
+        if progress is not None:
+            progress(len(done), len(paths))
+    return sorted(done, key=lambda d: d.session)
+
+
+def _summaries(results: Path, fitted: Sequence[Done]) -> Iterator[Summary]:
+    """The summaries one by one, in the order of the sessions' paths."""
+    for done in fitted:
+        yield Summary.load(results / f"{done.key}.npz").at(done.session)
+
+
+def _pooled(
+    model: Model, results: Path, fitted: Sequence[Done], failed: list[Done], drifts: dict[str, FleetDrift], seconds: float
+) -> Fleet:  # fmt: skip
+    boards: list[Summary] = []
+    cycles = {axis: CycleSpreads() for axis in AXES}
+    names: dict[str, set[str]] = {axis: set() for axis in AXES}
+    for summary in _summaries(results, fitted):
+        for axis, one in summary.axes.items():
+            cycles[axis].add(one)
+            names[axis] |= set(names_of([one]))
+        boards.append(summary.without_equations())
+    spreads = {kind: sd for axis in AXES for kind, sd in cycles[axis].fit().items()}
+    estimates = _estimates(boards)
+    board, rig = labelled([b.board for b in boards]), labelled([b.rig for b in boards])
+    population, found = {}, []
+    for name, of in estimates.items():
+        pooled = pool(of.values, of.se, board[of.sessions], rig[of.sessions])
+        if pooled is not None:
+            population[name] = pooled
+            found += outliers(name, pooled, of.values, [boards[i] for i in of.sessions])
+    rigs = len({b.rig for b in boards} - {None})
+    known = {axis: sorted(of) for axis, of in names.items() if of}
+    said = [
+        Evidence(axis, known[axis], score, information, board, rig, rigs)
+        for axis, (score, information) in _evidence(results, fitted, spreads, known).items()
+    ]
+    parameters = {name: pooled for name, pooled in population.items() if name not in NOISE}
+    return Fleet(
+        model, boards, failed, estimates, parameters, sorted(found, key=Outlier.order), missing.find(said),
+        _trends(boards, estimates, population, rig), _attribution(rigs, len(boards)), spreads, drifts, seconds,
+    )  # fmt: skip
+
+
+NOISE = {f"white_noise.{axis}.sd_dps" for axis in AXES}
+"""The level of the noise is not a parameter of the population, but a board may stand out by it."""
+
+
+def _estimates(boards: Sequence[Summary]) -> dict[str, Estimates]:
+    collected: dict[str, list[tuple[int, float, float]]] = {}
+    for i, summary in enumerate(boards):
+        for axis, one in summary.axes.items():
+            for name, value in one.values.items():
+                se = one.se.get(name)
+                if se is not None and np.isfinite(se) and np.isfinite(value):
+                    collected.setdefault(name, []).append((i, value, se))
+            collected.setdefault(f"white_noise.{axis}.sd_dps", []).append((i, one.noise["white_sd_dps"], 0.0))
+    found = {}
+    for name, rows in sorted(collected.items()):
+        of = np.array([i for i, _, _ in rows], dtype=np.intp)
+        found[name] = Estimates(of, np.array([value for _, value, _ in rows]), np.array([se for _, _, se in rows]))
+    return found
+
+
+def _evidence(
+    results: Path, fitted: Sequence[Done], spreads: dict[Kind, Array], names: dict[str, list[str]]
+) -> dict[str, tuple[Array, Array]]:  # fmt: skip
+    """Score [n, k] and information [n, k, k] of the candidates of each axis; a session without an axis says nothing of it."""
+    said = {axis: (np.zeros((len(fitted), len(of))), np.zeros((len(fitted), len(of), len(of)))) for axis, of in names.items()}
+    for i, summary in enumerate(_summaries(results, fitted)):
+        for axis, one in summary.axes.items():
+            if axis in names:
+                said[axis][0][i], said[axis][1][i] = evidence(one, spreads, names[axis])
+    return said
+
+
+def _trends(
+    boards: Sequence[Summary], estimates: dict[str, Estimates], population: dict[str, Pooled], rig: Any
+) -> list[trend.Trend]:  # fmt: skip
+    """Trends of what is left of each quantity without its rig's part, over the boards that are not odd."""
+    asked: dict[str, tuple[Array, Sequence[trend.Board]]] = {}
+    for name, pooled in population.items():
+        of = estimates[name]
+        kept = of.sessions[pooled.used]
+        values = (of.values - pooled.rig_offset[rig[of.sessions]])[pooled.used]
+        asked[name] = values, [trend.Board(boards[i].line or "", boards[i].made_on, boards[i].board) for i in kept]
+    return trend.find(asked)
+
+
+def _attribution(rigs: int, boards: int) -> str:
+    if rigs >= 2:
+        return f"{rigs} rigs: what differs between rigs is told apart from what differs between boards"
+    which = "one rig" if rigs else "no session names its rig"
+    return f"{which}: what is common to all {boards} sessions belongs to boards or rig, and the data cannot say to which"

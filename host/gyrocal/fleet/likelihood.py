@@ -1,0 +1,97 @@
+"""What each board says of every candidate: score and information, with one turn-on spread for the whole fleet.
+
+The spread of bias and scale over power cycles is badly known from the three or four cycles of one board, and with it every
+standard error. Boards of one kind share it, so it is estimated from all of them together by restricted maximum likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gyrocal.fleet.summary import AxisSummary
+from gyrocal.inference.reml import Index, integrate
+from gyrocal.recording.session import Array
+
+IDENTIFIED = 1e-4
+"""A candidate counts as not measured if less than this fraction of its squared norm is independent of the model's columns."""
+
+Kind = tuple[tuple[str, ...], tuple[int, ...]]
+"""The model's columns that a board could show, and which of them differ from power cycle to power cycle."""
+
+
+def kind_of(one: AxisSummary) -> Kind:
+    return one.columns, one.random
+
+
+@dataclass
+class CycleSpreads:
+    """Collects the power cycles of many boards, whose common spreads :meth:`fit` finds."""
+
+    cycles: dict[tuple[Kind, int], list[Array]] = field(default_factory=dict)
+    unit: dict[Kind, list[Array]] = field(default_factory=dict)
+
+    def add(self, one: AxisSummary) -> None:
+        if one.random:
+            p = 1 + len(one.columns)
+            self.cycles.setdefault((kind_of(one), len(one.cycles)), []).append(one.cycles[:, :p, :p])
+
+    def fit(self) -> dict[Kind, Array]:
+        """The spreads over power cycles of each kind of board, by the names of :func:`kind_of`."""
+        kinds = sorted({kind for kind, _ in self.cycles})
+        return {kind: self._fit(kind) for kind in kinds}
+
+    def _fit(self, kind: Kind) -> Array:
+        from scipy.optimize import minimize
+
+        random = np.array(kind[1]) + 1
+        groups = [np.stack(grams) for (of, _), grams in sorted(self.cycles.items(), key=lambda item: item[0]) if of == kind]
+        boards = sum(len(g) for g in groups)
+        unit = np.mean([1 / np.sqrt(np.einsum("bcii->i", g)[random] / (g.shape[0] * g.shape[1])) for g in groups], axis=0)
+
+        def cost(x: Array) -> float:
+            return -sum(_loglik(g, random, unit * x) for g in groups) / boards
+
+        starts = [np.full(random.size, first) for first in (0.3, 3.0, 30.0)]
+        bounds = [(0.0, 1e4)] * random.size
+        options = {"ftol": 1e-13, "gtol": 1e-9}
+        tried = [minimize(cost, start, method="L-BFGS-B", bounds=bounds, options=options) for start in starts]
+        return np.asarray(unit * min(tried, key=lambda t: t.fun).x)
+
+
+def _loglik(cycles: Array, random: Index, sd: Array) -> float:
+    """REML log-likelihood of boards [boards, cycles, 1 + p, 1 + p], each with coefficients of its own; up to a constant."""
+    found = integrate(cycles, random, np.arange(cycles.shape[-1]), sd)
+    total = found.grams.sum(axis=1)
+    h, g = total[:, 1:, 1:], total[:, 1:, 0]
+    chi2 = total[:, 0, 0] - np.einsum("bi,bi->b", g, np.linalg.solve(h, g[..., None])[..., 0])
+    return float(-0.5 * (found.logdet.sum() + np.linalg.slogdet(h)[1].sum() + chi2.sum()))
+
+
+def evidence(one: AxisSummary, spreads: dict[Kind, Array], names: Sequence[str]) -> tuple[Array, Array]:
+    """Score [k] and information [k, k] of the candidates ``names`` at size zero; zero where the board cannot show one."""
+    score, information = np.zeros(len(names)), np.zeros((len(names), len(names)))
+    cycles = one.cycles
+    if one.random:
+        cycles = integrate(cycles, np.array(one.random) + 1, np.arange(cycles.shape[-1]), spreads[kind_of(one)]).grams
+    total = cycles.sum(axis=0)
+    p = len(one.columns)
+    model, rest = np.arange(1, 1 + p), np.r_[0, np.arange(1 + p, len(total))]
+    left = total[np.ix_(rest, rest)] - total[np.ix_(rest, model)] @ np.linalg.solve(
+        total[np.ix_(model, model)], total[np.ix_(model, rest)]
+    )
+    seen = np.diag(left)[1:] > IDENTIFIED * np.diag(one.cycles.sum(axis=0))[1 + p :]
+    at = {name: j for j, name in enumerate(names)}
+    mine = [(1 + i, at[name]) for i, name in enumerate(one.candidates) if seen[i] and name in at]
+    if mine:
+        here, there = (list(index) for index in zip(*mine, strict=True))
+        score[there] = left[here, 0]
+        information[np.ix_(there, there)] = left[np.ix_(here, here)]
+    return score, information
+
+
+def names_of(summaries: Iterable[AxisSummary]) -> list[str]:
+    """The candidates of any board, sorted."""
+    return sorted({name for one in summaries for name in one.candidates})

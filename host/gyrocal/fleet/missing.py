@@ -1,0 +1,237 @@
+"""Pooled diagnosis: effects that are too small for any single board, named from all boards of a fleet.
+
+A candidate's size differs from board to board: a share of the boards has it, with a mean and a spread. Two tests see any of
+these: the mean over boards against its standard error (which includes the spreads over boards and rigs), and the mean square of
+the boards' own z values against one. Both are corrected for the number of tests. A candidate is named only if the population
+that other boards have also predicts the boards that were left out better than its absence does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from gyrocal.fleet.pooling import Labels, Pooled, furthest, pool
+from gyrocal.recording.session import Array
+
+FALSE_ALARMS = 0.02
+"""Probability that any effect is named in a fleet without one."""
+ERROR_OF_VARIANCE = 0.06
+"""The mean square of z of boards without an effect is within this of one, because standard errors are right to 3 %."""
+FOLDS = 10
+MOST_NAMED = 5
+LEAST_BOARDS = 20
+CLOSE = 3.0
+"""Log-likelihood by which the best candidate must lead another that it replaces to be told from it."""
+STEPS = 200
+
+
+@dataclass(frozen=True)
+class Missing:
+    """An effect that the model lacks: a ``share`` of the boards has it, with the mean and spread given."""
+
+    effect: str
+    axis: str
+    parameter: str
+    nonlinear: dict[str, float]
+    mean: float
+    mean_se: float
+    sd: float
+    share: float
+    p_value: float
+    heldout_gain: float
+    named_alone_by: int
+    belongs_to: str
+    group: list[str] = field(default_factory=list)
+
+    def to_json(self) -> dict[str, Any]:
+        return dict(self.__dict__)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Score [n, k] and information [n, k, k] of the candidates ``names`` on one axis; boards and rigs of the n sessions."""
+
+    axis: str
+    names: list[str]
+    score: Array
+    information: Array
+    board: Labels
+    rig: Labels
+    rigs_known: int
+
+    def given(self, j: int, mean: float, variance: float) -> Evidence:
+        """The evidence for the others if candidate ``j`` is in the model, its size drawn from a population for each board."""
+        column, own = self.information[:, :, j], self.information[:, j, j]
+        left = self.score[:, j] - own * mean
+        factor = variance / (1 + variance * own)
+        score = self.score - column * (mean + factor * left)[:, None]
+        information = self.information - factor[:, None, None] * column[:, :, None] * column[:, None, :]
+        information[:, j], information[:, :, j] = 0.0, 0.0
+        return replace(self, score=score, information=information)
+
+
+@dataclass(frozen=True)
+class Share:
+    """A population in which a share of the boards has an effect, with normal sizes: the others do not have it."""
+
+    share: float
+    mean: float
+    sd: float
+
+    @staticmethod
+    def of(c: Array, variance: Array) -> Share:
+        """Maximum likelihood by expectation and maximisation for sizes ``c`` [n] with error variances [n]."""
+        unit = float(np.sqrt(np.mean(c**2)))
+        found = Share(0.5, float(np.average(c, weights=1 / variance)), unit)
+        for _ in range(STEPS):
+            has = found.has(c, variance)
+            shrunk = found.sd**2 / (found.sd**2 + variance)
+            size = found.mean + shrunk * (c - found.mean)
+            total = max(float(has.sum()), 1e-9)
+            mean = float(has @ size) / total
+            spread = float(has @ ((size - mean) ** 2 + shrunk * variance)) / total
+            found = Share(float(has.mean()), mean, float(np.sqrt(spread)))
+        return found
+
+    def has(self, c: Array, variance: Array) -> Array:
+        """Probability that each board has the effect."""
+        return self.share * self.ratio(c, variance) / (1 - self.share + self.share * self.ratio(c, variance))
+
+    def ratio(self, c: Array, variance: Array) -> Array:
+        """Likelihood of having it over that of not having it, at most 1e300."""
+        wide = variance + self.sd**2
+        log = 0.5 * (np.log(variance / wide) + c**2 / variance - (c - self.mean) ** 2 / wide)
+        return np.asarray(np.exp(np.minimum(log, 690.0)))
+
+    def gain(self, c: Array, variance: Array) -> Array:
+        """Log-likelihood of each board over that without the effect."""
+        return np.asarray(np.log(1 - self.share + self.share * self.ratio(c, variance)))
+
+    @property
+    def overall(self) -> tuple[float, float]:
+        """Mean and variance over all boards."""
+        mean = self.share * self.mean
+        return mean, self.share * (self.sd**2 + self.mean**2) - mean**2
+
+
+@dataclass(frozen=True)
+class _Test:
+    """The sizes of one candidate, and the probability that a fleet without it shows as much."""
+
+    j: int
+    c: Array
+    variance: Array
+    pooled: Pooled
+    p_mean: float
+    p_spread: float
+
+    @property
+    def p_value(self) -> float:
+        return min(1.0, 2 * min(self.p_mean, self.p_spread))
+
+
+def find(evidence: Sequence[Evidence]) -> list[Missing]:
+    """The effects that a fleet's model lacks, best first. None is named from fewer than twenty boards."""
+    tests = sum(int((np.count_nonzero(np.einsum("bii->bi", e.information), axis=0) >= LEAST_BOARDS).sum()) for e in evidence)
+    found = [named for one in evidence for named in _on_axis(one, FALSE_ALARMS / max(1, tests))]
+    return sorted(found, key=lambda m: -m.heldout_gain)
+
+
+def _on_axis(evidence: Evidence, limit: float) -> list[Missing]:
+    named: list[Missing] = []
+    left, done = evidence, set[int]()
+    for _ in range(MOST_NAMED):
+        passed = _passing(left, limit, done)
+        if not passed:
+            break
+        gain, test, share = passed[0]
+        after = left.given(test.j, *share.overall)
+        done |= {j for j, name in enumerate(left.names) if _key(name) == _key(left.names[test.j])}
+        still = {left.names[t.j].split(".")[0] for _, t, _ in _passing(after, limit, done)}
+        effect = left.names[test.j].split(".")[0]
+        close = {left.names[t.j].split(".")[0] for other, t, _ in passed if gain - other < CLOSE} - still - {effect}
+        named.append(_described(evidence, test, share, gain, limit, sorted({effect, *close}) if close else []))
+        left = after
+    return named
+
+
+def _key(name: str) -> str:
+    return name.split(";")[0]
+
+
+def _passing(evidence: Evidence, limit: float, done: set[int]) -> list[tuple[float, _Test, Share]]:
+    """The candidates that pass the tests and predict boards that were left out, best first."""
+    out = []
+    for j in range(len(evidence.names)):
+        test = None if j in done else _tested(evidence, j)
+        if test is None or test.p_value > limit:
+            continue
+        gain = _heldout_gain(test.c, test.variance, evidence.board[evidence.information[:, j, j] > 0])
+        if gain > 0:
+            out.append((gain, test, Share.of(test.c, test.variance)))
+    return sorted(out, key=lambda found: (-found[0], found[1].j))
+
+
+def _tested(evidence: Evidence, j: int) -> _Test | None:
+    from scipy.stats import norm
+
+    own = evidence.information[:, j, j]
+    seen = own > 0
+    if np.count_nonzero(seen) < LEAST_BOARDS:
+        return None
+    c, variance = evidence.score[seen, j] / own[seen], 1 / own[seen]
+    found = pool(c, np.sqrt(variance), evidence.board[seen], evidence.rig[seen])
+    if found is None:
+        return None
+    n = c.size
+    z = np.clip(np.abs(c) / np.sqrt(variance), 0, furthest(n))
+    excess = float(np.mean(z**2)) - 1 - ERROR_OF_VARIANCE
+    p_mean, p_spread = 2 * float(norm.sf(abs(found.mean) / found.se)), _upper(excess, n)
+    return _Test(j, c, variance, found, p_mean, p_spread)
+
+
+def _upper(excess: float, n: int) -> float:
+    """Probability that the mean square of n standard normal numbers exceeds one by ``excess``."""
+    from scipy.stats import chi2
+
+    return float(chi2.sf(n * (1 + max(excess, -1.0)), n))
+
+
+def _heldout_gain(c: Array, variance: Array, board: Labels) -> float:
+    """Log-likelihood of each tenth of the boards, predicted from the others, over that without the effect; summed."""
+    number = np.unique(board, return_inverse=True)[1]
+    fold = np.random.default_rng(0).permutation(number.max() + 1)[number] % FOLDS
+    total = 0.0
+    for k in np.unique(fold):
+        out = fold == k
+        total += float(Share.of(c[~out], variance[~out]).gain(c[out], variance[out]).sum())
+    return total
+
+
+def _described(evidence: Evidence, test: _Test, share: Share, gain: float, limit: float, group: list[str]) -> Missing:
+    from scipy.stats import norm
+
+    name, _, at = evidence.names[test.j].partition(";")
+    effect, axis, parameter = name.split(".")
+    nonlinear = {key: float(value) for key, value in (part.split("=") for part in at.split(",") if part)}
+    alone = int(np.count_nonzero(np.abs(test.c) / np.sqrt(test.variance) > norm.isf(limit / 2)))
+    return Missing(
+        effect, axis, parameter, nonlinear, test.pooled.mean, test.pooled.se, share.sd, share.share, test.p_value, gain, alone,
+        _belongs_to(evidence, test, limit), group,
+    )  # fmt: skip
+
+
+def _belongs_to(evidence: Evidence, test: _Test, limit: float) -> str:
+    """Who has the effect, in words: what is common to all boards of one rig may be the rig's."""
+    found = test.pooled
+    if found.rig_sd is not None and found.rig_sd_se is not None and found.rig_sd > max(2 * found.rig_sd_se, found.sd):
+        return "rig: it differs more between rigs than between the boards of one rig"
+    if test.p_mean > limit / 2:
+        return "boards: it differs from board to board about zero, which a rig would not do"
+    if evidence.rigs_known < 2:
+        return "boards or rig: all boards were on one rig, or no session names its rig, so what is common may be either's"
+    return "boards: it is the same on every rig"

@@ -1,0 +1,89 @@
+"""What remains of one session: estimates with covariance, and its likelihood for every candidate, as small matrices."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import GyrocalError
+from gyrocal.files import replacing
+from gyrocal.recording.session import Array
+
+FORMAT = "gyrocal-fleet-summary/1"
+
+
+@dataclass(frozen=True)
+class AxisSummary:
+    """One axis of one session, at the session's own noise.
+
+    ``cycles`` [power cycles, q, q] are whitened normal equations of ``[readings | the model's columns | candidates]``, from
+    which the changes of bias and scale between power cycles are not yet removed. ``columns`` are the names
+    (``effect.axis.parameter``) of the p columns of the model, ``candidates`` those of the others. ``random`` are the indices
+    among the p columns whose coefficients differ from power cycle to power cycle, ``random_sd`` their spreads as fitted.
+    ``values`` and ``se`` are all fitted parameters by name; ``cov`` [p, p] is the covariance of the coefficients.
+    """
+
+    columns: tuple[str, ...]
+    candidates: tuple[str, ...]
+    random: tuple[int, ...]
+    random_sd: tuple[float, ...]
+    values: dict[str, float]
+    se: dict[str, float]
+    noise: dict[str, float]
+    cov: Array = field(repr=False)
+    cycles: Array = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One session. ``warnings`` are the codes of its warnings, with the axis where there is one."""
+
+    session: str
+    board: str
+    rig: str | None
+    line: str | None
+    made_on: str | None
+    warnings: tuple[str, ...]
+    axes: dict[str, AxisSummary]
+
+    def at(self, session: str) -> Summary:
+        """The same summary of a session that lies at another path now."""
+        return replace(self, session=session, board=session if self.board == self.session else self.board)
+
+    def without_equations(self) -> Summary:
+        """What is kept in memory of each session."""
+        small = {axis: replace(one, cov=np.zeros((0, 0)), cycles=np.zeros((0, 0, 0))) for axis, one in self.axes.items()}
+        return replace(self, axes=small)
+
+    def save(self, path: Path) -> None:
+        """Write the summary whole or not at all."""
+        told = {"format": FORMAT, **{k: v for k, v in asdict(self).items() if k != "axes"}, "axes": {}}
+        arrays: dict[str, Array] = {}
+        for axis, one in self.axes.items():
+            arrays |= {f"cov_{axis}": one.cov, f"cycles_{axis}": one.cycles}
+            told["axes"][axis] = {k: v for k, v in asdict(one).items() if k not in ("cov", "cycles")}
+        with replacing(path, durable=False) as partial, partial.open("wb") as handle:
+            np.savez(handle, told=np.array(json.dumps(told)), **arrays)  # type: ignore[arg-type]
+
+    @staticmethod
+    def load(path: Path) -> Summary:
+        """Read a summary. Raises GyrocalError if the file is not one of this version."""
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                told: dict[str, Any] = json.loads(str(stored["told"]))
+                if told.pop("format") != FORMAT:
+                    raise ValueError("another version")
+                axes = {
+                    axis: AxisSummary(
+                        tuple(one["columns"]), tuple(one["candidates"]), tuple(one["random"]), tuple(one["random_sd"]),
+                        one["values"], one["se"], one["noise"], stored[f"cov_{axis}"], stored[f"cycles_{axis}"],
+                    )
+                    for axis, one in told.pop("axes").items()
+                }  # fmt: skip
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise GyrocalError(f"{path}: no summary of this version ({error}); delete it, and it is computed again") from None
+        return Summary(**{**told, "warnings": tuple(told["warnings"])}, axes=axes)

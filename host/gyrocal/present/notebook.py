@@ -1,0 +1,151 @@
+"""How results are shown in Python and in a notebook: their words, tables and pictures, registered by the import."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+from matplotlib.figure import Figure
+
+from gyrocal.calibration.calibration import Calibration
+from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.explain import Explanation
+from gyrocal.error_model.model import Model
+from gyrocal.present import pictures
+from gyrocal.present.output import mdps, plus_minus
+from gyrocal.present.preview import preview
+from gyrocal.present.report import headline, verdict_text
+from gyrocal.recording.session import Session
+from gyrocal.shown import VIEWS, View
+
+MDPS = {"rms_dps": "rms", "floor_dps": "noise floor", "excess_dps": "excess"}
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> pl.DataFrame:
+    return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def _session_words(session: Session) -> str:
+    days = f", {len(session.days)} days" if session.days else ""
+    runs = f"{len(session.runs)} runs of {len(session.scenarios)} power cycles{days}"
+    first = f"{runs}, axis {session.axis}, {session.sample_rate_hz:g} Hz"
+    known = [f"{run.file}: {run.face}, axis {run.axis}, {_known(run)}" for run in session.runs]
+    return "\n".join([first + (f", {session.sensor}" if session.sensor else ""), *known])
+
+
+def _known(run: Any) -> str:
+    if run.table_rate_dps is not None:
+        return f"{run.table_rate_dps:g} deg/s"
+    return f"{run.turn_deg:g} deg in all" if run.turn_deg is not None else "a measured reference"
+
+
+def _session_table(session: Session) -> pl.DataFrame:
+    """Every sample of every run."""
+    frames = [run.table.select(pl.lit(run.file).alias("file"), pl.all()) for run in session.runs]
+    return pl.concat(frames, how="diagonal")
+
+
+def _comparison_words(found: Comparison) -> str:
+    levels = ", ".join(f"{word} {mdps(getattr(found.pooled, name))} mdps" for name, word in MDPS.items())
+    where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
+    return "\n".join([f"{found.verdict}; {levels}", headline(found), *where])
+
+
+def _comparison_table(found: Comparison) -> pl.DataFrame:
+    """Levels of each axis and of all together, deg/s."""
+    levels = [*found.per_axis.items(), ("all", found.pooled)]
+    keys = (*MDPS, "excess_se_dps", "excess_within_dps")
+    return _table([{"axis": axis} | {key: getattr(level, key) for key in keys} for axis, level in levels])
+
+
+def _diagnosis_words(found: Diagnosis) -> str:
+    named = [f"{c.decision}: {c.effect.title} on {c.axis}" for c in found.candidates if c.decision in ("add", "suggest")]
+    return "\n".join([f"{found.verdict}; {verdict_text(found)}", *named])
+
+
+def _diagnosis_table(found: Diagnosis) -> pl.DataFrame:
+    """One row a candidate, best first."""
+    keys = ("effect", "axis", "decision", "heldout_gain", "heldout_gain_se", "q_value", "explained", "next_measurement")
+    return _table([{key: row[key] for key in keys} for row in (c.to_json() for c in found.candidates)])
+
+
+def _calibration_words(found: Calibration) -> str:
+    trusted = sum(e.trusted for e in found)
+    lines = [
+        f"{e.scenario} {e.method} {e.seconds:g} s {e.axis}: scale {_value(e.scale, e.scale_se)}, bias "
+        f"{_value(e.bias_dps, e.bias_se_dps)} deg/s{'' if e.trusted else ' (' + ', '.join(e.flags) + ')'}"
+        for e in found
+    ]
+    return "\n".join([f"{len(found)} estimates, {trusted} trusted", *lines])
+
+
+def _value(value: float | None, se: float | None) -> str:
+    return "none" if value is None else plus_minus(value, se)
+
+
+def _calibration_figure(found: Calibration) -> Figure:
+    figure = Figure(figsize=(8, 5), layout="constrained")
+    scale, bias = figure.subplots(2, 1, sharex=True)
+    for axes, label, points in (
+        (scale, "scale", [(e.method, e.scale, e.scale_se) for e in found]),
+        (bias, "bias, deg/s", [(e.method, e.bias_dps, e.bias_se_dps) for e in found]),
+    ):
+        for method in dict.fromkeys(method for method, _, _ in points):
+            there = [(i, v, se or 0.0) for i, (m, v, se) in enumerate(points) if m == method and v is not None]
+            axes.errorbar(*np.array(there).reshape(-1, 3).T, fmt="o", label=method)
+        axes.set_ylabel(label)
+    bias.set_xlabel("estimate")
+    bias.legend()
+    return figure
+
+
+def _model_words(model: Model) -> str:
+    rows = _model_rows(model)
+    lines = [f"{r['effect']} on {r['axis']}: {r['parameter']} = {_value(r['value'], r['se'])}" for r in rows]
+    return "\n".join([f"{model.name}: {', '.join(model.ids)}", *lines])
+
+
+def _model_rows(model: Model) -> list[dict[str, Any]]:
+    return [
+        {"effect": line.id, "axis": line.axis, "parameter": name, "value": value, "se": line.se.get(name)}
+        for line in model.lines()
+        for name, value in line.values.items()
+    ]
+
+
+def _model_table(model: Model) -> pl.DataFrame:
+    """One row a fitted parameter."""
+    schema = {"effect": pl.String, "axis": pl.String, "parameter": pl.String, "value": pl.Float64, "se": pl.Float64}
+    return pl.DataFrame(_model_rows(model), schema=schema)
+
+
+def _model_figure(model: Model) -> Figure:
+    """Each fitted parameter over its standard error."""
+    rows = [row for row in _model_rows(model) if row["se"]]
+    figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
+    axes = figure.subplots()
+    for place, row in enumerate(reversed(rows)):
+        axes.errorbar(row["value"] / row["se"], place, xerr=1.0, fmt="o", color="C0")
+    axes.set_yticks(range(len(rows)), [f"{row['effect']} {row['axis']} {row['parameter']}" for row in reversed(rows)])
+    axes.axvline(0, color="0.7")
+    axes.set_xlabel("value over its standard error")
+    return figure
+
+
+def _of_last(view: View) -> View:
+    """An explanation is shown as its last diagnosis."""
+    return View(lambda e: view.summary(e.last), lambda e: view.table(e.last), lambda e: view.figure(e.last))
+
+
+_DIAGNOSIS = View(_diagnosis_words, _diagnosis_table, lambda found: pictures.levels(found.comparison))
+VIEWS.update({
+    Session: View(_session_words, _session_table, preview),
+    Comparison: View(_comparison_words, _comparison_table, pictures.levels),
+    Diagnosis: _DIAGNOSIS,
+    Explanation: _of_last(_DIAGNOSIS),
+    Calibration: View(_calibration_words, lambda found: _table([e.to_json() for e in found]), _calibration_figure),
+    Model: View(_model_words, _model_table, _model_figure),
+})  # fmt: skip

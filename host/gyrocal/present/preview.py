@@ -1,0 +1,54 @@
+"""A picture of a recording as it would be imported: each kind of column over time, run after run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from gyrocal.recording.session import Session
+
+ROWS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("rate, deg/s", ("gx_dps", "gy_dps", "gz_dps", "rate_ref_dps", "ref_x_dps", "ref_y_dps", "ref_z_dps")),
+    ("angle, deg", ("table_angle_deg", "ref_angle_deg")),
+    ("quaternion", ("ref_qw", "ref_qx", "ref_qy", "ref_qz")),
+    ("acceleration, g", ("ax_g", "ay_g", "az_g")),
+    ("temperature, degC", ("temp_c",)),
+)
+"""The unit of each row of axes, and the columns drawn there."""
+POINTS = 4000
+"""Samples of a run that are drawn at most, evenly spread."""
+
+
+def preview(session: Session) -> Figure:
+    """The figure: one row of axes for each kind of column that is there."""
+    there = {name for run in session.runs for name in run.table.columns}
+    rows = [(unit, [c for c in columns if c in there]) for unit, columns in ROWS if there & set(columns)]
+    figure = Figure(figsize=(10, 1 + 2 * len(rows)), layout="constrained")
+    grid = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    start_s = 0.0
+    for run in session.runs:
+        step = max(1, len(run) // POINTS)
+        t_s = start_s + run.t_s[::step]
+        for axes, (_, columns) in zip(grid, rows, strict=True):
+            for color, name in enumerate(columns):
+                values = run.column(name)
+                if values is not None:
+                    axes.plot(t_s, values[::step], color=f"C{color}", linewidth=0.7, label=name if start_s == 0 else None)
+        known = "a reference" if run.table_rate_dps is None else f"{run.table_rate_dps:g} deg/s"
+        said = f"{run.file}\n{run.face}, axis {run.axis}, {known}"
+        grid[0].annotate(said, (t_s[0], 1), xycoords=("data", "axes fraction"), fontsize=6, va="bottom")
+        start_s += run.duration_s
+        for axes in grid:
+            axes.axvline(start_s, color="0.8", linewidth=0.7)
+    for axes, (unit, _) in zip(grid, rows, strict=True):
+        axes.set_ylabel(unit)
+        axes.legend(loc="upper right", fontsize=7)
+        axes.margins(x=0.01)
+    grid[-1].set_xlabel("time, runs one after another, s")
+    return figure
+
+
+def draw(session: Session, path: Path) -> None:
+    """Write the picture as PNG, or in the format of the name's ending."""
+    preview(session).savefig(path, dpi=120)

@@ -1,0 +1,149 @@
+"""A table's columns in a session's units: rows that hold no sample left out and counted, times that repeat replaced."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.column_map import ColumnMap
+from gyrocal.recording.session import Array
+from gyrocal.recording.source import Booleans, Source
+from gyrocal.recording.stamps import goes_back, in_bursts, regression
+from gyrocal.recording.table import REQUIRED
+from gyrocal.recording.timing import smoothing_spline
+from gyrocal.warning import Warning
+
+Index = np.ndarray[Any, np.dtype[np.intp]]
+MOST_DAMAGED = 0.05
+"""Of the rows. Where more are damaged, the columns or the units are wrong, and not a few rows."""
+ANGLE_SMOOTHING = 16.0
+"""Bandwidth of the spline that differentiates an angle, in steps of it (its penalty is this times the step cubed)."""
+
+
+@dataclass(frozen=True)
+class Converted:
+    """Columns [n] by target in a session's units; ``entry`` [n] is the place of each row among the table's samples, from 0."""
+
+    columns: Mapping[str, Array]
+    entry: Index
+    damage: str = ""
+    left_out: int = 0
+    """Rows without a sample: damaged ones and lines of text."""
+    cells: int = 0
+    """Text in optional columns, taken as missing."""
+
+
+def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None) -> Converted:
+    """The mapped columns. Without a time, ``rate_hz`` numbers the samples; a damaged row leaves a gap.
+
+    InputError where more than a few rows hold no number in a column that every sample has.
+    """
+    kept = np.flatnonzero(~source.blank())
+    values = {m.target: source.numbers(m)[kept] for m in mappings}
+    text = {m.target: source.has_text(m)[kept] for m in mappings}
+    lacking = {m.target: np.isnan(values[m.target]) for m in mappings if m.target in REQUIRED}
+    bad = np.any(list(lacking.values()), axis=0)
+    footer = np.all(list(lacking.values()), axis=0) & (np.any(list(text.values()), axis=0) | _after_last(~bad))
+    damaged = bad & ~footer
+    _check_few(source, mappings, kept, damaged, lacking)
+    cells = 0
+    for m in mappings:
+        if m.target not in REQUIRED:
+            wrong = text[m.target] & ~bad
+            _check_few(source, [m], kept, wrong, {m.target: wrong})
+            cells += int(wrong.sum())
+    good = np.flatnonzero(~bad)
+    columns = {name: column[good] for name, column in values.items()}
+    if "t_s" not in columns and rate_hz is not None:
+        columns["t_s"] = good / rate_hz
+    if "ref_angle_deg" in columns:
+        columns["ref_angle_deg"] = unwrapped(columns["ref_angle_deg"])
+    damage = _words(source, mappings, kept, damaged, footer, lacking)
+    return Converted(columns, good, damage, int(bad.sum()), cells)
+
+
+def _after_last(good: Booleans) -> Booleans:
+    """The entries after the last good one."""
+    last = int(np.flatnonzero(good)[-1]) if good.any() else -1
+    return np.arange(good.size) > last
+
+
+def _first(source: Source, mappings: Sequence[ColumnMap], kept: Index, rows: Booleans, lacking: Mapping[str, Booleans]) -> str:
+    """The first of these rows and what is wrong in it, in words."""
+    row = int(np.flatnonzero(rows)[0])
+    column = next(m.column for m in mappings if m.target in lacking and lacking[m.target][row])
+    cell = source.frame[column][int(kept[row])]
+    shown = "empty" if cell in (None, "") else repr(cell)
+    return f"row {source.first_row + int(kept[row])}: {column} is {shown}, not a finite number"
+
+
+def _check_few(
+    source: Source, mappings: Sequence[ColumnMap], kept: Index, rows: Booleans, lacking: Mapping[str, Booleans]
+) -> None:
+    count = int(rows.sum())
+    if count > MOST_DAMAGED * rows.size:
+        more = f"; {count} of {rows.size} rows are so" if count > 1 else ""
+        raise InputError(f"{source.label}: {_first(source, mappings, kept, rows, lacking)}{more}")
+
+
+def _words(
+    source: Source, mappings: Sequence[ColumnMap], kept: Index, damaged: Booleans, footer: Booleans,
+    lacking: Mapping[str, Booleans],
+) -> str:  # fmt: skip
+    """What was left out, in words; empty where nothing was."""
+    told = []
+    if damaged.any():
+        many = f"{int(damaged.sum())} damaged rows are" if damaged.sum() > 1 else "a damaged row is"
+        told.append(f"{many} left out ({_first(source, mappings, kept, damaged, lacking)})")
+    if footer.any():
+        many = f"{int(footer.sum())} lines of text are" if footer.sum() > 1 else "a line of text is"
+        told.append(f"{many} left out (row {source.first_row + int(kept[np.flatnonzero(footer)[0]])})")
+    return ", and ".join(told)
+
+
+def rate_of(t_s: Array, angle_deg: Array) -> Array:
+    """The derivative of an angle [n], deg, by a smoothing spline, deg/s; NaN outside the angles that are known.
+
+    ``t_s`` [n], s, increases; the angle may be folded into a turn.
+    """
+    from scipy.interpolate import CubicSpline
+
+    known = np.flatnonzero(np.isfinite(angle_deg))
+    rate_dps = np.full(t_s.size, np.nan)
+    if known.size < 5:
+        return rate_dps
+    x, y = t_s[known], unwrapped(angle_deg[known])
+    step_s = float(x[-1] - x[0]) / (x.size - 1)
+    inside = slice(known[0], known[-1] + 1)
+    rate_dps[inside] = CubicSpline(x, smoothing_spline(x, y, ANGLE_SMOOTHING * step_s**3))(t_s[inside], 1)
+    return rate_dps
+
+
+def unwrapped(angle_deg: Array) -> Array:
+    """An angle [n], deg, that is not folded into a turn."""
+    known = np.isfinite(angle_deg)
+    out = angle_deg.copy()
+    out[known] = np.unwrap(angle_deg[known], period=360.0)
+    return out
+
+
+def even(t_s: Array, where: str, file: str) -> tuple[Array, Warning | None]:
+    """Times [n], s: as they are, or by regression with a warning where they repeat or come in bursts."""
+    if not in_bursts(t_s):
+        return t_s, None
+    if goes_back(t_s) or t_s[-1] <= t_s[0]:
+        raise InputError(
+            f"{where}: time repeats or goes back; cut it with --run, or number the samples with --rate-hz and no t_s"
+        )
+    stamps = regression(t_s)
+    lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
+    return stamps.t_s, Warning(
+        "sample_rate", None, file,
+        f"the times repeat or come in bursts, {1e3 * stamps.jitter_s:.3g} ms rms off an even course of "
+        f"{1 / stamps.period_s:.5g} samples a second{lost}; they were replaced by their regression on the sample's number. "
+        "Record the sensor's own time if you can",
+    )  # fmt: skip

@@ -1,0 +1,195 @@
+"""A guess at the columns of a table and their units, from their names and values, which a person confirms."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.column_map import STANDARD_GRAVITY, TARGETS, ColumnMap, Scaling
+from gyrocal.recording.session import AXES, Array
+from gyrocal.recording.source import Source
+from gyrocal.recording.stamps import period_s
+
+TIME = r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|seconds|secs?|millis|micros|clock|zeit|all_time"
+GYRO = r"gyro(?:scope)?s?|gyrs?|gyr_rad_s|g|w|omega|angular_?velocity|angular_?rate|w_rs_s|imu\.gyro|rotation_?rate|all_gyro_2"
+ACCELERATION = r"acc|accel|accelerometer|acceleration|a|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2"
+TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
+UNIT_WORDS = {
+    "t_s": {
+        "ns": "ns|nsec|nanoseconds", "us": "us|usec|micros|microseconds", "ms": "ms|msec|millis|milliseconds",
+        "s": "s|sec|secs|seconds",
+    },
+    "gyro": {"rad/s": r"rads?|rad_?s|rad/s|rad s\^?-1|radps", "mdps": "mdps", "dps": r"dps|deg/?s|degs?|deg_?s|°/s|o/s"},
+    "acceleration": {"m/s2": r"m/s2|m/s\^2|m s\^?-2|ms2|mps2|m_?s2", "mg": "mg", "g": "g"},
+    "temp_c": {"degC": "c|degc|°c|celsius", "degF": "f|degf|°f", "K": "k|kelvin"},
+}  # fmt: skip
+"""Words in a column's name that state its unit."""
+TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
+RATES_HZ = (5.0, 20_000.0)
+"""Sample rates that gyroscopes are read at."""
+LARGEST_RAD_S = 35.0
+"""Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
+COUNTS_ABOVE = 100.0
+"""Whole numbers, of which some are larger, are raw counts."""
+COUNTS_PER_G = (16384, 8192, 4096, 2048)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One column: what it is taken for, as ``--map`` takes it, and why."""
+
+    map: str
+    why: str
+
+
+def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES) -> list[Guess]:
+    """The mapping of a table's columns, time first; columns with a session's own names and units are taken as they are.
+
+    InputError where no gyroscope is recognized, or where its unit cannot be told.
+    """
+    exact = [name for name in TARGETS if name in source.frame.columns]
+    found = {name: Guess(f"{name}={name}", "its name") for name in exact}
+    if "t_s" not in found:
+        _add(found, _time(source))
+    gyro = [n for a in axes if f"g{a}_dps" not in found and (n := _named(source, GYRO, a))]
+    acceleration = [_named(source, ACCELERATION, a) for a in AXES]
+    acceleration_names = [n for n in acceleration if n is not None] if "ax_g" not in found else []
+    si = False
+    if len(acceleration_names) == 3:
+        unit, why = _unit_of_acceleration(source, acceleration_names)
+        si = unit == ":m/s2"
+        for axis, name in zip(AXES, acceleration_names, strict=True):
+            _add(found, Guess(f"a{axis}_g={name}{unit}", why))
+    if gyro:
+        unit, why = _unit_of_gyro(source, gyro, si, scaling)
+        for axis in axes:
+            gyro_name = _named(source, GYRO, axis)
+            if gyro_name is not None and f"g{axis}_dps" not in found:
+                _add(found, Guess(f"g{axis}_dps={gyro_name}{unit}", why))
+    if not any(f"g{a}_dps" in found for a in AXES):
+        raise InputError(
+            f"{source.label}: no gyroscope is recognized among {', '.join(source.frame.columns[:40])}; say which columns to "
+            "take: --map gz_dps=COLUMN:UNIT"
+        )
+    if "temp_c" not in found:
+        _add(found, _temperature(source))
+    return sorted(found.values(), key=lambda g: TARGETS.index(g.map.partition("=")[0]))
+
+
+def _add(found: dict[str, Guess], guessed: Guess | None) -> None:
+    if guessed is not None:
+        found[guessed.map.partition("=")[0]] = guessed
+
+
+def _bare(name: str) -> tuple[str, str]:
+    """A column's name without its unit, in lower case, and the unit's words: ``Gyro X (rad/s)``, ``w_RS_S_x [rad s^-1]``."""
+    match = re.fullmatch(r"(.*?)[ _]*[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*", name.strip())
+    bare, unit = (match[1], match[2]) if match else (name.strip(), "")
+    return bare.strip(" #").lower(), unit.strip().lower()
+
+
+def _named(source: Source, words: str, axis: str) -> str | None:
+    """The first column whose name is one of the words with this axis, as ``gyr_x``, ``gx``, ``Gyro X (dps)``."""
+    index = str(AXES.index(axis))
+    number = rf"\.{index}|\[{index}\]"
+    for name in source.frame.columns:
+        bare, _ = _bare(name)
+        units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
+        named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}"
+        if re.fullmatch(named, bare):
+            return name
+    return None
+
+
+def _stated_unit(name: str, kind: str) -> str | None:
+    bare, unit = _bare(name)
+    for known, words in UNIT_WORDS[kind].items():
+        if re.fullmatch(words, unit) or re.search(rf"(?:^|[ _.-])(?:{words})(?:$|[ _.-](?:[xyz]|\d)$|\[\d\]$)", bare):
+            return known
+    return None
+
+
+def _values(source: Source, name: str) -> Array:
+    values = source.numbers(ColumnMap("gz_dps", name))
+    return values[np.isfinite(values)]
+
+
+def _time(source: Source) -> Guess | None:
+    """The first column that is named as a time; its unit is stated in its name, or makes a rate that gyroscopes are read at."""
+    for name in source.frame.columns:
+        bare, _ = _bare(name)
+        units = "|".join(UNIT_WORDS["t_s"].values())
+        if not re.fullmatch(rf"(?:.*[/._ ])?(?:{TIME})(?:[ _.-]?(?:{units}))?", bare):
+            continue
+        t_s = source.numbers(ColumnMap("t_s", name))
+        t_s = t_s[np.isfinite(t_s)]
+        if t_s.size < 3 or t_s[-1] <= t_s[0]:
+            continue
+        stated = _stated_unit(name, "t_s")
+        if stated is not None:
+            return Guess(f"t_s={name}:{stated}", "the unit is in its name")
+        step = period_s(np.maximum.accumulate(t_s[:2000]))
+        for unit, size in TIME_UNITS:
+            if step > 0 and RATES_HZ[0] <= 1 / (step * size) <= RATES_HZ[1]:
+                return Guess(f"t_s={name}:{unit}", f"its steps make {1 / (step * size):.4g} samples a second")
+    return None
+
+
+def _unit_of_acceleration(source: Source, names: Sequence[str]) -> tuple[str, str]:
+    stated = _stated_unit(names[0], "acceleration")
+    if stated is not None or source.si:
+        return f":{stated or 'm/s2'}", "the unit is in its name" if stated else "messages of this kind are in m/s2"
+    parts = [_values(source, name) for name in names]
+    length = min(p.size for p in parts)
+    size = float(np.median(np.sqrt(sum(p[:length] ** 2 for p in parts)))) if length else 0.0
+    for unit, one in (("m/s2", STANDARD_GRAVITY), ("g", 1.0), ("mg", 1000.0)):
+        if 0.8 < size / one < 1.25:
+            return f":{unit}", f"its size is {size:.4g}"
+    for counts in COUNTS_PER_G:
+        if 0.9 < size / counts < 1.1:
+            return f"/{counts}", f"its size is {size:.6g} counts"
+    return f"/{size:.6g}" if size > 0 else "", f"its size, {size:.6g}, is taken for 1 g"
+
+
+def _unit_of_gyro(source: Source, names: Sequence[str], si: bool, scaling: Scaling) -> tuple[str, str]:
+    """The unit as ``--map`` writes it. ``si``: the accelerometer is in m/s2, and its maker thinks in SI units."""
+    stated = _stated_unit(names[0], "gyro")
+    if stated is not None or source.si:
+        return f":{stated or 'rad/s'}", "the unit is in its name" if stated else "messages of this kind are in rad/s"
+    values = np.concatenate([_values(source, name) for name in names])
+    if not values.size:
+        return ":dps", "it holds no number"
+    largest = float(np.abs(values).max())
+    if np.all(values == np.rint(values)) and largest > COUNTS_ABOVE:
+        if scaling.lsb_dps is not None:
+            return ":counts", "whole numbers"
+        raise InputError(
+            f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say how many make a deg/s: "
+            f"--map gx_dps={names[0]}/131, or '({names[0]}-32768)/131' for unsigned ones, or --lsb-dps 0.0076"
+        )
+    if largest > LARGEST_RAD_S:
+        return ":dps", f"readings up to {largest:.4g} are too large for rad/s"
+    if si:
+        return ":rad/s", f"readings up to {largest:.4g}, and the accelerometer is in m/s2; deg/s is possible too"
+    return ":dps", f"readings up to {largest:.4g}; rad/s is possible too"
+
+
+def _temperature(source: Source) -> Guess | None:
+    for name in source.frame.columns:
+        bare, _ = _bare(name)
+        if bare in ("t", "time") or not re.fullmatch(rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|k|f))?", bare):
+            continue
+        values = _values(source, name)
+        if not values.size:
+            continue
+        stated = _stated_unit(name, "temp_c")
+        middle = float(np.median(values))
+        unit = stated or ("K" if 200 < middle < 400 else "degC")
+        if unit == "degC" and not -60 < middle < 150:
+            continue
+        return Guess(f"temp_c={name}:{unit}", "the unit is in its name" if stated else f"about {middle:.4g}")
+    return None

@@ -1,0 +1,53 @@
+"""One file for each kind of recording by others; it imports what lies in ``recording/`` below it.
+
+:func:`read` chooses by what the file holds, not by its name.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from gyrocal.errors import InputError, first_line
+from gyrocal.recording.source import Source
+
+
+def read(
+    path: Path,
+    names: Sequence[str] = (),
+    columns: Sequence[str] | None = None,
+    skip: int | None = None,
+    topic: str | None = None,
+) -> Source:
+    """The table in a file, or in a folder that is a ROS 2 bag.
+
+    ``names`` are the columns that will be asked for: a text's header is found by them. ``columns`` names all columns of a text
+    without a header, ``skip`` is the number of lines above it. ``topic`` names one table of a file that holds several.
+    """
+    from gyrocal.recording.readers import arrays, parquet, rosbag, text, ulog
+
+    if path.is_dir():
+        if (path / "metadata.yaml").is_file():
+            return rosbag.read(path, topic)
+        raise InputError(f"{path}: a folder without metadata.yaml, which a ROS 2 bag has; give the file itself")
+    try:
+        with path.open("rb") as handle:
+            head = handle.read(128)
+        if rosbag.is_bag(head):
+            return rosbag.read(path, topic)
+        if head.startswith(ulog.MAGIC):
+            return ulog.read(path, topic)
+        data = path.read_bytes()
+        if head[:2] == b"\x1f\x8b":
+            data = gzip.decompress(data)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path}: {getattr(error, 'strerror', None) or first_line(error)}") from None
+    if data[:4] == parquet.MAGIC:
+        return parquet.read(path, data)
+    if data[:4] == arrays.ZIP:
+        return arrays.read_npz(path, data)
+    if arrays.is_mat(data):
+        return arrays.read_mat(path, data)
+    return text.read(path, data, names, columns, skip)

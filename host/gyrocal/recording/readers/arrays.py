@@ -1,0 +1,63 @@
+"""Arrays by name: NumPy's ``.npz`` and MATLAB's ``.mat``."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+from gyrocal.errors import InputError, first_line
+from gyrocal.recording.source import Source, of_arrays
+
+ZIP = b"PK\x03\x04"
+HDF5 = b"\x89HDF\r\n\x1a\n"
+MATLAB = b"MATLAB "
+MATLAB_4_TYPES = (0, 10, 20, 30, 40, 50)
+"""First words of MATLAB 4's files on little-endian machines: full matrices of numbers, by their precision."""
+
+
+def is_mat(data: bytes) -> bool:
+    """True for MATLAB's binary files; its ``save -ascii`` makes a text."""
+    first = int.from_bytes(data[:4], "little")
+    old = len(data) > 20 and first in MATLAB_4_TYPES and int.from_bytes(data[12:16], "little") in (0, 1) and data[4] != 0
+    return data.startswith((MATLAB, HDF5)) or data[512:520] == HDF5 or old
+
+
+def read_npz(path: Path, data: bytes) -> Source:
+    """The arrays of an ``.npz`` as columns; pickled objects are not read."""
+    import numpy as np
+
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            arrays = {}
+            for name in archive.files:
+                try:
+                    arrays[name] = archive[name]
+                except ValueError:  # an array of objects, which would have to be executed
+                    continue
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a readable .npz file: {first_line(error)}") from None
+    return of_arrays(path, arrays)
+
+
+def read_mat(path: Path, data: bytes) -> Source:
+    """The arrays of a ``.mat`` up to version 7 as columns; the fields of a structure are ``structure.field``."""
+    from scipy.io import loadmat
+
+    if HDF5 in data[:520]:
+        raise InputError(f"{path}: a MATLAB file of version 7.3, which is not read; save it with: save FILE -v7")
+    try:
+        loaded = loadmat(io.BytesIO(data), simplify_cells=True)
+    except Exception as error:  # scipy raises many kinds on a damaged file
+        raise InputError(f"{path}: not a readable MATLAB file: {first_line(error)}") from None
+    return of_arrays(path, dict(_flat(loaded)))
+
+
+def _flat(tree: dict[str, Any], above: str = "") -> list[tuple[str, Any]]:
+    found: list[tuple[str, Any]] = []
+    for name, value in tree.items():
+        if name.startswith("__"):
+            continue
+        found += _flat(value, f"{above}{name}.") if isinstance(value, dict) else [(above + name, value)]
+    return found

@@ -1,0 +1,136 @@
+"""Tables as text: commas, semicolons (also with decimal commas), tabs or spaces; other lines may stand above the header."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+
+from gyrocal.errors import InputError, first_line
+from gyrocal.recording.source import TOO_LONG, Source
+
+HEADER_SEARCH_LINES = 200
+QUOTES = " \t\"'"
+SEPARATORS = ",\t; "
+
+
+def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] | None, skip: int | None) -> Source:
+    """The table in a text; its cells stay text, without quotes and blanks around them.
+
+    The header is the line that holds all ``names``; without names, the line above the first two rows of numbers.
+    """
+    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n\0 ")
+    limit = HEADER_SEARCH_LINES + (skip or 0) + 3
+    lines = [line.decode("utf-8", errors="replace") for line in data.split(b"\n", limit)[:limit]] if data else []
+    if columns is None:
+        header, separator = _find_header(path, lines, names, skip) if names else _find_any_header(path, lines, skip)
+        columns, first = _cells(lines[header], separator), header + 1
+    else:
+        first, separator = _find_data(path, lines, columns, names, skip)
+    for name in names:
+        if list(columns).count(name) > 1:
+            raise InputError(f"{path}: column {name!r} stands twice in the header")
+    body = data.split(b"\n", first)[-1] if first < len(lines) else b""
+    if not body.strip():
+        raise InputError(f"{path}: row {first + 1}: no samples")
+    return Source(str(path), _frame(path, body, separator, list(columns), list(names)), first + 1)
+
+
+def _frame(path: Path, body: bytes, separator: str, columns: list[str], names: list[str]) -> pl.DataFrame:
+    """All rows of a table as text: a short row is filled up with empty cells, a long one is cut."""
+    if separator == " ":
+        body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t]+", b" ", body))
+    width = len(columns)
+    schema = {str(i): pl.String for i in range(width + 1)}
+    try:
+        table = pl.read_csv(
+            width * separator.encode() + b"\n" + body,  # the reader takes the number of columns from its first row
+            has_header=False, separator=separator, schema=schema, truncate_ragged_lines=True,
+            quote_char='"' if b'"' in body else None, encoding="utf8-lossy",
+        )[1:]  # fmt: skip
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        raise InputError(f"{path}: not a readable table: {first_line(error)}") from None
+    beyond = table[str(width)].str.strip_chars(QUOTES).str.len_chars().fill_null(0) > 0
+    if beyond.any():
+        table = table.with_columns(pl.when(~beyond).then(pl.all()).otherwise(pl.lit(TOO_LONG)))
+    wanted = dict.fromkeys(names or [c for c in columns if c])
+    cells = table.select(pl.col(str(columns.index(name))).str.strip_chars(QUOTES).alias(name) for name in wanted)
+    if separator != "," and b"," in body:
+        cells = cells.with_columns(pl.all().str.replace(",", ".", literal=True))
+    return cells
+
+
+def _split(line: str, separator: str) -> list[str]:
+    return line.split() if separator == " " else line.split(separator)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip(QUOTES + "#") for cell in _split(line, separator)]
+
+
+def _window(lines: list[str], skip: int | None) -> list[tuple[int, str]]:
+    first, last = (0, HEADER_SEARCH_LINES) if skip is None else (skip, skip + 1)
+    return list(enumerate(lines))[first:last]
+
+
+def _shown(lines: list[str], skip: int | None) -> str:
+    first = skip or 0
+    return f"row {first + 1} is {(lines[first : first + 1] or ['nothing'])[0][:120]!r}"
+
+
+def _find_header(path: Path, lines: list[str], names: Sequence[str], skip: int | None) -> tuple[int, str]:
+    """The line that holds every wanted name, and the separator that shows them."""
+    for number, line in _window(lines, skip):
+        for separator in SEPARATORS:
+            if set(names) <= set(_cells(line, separator)):
+                return number, separator
+    where = "no line" if skip is None else f"row {skip + 1}"
+    raise InputError(
+        f"{path}: {where} names the columns {', '.join(dict.fromkeys(names))}; {_shown(lines, skip)} "
+        "(other names: --map; no header: --columns a,b,c)"
+    )
+
+
+def _find_any_header(path: Path, lines: list[str], skip: int | None) -> tuple[int, str]:
+    """The line above the first two rows of numbers, with the separator that makes most cells of it."""
+    found = []
+    for separator in SEPARATORS:
+        rows = [(number, _cells(line, separator)) for number, line in enumerate(lines[: HEADER_SEARCH_LINES + 3])]
+        for (number, header), (_, row), (_, next_row) in zip(rows, rows[1:], rows[2:], strict=False):
+            fits = len(header) == len(row) == len(next_row) > 1 and (skip is None or number == skip)
+            if fits and not _is_number(header[0]) and _mostly_numbers(row) and _mostly_numbers(next_row):
+                found.append((len(header), number, separator))
+                break
+    if not found:
+        raise InputError(
+            f"{path}: no header above rows of numbers; {_shown(lines, skip)} (no header: --columns a,b,c; "
+            "else name the columns by --map)"
+        )
+    _, number, separator = max(found, key=lambda f: f[0])
+    return number, separator
+
+
+def _find_data(path: Path, lines: list[str], columns: Sequence[str], names: Sequence[str], skip: int | None) -> tuple[int, str]:
+    """The first line that has as many cells as there are names, numbers where numbers are wanted; and the separator."""
+    wanted = [i for i, column in enumerate(columns) if column in (names or columns)]
+    for number, line in _window(lines, skip):
+        for separator in SEPARATORS:
+            cells = _cells(line, separator)
+            if len(cells) == len(columns) and all(_is_number(cells[i], True) for i in wanted):
+                return number, separator
+    named = ", ".join(dict.fromkeys(names or columns))
+    raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {_shown(lines, skip)}")
+
+
+def _mostly_numbers(cells: list[str]) -> bool:
+    return 2 * sum(map(_is_number, cells)) > len(cells)
+
+
+def _is_number(cell: str, empty: bool = False) -> bool:
+    try:
+        float(cell.replace(",", ".") or ("0" if empty else "-"))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,25 @@
+"""ULog, the log of PX4, by ``pyulog``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gyrocal.errors import InputError, first_line
+from gyrocal.recording.readers.topics import chosen, needed
+from gyrocal.recording.source import Source, of_arrays
+
+MAGIC = b"ULog\x01\x12\x35"
+PREFERRED = ("sensor_combined", "sensor_gyro", "vehicle_imu")
+
+
+def read(path: Path, topic: str | None) -> Source:
+    """One topic as a table; ``topic`` is ``name`` or ``name.instance``. Without one, the first of PREFERRED that is there."""
+    pyulog = needed("pyulog", "import", path)
+    try:
+        log = pyulog.ULog(str(path))
+    except Exception as error:  # pyulog raises many kinds on a damaged file
+        raise InputError(f"{path}: not a readable ULog: {first_line(error)}") from None
+    topics = {f"{d.name}.{d.multi_id}" if d.multi_id else d.name: d for d in log.data_list}
+    name = chosen(path, topic, list(topics), [t for t in PREFERRED if t in topics])
+    columns = {f"{name}.{field}": values for field, values in topics[name].data.items()}
+    return of_arrays(path, columns, f"{path}: {name}", si=True)

@@ -1,0 +1,80 @@
+"""A reference that was recorded in a file of its own, brought to the times of the sensor's samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording import readers
+from gyrocal.recording.column_map import QUATERNION, REFERENCES, ColumnMap, Scaling
+from gyrocal.recording.convert import convert, even, rate_of
+from gyrocal.recording.session import Array
+from gyrocal.recording.stamps import typical_step_s
+
+REACH = 3.0
+"""Steps of the reference. A moment between two samples of it that are further apart has no reference."""
+
+
+@dataclass(frozen=True)
+class SecondFile:
+    """Where the reference lies: ``maps`` as for the sensor's file, with ``t_s``; ``clock`` "same" if one clock stamped both."""
+
+    path: Path
+    maps: Sequence[str]
+    clock: str = "same"
+    topic: str | None = None
+
+    def columns(self, t_s: Array, start_s: float, scaling: Scaling) -> dict[str, Array]:
+        """The reference's columns at the sensor's times ``t_s`` [n], s, which count from ``start_s`` of its clock; [n], NaN
+        where there is none.
+
+        With clock "own" times are taken as they are if both files overlap in time, and else as if both began together.
+        """
+        mappings = [ColumnMap.parse(text, scaling) for text in self.maps]
+        by_target = {m.target: m for m in mappings}
+        other = sorted(set(by_target) - {"t_s", *REFERENCES})
+        if other or "t_s" not in by_target or len(by_target) < 2:
+            wrong = f"{other[0]} is no reference" if other else "map t_s and a reference"
+            raise InputError(f"--ref-map: {wrong}; references are {', '.join(REFERENCES)}")
+        source = readers.read(self.path, [m.column for m in mappings], topic=self.topic)
+        source.check_has([m.column for m in mappings])
+        columns = dict(convert(source, mappings, scaling.rate_hz).columns)
+        times, _ = even(columns.pop("t_s"), str(self.path), self.path.name)
+        if "rate_ref_dps" in columns and by_target["rate_ref_dps"].is_angle_of_rate:
+            columns["rate_ref_dps"] = rate_of(times, columns["rate_ref_dps"])
+        apart_s = source.start_s(by_target["t_s"]) - start_s
+        if apart_s + times[-1] < t_s[0] or apart_s + times[0] > t_s[-1]:
+            if self.clock == "same":
+                raise InputError(
+                    f"{self.path}: its times do not overlap with the sensor's (it begins {apart_s:+.6g} s from them); if it "
+                    "was stamped by another clock: --ref-clock own"
+                )
+            apart_s = 0.0
+        return _at(t_s, times + apart_s, columns)
+
+
+def _at(t_s: Array, known_s: Array, columns: dict[str, Array]) -> dict[str, Array]:
+    """Columns at ``known_s`` on the lines between them at ``t_s``; quaternions turn the shorter way and keep their length."""
+    if set(QUATERNION) <= set(columns):
+        q = np.column_stack([columns[name] for name in QUATERNION])
+        dots = np.nansum(q[1:] * q[:-1], axis=1)
+        q *= np.concatenate([[1.0], np.cumprod(np.where(dots < 0, -1.0, 1.0))])[:, None]
+        columns = columns | dict(zip(QUATERNION, q.T, strict=True))
+    step_s = typical_step_s(known_s)
+    out = {}
+    for name, values in columns.items():
+        at = np.isfinite(values)
+        if at.sum() < 2:
+            raise InputError(f"--ref-map: {name}: fewer than two numbers")
+        x, y = known_s[at], values[at]
+        right = np.clip(np.searchsorted(x, t_s), 1, x.size - 1)
+        near = (x[right] - x[right - 1] < REACH * step_s) & (t_s >= x[0]) & (t_s <= x[-1])
+        out[name] = np.where(near, np.interp(t_s, x, y), np.nan)
+    if set(QUATERNION) <= set(out):
+        norm = np.sqrt(sum(out[name] ** 2 for name in QUATERNION))
+        out.update({name: out[name] / norm for name in QUATERNION})
+    return out

@@ -1,0 +1,77 @@
+"""A real cluster of processes on this machine: the same answer as in one process, also if a worker is killed."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.fleet.board import Done
+from gyrocal.fleet.engine import InProcess, engine
+from gyrocal.fleet.fit import fit_fleet
+from gyrocal.simulation.production import Production
+
+BOARDS = 8
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("cluster") / "boards"
+    Production(seconds=1.0).write(root, range(BOARDS))
+    return root
+
+
+def pid_of_worker() -> int:
+    return os.getpid()
+
+
+def slowly(path: str, task: Callable[[str], Done]) -> Done:
+    """A task that lasts long enough to be killed in the middle."""
+    time.sleep(0.1)
+    return task(path)
+
+
+@dataclass
+class Killing:
+    """A cluster of which one worker is killed after the first result."""
+
+    on: object
+    dashboard: str | None = None
+    killed: list[int] = field(default_factory=list)
+
+    def run(self, task: Callable[[str], Done], paths: Sequence[str]) -> Iterator[Done]:
+        for done in self.on.run(partial(slowly, task=task), paths):  # type: ignore[attr-defined]
+            if not self.killed:
+                pids = self.on.client.run(pid_of_worker)  # type: ignore[attr-defined]
+                self.killed.append(pids[sorted(pids)[0]])
+                os.kill(self.killed[0], signal.SIGKILL)
+            yield done
+
+
+def test_a_killed_worker_costs_only_its_unfinished_tasks(
+    folder: Path, require_module: Callable[[str], None]
+) -> None:  # fmt: skip
+    require_module("distributed")
+    with engine(2) as cluster:
+        killing = Killing(cluster)
+        there = fit_fleet(str(folder), Model.open(), killing, folder.parent / "cluster").to_json()
+    here = fit_fleet(str(folder), Model.open(), InProcess(), folder.parent / "here").to_json()
+    assert len(killing.killed) == 1
+    assert there["failed"] == []
+    assert there["boards"] == BOARDS
+    for name, one in here["population"].items():
+        assert there["population"][name] == pytest.approx(one, rel=1e-9, abs=1e-15)
+    assert {k: v for k, v in there.items() if k != "sessions_per_s"} == {k: v for k, v in here.items() if k != "sessions_per_s"}
+
+
+def test_options_that_exclude_each_other() -> None:
+    with pytest.raises(InputError, match="not together"), engine(2, "tcp://127.0.0.1:1"):
+        pass
+    with pytest.raises(InputError, match="0 or more"), engine(-1):
+        pass

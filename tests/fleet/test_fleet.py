@@ -1,0 +1,147 @@
+"""A fleet from folders to population.toml: the contract's keys, work that is never done twice, and boards that fail."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from gyrocal.calibration.estimator import calibration_of
+from gyrocal.calibration.header import render
+from gyrocal.cli import main
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.fleet.board import plain_fit
+from gyrocal.fleet.engine import InProcess
+from gyrocal.fleet.fit import fit_fleet
+from gyrocal.fleet.listing import sessions
+from gyrocal.inference.fit import fit
+from gyrocal.recording.session import Session
+from gyrocal.simulation.production import BIAS_SD_DPS, SCALE, SCALE_SD, Production
+
+BOARDS = 10
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten small boards, one of them odd, and a broken session."""
+    root = tmp_path_factory.mktemp("fleet") / "boards"
+    production = Production(seconds=2.0, seed=3)
+    production.write(root, range(BOARDS))
+    replace(production, scale_step=0.05).write(root, range(BOARDS, BOARDS + 1))
+    shutil.copytree(root / "board000000", root / "broken")
+    (root / "broken" / "004_up.csv").write_text("t_s,gx_dps,gy_dps,gz_dps\n0.0,1.0,nonsense,1.0\n0.1,1.0,1.0,1.0\n")
+    return root
+
+
+@pytest.fixture(scope="module")
+def fitted(folder: Path) -> dict[str, Any]:
+    return told(folder)
+
+
+def told(folder: Path) -> dict[str, Any]:
+    return fit_fleet(str(folder), Model.open(), InProcess(), folder.parent / "out").to_json()
+
+
+def test_the_contracts_keys(fitted: dict[str, Any]) -> None:
+    assert {"boards", "failed", "population", "outliers", "missing", "sessions_per_s"} <= set(fitted)
+    assert fitted["boards"] == BOARDS + 1
+    assert set(fitted["population"]["scale.z.scale"]) == {"mean", "se", "sd", "sd_se"}
+    assert set(fitted["population"]) == {"scale.z.scale", *(f"bias.{axis}.bias_dps" for axis in "xyz")}
+    assert fitted["missing"] == []
+    assert "boards or rig" in fitted["attribution"]
+
+
+def test_the_planted_population_is_found(fitted: dict[str, Any]) -> None:
+    scale, bias = fitted["population"]["scale.z.scale"], fitted["population"]["bias.x.bias_dps"]
+    assert abs(scale["mean"] - SCALE) < 4 * scale["se"]
+    assert abs(scale["sd"] - SCALE_SD) < 4 * scale["sd_se"]
+    assert abs(bias["sd"] - BIAS_SD_DPS) < 4 * bias["sd_se"]
+
+
+def test_the_odd_board_and_the_broken_one_are_told(fitted: dict[str, Any]) -> None:
+    (odd,) = fitted["outliers"]
+    assert {"session", "z", "why"} <= set(odd)
+    assert odd["session"].endswith("board000010")
+    assert odd["z"] > 5
+    assert "scale.z.scale" in odd["why"]
+    (failed,) = fitted["failed"]
+    assert failed["session"].endswith("broken")
+    assert "row 2" in failed["reason"]
+
+
+def test_finished_work_is_kept_and_a_missing_part_alone_is_done_again(folder: Path, fitted: dict[str, Any]) -> None:
+    results = folder.parent / "out" / "results"
+    before = {path: path.stat().st_mtime_ns for path in results.glob("*.npz")}
+    lost = sorted(before)[3]
+    lost.unlink()
+    again = told(folder)
+    after = {path: path.stat().st_mtime_ns for path in results.glob("*.npz")}
+    assert {path for path in before if before[path] != after[path]} == {lost}
+    again.pop("sessions_per_s")
+    assert again == {k: v for k, v in fitted.items() if k != "sessions_per_s"}
+
+
+def test_population_is_a_model_whose_priors_are_used(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fleet", "fit", str(folder), "--workers", "0", "--out", str(folder.parent / "out"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["population"]
+    model = Model.open(folder.parent / "out" / "population.toml")
+    prior = calibration_of(model, "z")
+    scale, bias = found["scale.z.scale"], found["bias.z.bias_dps"]
+    assert prior.scale == pytest.approx((scale["mean"], scale["sd"]), rel=0.2)
+    assert prior.bias_dps == pytest.approx((bias["mean"], bias["sd"]), rel=0.2)
+    assert prior.scale[1] >= scale["sd"]
+    assert "gyrocal_prior_mean" in render(model)
+    board = Production(seconds=2.0).board(77).save(tmp_path / "new")
+    again = fit(board, model, axes=("z",)).model  # the spreads over boards are no parameters of one board
+    assert set(again.line("bias", "z").values) == {"bias_dps"}  # type: ignore[union-attr]
+    arguments = ["calibrate", str(board.path), "--method", "model", "--model", str(folder.parent / "out" / "population.toml")]
+    assert main([*arguments, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["estimates"]
+    page = (folder.parent / "out" / "report.html").read_text(encoding="utf-8")
+    assert "broken" in page
+    assert page.count("data:image/png") >= 4
+
+
+def test_the_fit_of_a_board_is_the_ordinary_fit(folder: Path) -> None:
+    """It is the same fit where the model gives the structure, and differs by the search's tolerance where that is searched."""
+    session, model = Session.open(folder / "board000001"), Model.open()
+    given = replace(model, terms=tuple(replace(t, values={t.effect.linear[0]: 0.0}) for t in model.terms))
+    fast, same, searched = plain_fit(session, model), fit(session, given).axes, fit(session, model).axes
+    for axis, one in fast.items():
+        for term, other, free in zip(one.terms, same[axis].terms, searched[axis].terms, strict=True):
+            for name, value in other.values.items():
+                assert term.values[name] == pytest.approx(value, abs=1e-12)
+                assert term.values[name] == pytest.approx(free.values[name], abs=0.05 * free.se[name])
+
+
+def test_lists_of_paths_are_read(folder: Path, tmp_path: Path) -> None:
+    paths = [str(folder / "board000001"), str(folder / "board000000")]
+    (tmp_path / "list.json").write_text(json.dumps(paths))
+    pl.DataFrame({"path": paths}).write_parquet(tmp_path / "list.parquet")
+    assert sessions(str(tmp_path / "list.json")) == sessions(str(tmp_path / "list.parquet")) == sorted(paths)
+    (tmp_path / "bad.json").write_text('{"path": 1}')
+    for wrong in ("bad.json", "absent.json", "absent"):
+        with pytest.raises(InputError):
+            sessions(str(tmp_path / wrong))
+
+
+def test_a_session_that_is_being_written_is_left_out(tmp_path: Path) -> None:
+    for name in ("line/a", "b", ".c.x1"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "session.toml").touch()
+    assert sessions(str(tmp_path)) == [str(tmp_path / "b"), str(tmp_path / "line" / "a")]
+
+
+def test_a_url_is_read_by_fsspec(folder: Path) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    memory = fsspec.filesystem("memory")
+    memory.put(str(folder / "board000001"), "/fleet/one", recursive=True)
+    (path,) = sessions("memory://fleet")
+    from gyrocal.fleet.listing import at_hand
+
+    with at_hand(path) as local:
+        assert Session.open(local).board == "B000001"

@@ -1,0 +1,41 @@
+"""Standard errors with few power cycles: those of Student's t, because the cycles also have to show their own spread."""
+
+import numpy as np
+import pytest
+from scipy.stats import t
+
+from gyrocal.error_model.model import Model
+from gyrocal.inference.few_cycles import widening
+from gyrocal.inference.fit import fit
+from gyrocal.inference.fitted import AxisFit
+from make_runs import make_run, make_session
+
+
+def offsets(cycles: int, seed: int, runs: int = 1) -> AxisFit:
+    """Short runs at rest whose offsets differ from power cycle to power cycle by far more than the noise of a run."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(200) / 20.0
+    made = [
+        make_run(t_s, rng.normal(offset, 0.01, (t_s.size, 3)), table_rate_dps=0.0, scenario=f"s{k}")
+        for k, offset in enumerate(rng.normal(0, 0.05, cycles)) for _ in range(runs)
+    ]  # fmt: skip
+    return fit(make_session(*made), Model.open(None), axes="x").axes["x"]
+
+
+@pytest.mark.parametrize("cycles", [3, 4, 6, 12])
+def test_the_error_of_the_bias_is_that_of_students_t(cycles: int) -> None:
+    assert widening(offsets(cycles, cycles))[-1] == pytest.approx(t.ppf(0.975, cycles - 1) / 1.96, rel=0.1)
+
+
+def test_one_power_cycle_says_nothing_of_others() -> None:
+    assert np.all(widening(offsets(1, 0, runs=4)) == 1.0)
+
+
+def test_errors_of_four_power_cycles_cover_the_truth() -> None:
+    """A spread that is fitted too small, or as zero, leaves no estimate many errors off."""
+    z = []
+    for seed in range(40):
+        (bias,) = (term for term in offsets(4, seed).terms if term.effect_id == "bias")
+        z.append(bias.values["bias_dps"] / bias.se["bias_dps"])
+    assert np.mean(np.abs(z) < 1.96) > 0.85
+    assert np.std(z) < 1.2

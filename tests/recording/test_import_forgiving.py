@@ -1,0 +1,290 @@
+"""What the importer mends, counts and tells in files that are not as they should be; every verb reads what it wrote."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.inference.fit import fit
+from gyrocal.recording.column_map import Scaling
+from gyrocal.recording.cut import Cut
+from gyrocal.recording.file_labels import labels_of
+from gyrocal.recording.importer import Imported, Options, import_recording, read_recording
+from gyrocal.recording.resample import resampled
+from gyrocal.recording.second_file import SecondFile
+from gyrocal.recording.session import Session
+
+MAPS = ["t_s=t", "gx_dps=x", "gy_dps=y", "gz_dps=z"]
+AT_78 = {"table_rate_dps": 78.0}
+N = 1200
+RATE_HZ = 100.0
+
+
+def recording(seed: int = 7, scale: float = 0.004, bias_dps: float = 0.3) -> pl.DataFrame:
+    """78 deg/s about z."""
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(0, 0.05, (N, 3))
+    return pl.DataFrame({
+        "t": np.arange(N) / RATE_HZ, "x": noise[:, 0], "y": noise[:, 1], "z": (1 + scale) * 78 + bias_dps + noise[:, 2],
+    })  # fmt: skip
+
+
+def read(path: Path, maps: list[str] = MAPS, **options: Any) -> Imported:
+    return read_recording(path, Options(**({"maps": maps, "defaults": AT_78} | options)))
+
+
+def lines(tmp_path: Path, change: Any = lambda rows: rows, name: str = "log.csv") -> Path:
+    """The recording as CSV, its lines changed."""
+    path = tmp_path / name
+    path.write_text("\n".join(change(recording().write_csv().splitlines())) + "\n")
+    return path
+
+
+def ragged(rows: list[str]) -> list[str]:
+    rows[100] = "0.99,1.0"
+    rows[200] += ",extra"
+    rows[300] = rows[300].replace(",", ",oops", 1)
+    return rows
+
+
+def footer(rows: list[str]) -> list[str]:
+    return [*rows, "", "Mean,,,", "end of recording"]
+
+
+def trailing(rows: list[str]) -> list[str]:
+    return [rows[0], *(row + "," for row in rows[1:])]
+
+
+def restarted(rows: list[str]) -> list[str]:
+    return [*rows[:500], "--- logger restarted", rows[0], *rows[500:]]
+
+
+@pytest.mark.parametrize(
+    ("change", "left_out"), [(ragged, 3), (footer, 2), (trailing, 0), (restarted, 2), (lambda rows: ["", *rows, "", ""], 0)]
+)
+def test_rows_without_a_sample_are_left_out_and_counted(tmp_path: Path, change: Any, left_out: int) -> None:
+    found = read(lines(tmp_path, change))
+    assert found.repaired == ({"rows": left_out} if left_out else {})
+    assert [w.code for w in found.warnings] == ["line_damaged"] * bool(left_out)
+    kept = found.session.runs[0]
+    assert len(kept) == N - (left_out if change is ragged else 0)
+    truth = dict(zip(np.rint(recording()["t"] * 1e6).to_list(), recording()["z"].to_list(), strict=True))
+    assert kept.gyro_dps[:, 2].tolist() == [truth[t] for t in np.rint(kept.t_s * 1e6)], "a row has another row's values"
+
+
+def test_a_table_that_is_damaged_throughout_is_refused_with_its_first_row(tmp_path: Path) -> None:
+    path = lines(
+        tmp_path, lambda rows: [rows[0], *(r.replace(",", ",oops", 1) if i % 10 == 3 else r for i, r in enumerate(rows[1:]))]
+    )
+    with pytest.raises(InputError, match=rf"{path}: row 5: x is 'oops.*; 120 of 1200 rows are so"):
+        read(path)
+
+
+def test_a_damaged_row_without_times_leaves_its_gap(tmp_path: Path) -> None:
+    found = read(lines(tmp_path, ragged), MAPS[1:], scaling=Scaling(rate_hz=RATE_HZ))
+    t_s = found.session.runs[0].t_s
+    assert t_s[-1] == pytest.approx((N - 1) / RATE_HZ)
+    assert np.count_nonzero(np.diff(t_s) > 1.5 / RATE_HZ) == 3
+
+
+def test_quotes_semicolons_and_decimal_commas_at_once(tmp_path: Path) -> None:
+    def german(rows: list[str]) -> list[str]:
+        return [";".join(f'"{cell}"' for cell in row.replace(".", "|").split(",")).replace("|", ",") for row in rows]
+
+    assert np.array_equal(read(lines(tmp_path, german)).session.runs[0].gyro_dps, recording()["x", "y", "z"].to_numpy())
+
+
+def test_text_in_an_optional_column_is_missing_and_counted(tmp_path: Path) -> None:
+    frame = recording().with_columns(c=pl.lit("21.5"))
+    frame[5, "c"] = "ERR"
+    frame.write_csv(tmp_path / "log.csv")
+    found = read(tmp_path / "log.csv", [*MAPS, "temp_c=c"])
+    assert found.repaired == {"cells": 1}
+    assert found.session.runs[0].table["temp_c"].null_count() == 1
+
+
+def test_repeated_times_are_repaired_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    frame = recording().with_columns(t=(pl.col("t") / 0.05).floor() * 0.05)
+    frame.write_csv(tmp_path / "log.csv")
+    maps = [word for m in MAPS for word in ("--map", m)]
+    assert main(["import", str(tmp_path / "log.csv"), str(tmp_path / "out"), *maps, "--rate", "78", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["repaired"] == {"times": N}
+    assert [w["code"] for w in told["warnings"]] == ["sample_rate"]
+    assert abs(told["sample_rate_hz"] / RATE_HZ - 1) < 1e-3
+
+
+def test_one_gyro_axis_alone_is_compared_and_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    up, down, out = tmp_path / "run_up_78dps.csv", tmp_path / "run_down_78dps.csv", str(tmp_path / "out")
+    recording().select("t", "z").write_csv(up)
+    recording(8).select("t", z=pl.col("z") - 2 * 1.004 * 78).write_csv(down)
+    for path in (up, down):  # face and rate are in the names
+        assert main(["import", str(path), out, "--map", "t_s=t", "--map", "gz_dps=z", "--append"]) == 0
+    capsys.readouterr()
+    assert main(["calibrate", out, "--method", "model", "--json"]) == 0
+    (estimate,) = [e for e in json.loads(capsys.readouterr().out)["estimates"] if e["seconds"] == 6]
+    assert estimate["scale"] == pytest.approx(0.004, abs=1e-3)
+    assert estimate["bias_dps"] == pytest.approx(0.3, abs=0.05)
+    for verb in ("compare", "diagnose"):
+        assert main([verb, out, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["verdict"] == "adequate"
+
+
+def test_the_only_axis_is_the_sessions(tmp_path: Path) -> None:
+    recording().write_csv(tmp_path / "log.csv")
+    assert read(tmp_path / "log.csv", ["t_s=t", "gx_dps=z"]).session.axis == "x"
+    with pytest.raises(InputError, match="its axis is y, and nothing is mapped to gy_dps"):
+        read(tmp_path / "log.csv", ["t_s=t", "gx_dps=z"], axis="y")
+
+
+def test_unsigned_counts_have_a_zero_and_a_scale(tmp_path: Path) -> None:
+    frame = recording()
+    counts = frame.with_columns((pl.col("x", "y", "z") * 131 + 32768).round().cast(pl.UInt16))
+    counts.write_csv(tmp_path / "log.csv")
+    found = read(tmp_path / "log.csv", ["t_s=t", *(f"g{a}_dps=({a}-32768)/131" for a in "xyz")])
+    assert np.allclose(found.session.runs[0].gyro_dps, frame["x", "y", "z"].to_numpy(), atol=0.5 / 131 + 1e-9)
+    rad = read(tmp_path / "log.csv", ["t_s=t", "gz_dps=(z - 32768):rad/s/131"])
+    assert np.allclose(rad.session.runs[0].gyro_dps[:, 2], np.degrees(found.session.runs[0].gyro_dps[:, 2]))
+
+
+def swing(tmp_path: Path) -> tuple[Path, np.ndarray]:
+    """30 deg to either side every 4 s, an encoder folded into a turn of 1024 counts; the true rate, deg/s."""
+    frame = recording()
+    t_s = frame["t"].to_numpy()
+    angle_deg, rate_dps = 30 * np.sin(np.pi / 2 * t_s), 15 * np.pi * np.cos(np.pi / 2 * t_s)
+    frame = frame.with_columns(
+        z=pl.Series(rate_dps) + pl.col("x"), enc=pl.Series(np.rint(angle_deg / 360 * 1024) % 1024 / 1024)
+    )
+    frame.write_csv(tmp_path / "swing.csv")
+    return tmp_path / "swing.csv", rate_dps
+
+
+def test_an_angle_gives_the_rate(tmp_path: Path) -> None:
+    path, rate_dps = swing(tmp_path)
+    run = read(path, [*MAPS, "rate_ref_dps=enc:turn"], defaults={}).session.runs[0]
+    assert np.std(run.rate_dps - rate_dps) < 0.1 * np.std(rate_dps)
+    session = Session(RATE_HZ, (run,))
+    scale = fit(session, Model.builtin("paper"), axes="z").model.value("scale", "z", "scale")
+    assert scale == pytest.approx(0, abs=0.005)
+
+
+def test_an_angle_stays_an_angle_that_is_not_folded(tmp_path: Path) -> None:
+    path, _ = swing(tmp_path)
+    angle_deg = read(path, [*MAPS, "ref_angle_deg=enc:turn"], defaults={}).session.runs[0].table["ref_angle_deg"].to_numpy()
+    assert np.ptp(angle_deg) == pytest.approx(60, abs=1)
+
+
+def test_runs_of_different_rates_are_averaged_to_the_slowest(tmp_path: Path) -> None:
+    recording().write_csv(tmp_path / "a_down.csv")
+    fast = recording()
+    fast = pl.concat([fast, fast]).with_columns(t=np.arange(2 * N) / (2.5 * RATE_HZ))
+    fast.write_csv(tmp_path / "b_up.csv")
+    found = read(tmp_path)
+    assert found.repaired == {"resampled": 2 * N}
+    assert [r.face for r in found.session.runs] == ["down", "up"]
+    assert [r.sample_rate_hz for r in found.session.runs] == [RATE_HZ, RATE_HZ]
+    run = found.session.runs[1]
+    assert run.gyro_dps.mean(axis=0) == pytest.approx(fast["x", "y", "z"].to_numpy().mean(axis=0), abs=1e-4)
+    assert run.gyro_dps[:, 0].std() == pytest.approx(0.05 / 2.5**0.5, rel=0.1)
+    found.save(tmp_path / "out")
+    recording().with_columns(t=np.arange(N) / 40).write_csv(tmp_path / "slow.csv")
+    with pytest.raises(InputError, match=r"40 Hz is slower than 100 Hz.*--resample-hz 40"):
+        import_recording(tmp_path / "slow.csv", tmp_path / "out", MAPS, defaults=AT_78, append=True)
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 40.0, 62.5, 97.0])
+def test_averages_keep_the_integral(rate_hz: float) -> None:
+    t_s = np.delete(np.arange(1000) / RATE_HZ, slice(400, 450))
+    out = resampled({"t_s": t_s, "gz_dps": 3 * t_s, "table_angle_deg": 1.5 * t_s**2}, rate_hz)
+    inside = (out["t_s"] < 3.9) | ((out["t_s"] > 4.6) & (out["t_s"] < 9.9))
+    middle_s = out["t_s"] + 0.5 / rate_hz - 0.5 / RATE_HZ
+    assert np.allclose(out["gz_dps"][inside], 3 * middle_s[inside], atol=0.02)
+    assert np.allclose(out["table_angle_deg"][inside], 1.5 * middle_s[inside] ** 2, atol=0.01)
+    assert not np.any((middle_s > 4.0 + 1 / rate_hz) & (middle_s < 4.5 - 1 / rate_hz)), "nothing was recorded there"
+
+
+def test_runs_are_cut_by_time(tmp_path: Path) -> None:
+    cuts = [Cut.parse("up:2s:5s:face=up"), Cut.parse("down:6s::face=down,rate=-78")]
+    found = read(lines(tmp_path), cuts=cuts)
+    assert [len(r) for r in found.session.runs] == [300, 600]
+    assert [r.table_rate_dps for r in found.session.runs] == [78.0, -78.0]
+
+
+@pytest.mark.parametrize(
+    ("stem", "labels"),
+    [
+        ("s003_z_down_-78.5dps", {"scenario": "s003", "axis": "z", "face": "down", "table_rate_dps": "-78.5"}),
+        ("face-up rate_30 day2", {"face": "up", "table_rate_dps": "30", "day": "2"}),
+        ("imu_static_test", {"table_rate_dps": "0"}),
+        ("x_p_y_p", {}),
+        ("upside_resting_place", {}),
+        ("log", {}),
+    ],
+)
+def test_labels_from_a_files_name(stem: str, labels: dict[str, str]) -> None:
+    assert labels_of(stem) == labels
+
+
+def test_an_option_overrides_the_name(tmp_path: Path) -> None:
+    path = lines(tmp_path, name="s002_down_30dps.csv")
+    run = read(path, defaults={"face": "up", "turn_deg": 360.0}).session.runs[0]
+    assert (run.face, run.table_rate_dps, run.turn_deg, run.scenario) == ("up", None, 360.0, "s002")
+
+
+@pytest.mark.parametrize(("clock", "start"), [("same", 3.0), ("own", 5000.0)])
+def test_a_reference_in_a_second_file(tmp_path: Path, clock: str, start: float) -> None:
+    frame = recording().with_columns(t=pl.col("t") + 3.0)
+    frame.write_csv(tmp_path / "imu.csv")
+    u = np.arange(0, 11, 0.025)
+    half = np.radians(40 * u) / 2
+    reference = {
+        "ms": 1e3 * (u + start),
+        "w": np.cos(half),
+        "x": 0 * u,
+        "y": 0 * u,
+        "z": np.sin(half),
+        "rad": np.radians(40 * u) % 6.2832,
+    }
+    pl.DataFrame(reference).write_csv(tmp_path / "ref.csv")
+    maps = ["t_s=ms:ms", *(f"ref_q{a}={a}" for a in "wxyz"), "ref_angle_deg=rad:rad"]
+    found = read(tmp_path / "imu.csv", second=SecondFile(tmp_path / "ref.csv", maps, clock), defaults={})
+    table = found.session.runs[0].table
+    t_s = table["t_s"].to_numpy()
+    inside = t_s < 10.97
+    assert np.allclose(table["ref_angle_deg"].to_numpy()[inside], 40 * t_s[inside], atol=0.05)
+    assert np.allclose(table["ref_qz"].to_numpy()[inside], np.sin(np.radians(20 * t_s[inside])), atol=1e-4)
+    assert table["ref_qw"].is_null().to_numpy()[t_s > 11].all()
+    header = found.save(tmp_path / "out").reference.model_dump(exclude_defaults=True)
+    assert header == ({"clock": "own"} if clock == "own" else {})
+
+
+def test_clocks_that_do_not_overlap_are_told(tmp_path: Path) -> None:
+    path = lines(tmp_path)
+    recording().with_columns(t=pl.col("t") + 500).write_csv(tmp_path / "ref.csv")
+    with pytest.raises(InputError, match=r"begins \+500 s from them.*--ref-clock own"):
+        read(path, second=SecondFile(tmp_path / "ref.csv", ["t_s=t", "rate_ref_dps=z"]), defaults={})
+
+
+@pytest.mark.parametrize(("per_s", "rate_hz", "told"), [(1.0, 100, 0), (1e3, 100, 0), (1e6, 100, 0), (1.0, 50, 1)])
+def test_a_stated_rate_with_times_makes_a_session_that_calibrate_takes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], per_s: float, rate_hz: float, told: int
+) -> None:
+    """The stated rate tells the unit of the times; a rate that they contradict is told and not written."""
+    out = str(tmp_path / "out")
+    maps = [word for m in MAPS for word in ("--map", m)]
+    for face, sign in (("up", 1), ("down", -1)):
+        frame = recording().with_columns(t=pl.col("t") * per_s, z=pl.col("z") - (1 - sign) * 1.004 * 78)
+        frame.write_csv(tmp_path / f"{face}.csv")
+        options = ["--rate-hz", str(rate_hz), "--rate", "78", "--append", "--json"]
+        assert main(["import", str(tmp_path / f"{face}.csv"), out, *maps, *options]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["sample_rate_hz"] == RATE_HZ
+        assert [w["code"] for w in found["warnings"]] == ["sample_rate"] * told
+    assert main(["calibrate", out, "--method", "baseline,model", "--json"]) == 0
+    assert all(abs(e["scale"] - 0.004) < 1e-3 for e in json.loads(capsys.readouterr().out)["estimates"])

@@ -1,0 +1,97 @@
+"""The guess at columns and units: what it takes for what, and that nobody's data are taken without consent."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.errors import InputError
+from gyrocal.recording.column_map import Scaling
+from gyrocal.recording.guess import guess
+from gyrocal.recording.importer import import_recording
+from gyrocal.recording.session import Session
+from gyrocal.recording.source import Source
+
+N = 400
+
+
+def columns(names: list[str], gyro: float, accel: float, per_s: float, temp: float = 25.0) -> pl.DataFrame:
+    """A table of time, three rates up to ``gyro``, gravity of size ``accel`` on z, temperature."""
+    rng = np.random.default_rng(3)
+    rates = gyro * np.sin(np.linspace(0, 20, N))[:, None] * [0.1, 0.2, 1]
+    acceleration = accel * (np.array([0, 0, 1]) + rng.normal(0, 0.01, (N, 3)))
+    content = np.column_stack([1.7e9 + np.arange(N) / 100 * per_s, rates, acceleration, np.full(N, temp)])
+    return pl.DataFrame(content[:, : len(names)], schema=names)
+
+
+def xyz(stem: str) -> list[str]:
+    return [stem + axis for axis in "xyz"]
+
+
+@pytest.mark.parametrize(
+    ("table", "units"),
+    [
+        (columns(["time", "gx", "gy", "gz", "ax", "ay", "az", "temp"], 300, 1.0, 1), ["s", "dps", "g", "degC"]),
+        (columns(["timestamp_us", *xyz("gyro_"), *xyz("acc_")], 3, 9.8, 1e6), ["us", "rad/s", "m/s2"]),
+        (columns(["Time (ms)", "Gyro X (deg/s)", "Gyro Y (deg/s)", "Gyro Z (deg/s)"], 3, 1, 1e3), ["ms", "dps"]),
+        (columns(["t", "w_x [rad/s]", "w_y [rad/s]", "w_z [rad/s]"], 3, 1, 1), ["s", "rad/s"]),
+        (columns(["stamp_ns", *xyz("imu.angular_velocity.")], 300, 1, 1e9), ["ns", "dps"]),
+        (columns(["t", "gyr.0", "gyr.1", "gyr.2", *xyz("acc"), "temp"], 300, 1000, 1, 298), ["s", "dps", "mg", "K"]),
+        (columns(["timestamp", "gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"], 3, 1, 1e6), ["us", "rad/s"]),
+    ],
+)  # fmt: skip
+def test_columns_and_units(table: pl.DataFrame, units: list[str]) -> None:
+    names = table.columns
+    targets = ["t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c"][: len(names)]
+    of_target = [units[0], *[units[1]] * 3, *[units[2] if len(units) > 2 else ""] * 3, *units[3:]]
+    expected = {f"{target}={name}:{unit}" for target, name, unit in zip(targets, names, of_target, strict=False)}
+    assert {g.map for g in guess(Source("a.csv", table), Scaling())} == expected
+
+
+def test_raw_counts_are_not_guessed() -> None:
+    table = columns(["t", "gx", "gy", "gz"], 9000, 1, 1).with_columns(pl.col("gx", "gy", "gz").round())
+    with pytest.raises(InputError, match=r"raw counts up to 9000.*gx_dps=gx/131"):
+        guess(Source("a.csv", table), Scaling())
+    assert "gz_dps=gz:counts" in {g.map for g in guess(Source("a.csv", table), Scaling(lsb_dps=0.0076))}
+
+
+def test_no_gyroscope_is_told() -> None:
+    with pytest.raises(InputError, match="no gyroscope is recognized among t, ax, ay"):
+        guess(Source("a.csv", columns(["t", "ax", "ay"], 1, 1, 1)), Scaling())
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    table = columns(["time", "gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z"], 3, 9.8, 1)
+    (tmp_path / "log.csv").write_text("Logger 3000\nserial;7\n" + table.write_csv())
+    return tmp_path / "log.csv"
+
+
+def test_a_guess_needs_consent(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = log.with_name("out")
+    assert main(["import", str(log), str(out), "--rate", "78"]) == 2
+    said = capsys.readouterr()
+    assert "--map 'gz_dps=gyro_z:rad/s'" in said.err
+    assert "accelerometer is in m/s2" in said.out
+    assert not out.exists()
+    with pytest.raises(InputError, match=r"a guess: t_s=time:s gx_dps=gyro_x:rad/s"):
+        import_recording(log, out, defaults={"table_rate_dps": 78.0})
+
+
+@pytest.mark.parametrize("consent", ["--yes", "--json"])
+def test_a_guess_is_taken_by_yes_or_json_and_told(log: Path, consent: str, capsys: pytest.CaptureFixture[str]) -> None:
+    out = log.with_name("out")
+    assert main(["import", str(log), str(out), "--rate", "78", consent]) == 0
+    said = capsys.readouterr().out
+    assert "gz_dps=gyro_z:rad/s" in (json.loads(said)["guessed"] if consent == "--json" else said)
+    assert np.abs(Session.open(out).runs[0].gyro_dps).max() == pytest.approx(np.degrees(3), rel=0.01)
+
+
+def test_a_preview_is_drawn_before_anything_is_taken(log: Path) -> None:
+    picture = log.with_name("preview.png")
+    assert main(["import", str(log), str(log.with_name("out")), "--rate", "78", "--preview", str(picture)]) == 2
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert {p.name for p in log.parent.iterdir()} == {"log.csv", "preview.png"}
