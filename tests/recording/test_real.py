@@ -9,9 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.io import loadmat
+from scipy.spatial.transform import Rotation, Slerp
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
@@ -199,3 +201,60 @@ def test_stepper_reads_12_ms_behind_its_encoder(file: str) -> None:
     assert lag.values["tau_s"] == pytest.approx(0.012, abs=2.5 * lag.se["tau_s"])
     assert lag.se["tau_s"] < 0.001
     assert scale.values["scale"] == pytest.approx(-0.0148, abs=2.5 * scale.se["scale"])
+
+
+@pytest.fixture(scope="module")
+def broad(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, dict[str, np.ndarray]]:
+    """A minute of a hand-held sensor before optical motion capture, imported as docs/references.md says."""
+    raw = dict(np.load(recording("broad_optical_ref", "01_undisturbed_slow_rotation_A.npz")))
+    rows = slice(17000, 34000)
+    part = {"gyro": raw["gyr_rad_s"][rows], "quaternion": raw["opt_quat"][rows], "fs": raw["fs"]}
+    folder = tmp_path_factory.mktemp("broad")
+    names = ["gx", "gy", "gz", "qw", "qx", "qy", "qz"]
+    table = pl.DataFrame(np.column_stack([part["gyro"], part["quaternion"]]), schema=names).fill_nan(None)
+    table.write_csv(folder / "broad.csv")
+    gyro = maps(*(f"g{a}_dps=g{a}:rad/s" for a in "xyz"), *(f"ref_q{c}=q{c}" for c in "wxyz"))
+    assert main(["import", str(folder / "broad.csv"), str(folder / "broad"), "--rate-hz", str(float(raw["fs"])), *gyro]) == 0
+    header = folder / "broad" / "session.toml"
+    header.write_text(header.read_text() + '\n[reference]\nclock = "own"\n')
+    return Session.open(folder / "broad"), part
+
+
+def test_motion_capture_agrees_with_a_plain_least_squares_fit(broad: tuple[Session, dict[str, np.ndarray]]) -> None:
+    session, raw = broad
+    model = Model.builtin("default")
+    for axis in AXES:
+        model = model.add("misalignment", axis)
+    found = fit(session, model)
+    registration = found.session.runs[0].registration
+    matrix = np.eye(3)
+    for i, a in enumerate(AXES):
+        matrix[i, i] += found.model.value("scale", a, "scale")
+        for j, b in enumerate(AXES):
+            matrix[i, j] += found.model.value("misalignment", a, f"m_{b}") if a != b else 0.0
+    offset_s, own = own_fit(np.rad2deg(raw["gyro"]), raw["quaternion"], float(raw["fs"]))
+    assert registration.offset_s == pytest.approx(offset_s, abs=5e-4)
+    assert 0.003 < registration.offset_s < 0.0055  # its maker's figure is 4.0-4.5 ms
+    np.testing.assert_allclose(matrix @ registration.matrix, own, atol=0.006)  # that fit's own halves differ by up to 0.011
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
+
+
+def own_fit(gyro_dps: np.ndarray, q: np.ndarray, rate_hz: float) -> tuple[float, np.ndarray]:
+    """Offset and map [3, 3] of least squares on means over 0.1 s, by the angle between quaternions a block apart."""
+    size = round(0.1 * rate_hz)
+    best = (np.inf, 0.0, np.eye(3))
+    t_s = np.arange(len(q)) / rate_hz
+    known = np.isfinite(q).all(axis=1)
+    slerp = Slerp(t_s[known], Rotation.from_quat(q[known][:, [1, 2, 3, 0]]))
+    turned = np.cumsum(gyro_dps, axis=0) / rate_hz - gyro_dps / 2 / rate_hz
+    at = np.arange(size, len(q) - 2 * size, size)
+    whole = np.convolve(known, np.ones(2 * size), "same")[at + size // 2] > 2 * size - 0.5
+    for offset_s in np.arange(0.0, 0.009, 0.0005):
+        step = slerp(t_s[at] - offset_s).inv() * slerp(t_s[at + size] - offset_s)
+        w = np.rad2deg(step.as_rotvec())[whole] * rate_hz / size
+        y = (turned[at + size] - turned[at])[whole] * rate_hz / size
+        columns = np.column_stack([w, np.ones(len(w))])
+        solved, squares, *_ = np.linalg.lstsq(columns, y, rcond=None)
+        if squares.sum() < best[0]:
+            best = (float(squares.sum()), float(offset_s), solved[:3].T)
+    return best[1:]

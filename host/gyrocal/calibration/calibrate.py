@@ -18,6 +18,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.whitening import Noise
 from gyrocal.plausibility import check
+from gyrocal.recording.register import registered
 from gyrocal.recording.session import AXES, GAP_PERIODS, Run, Session
 from gyrocal.warning import Warning
 
@@ -81,6 +82,7 @@ def calibrate(
     suits some pair. ``warnings`` None: those of :func:`gyrocal.plausibility.check`; an estimate that a blocking one concerns
     is not trusted. Raises InputError where there is no answer at all.
     """
+    session = registered(session)
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
     paired = bool(found_pairs)
     if methods is None:
@@ -238,7 +240,8 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
 
 def _informed(runs: Sequence[Run], axis: str) -> bool:
     """Do these runs fix both scale and bias of an axis: two true rates about it at least, one of them not zero?"""
-    ends = [(float(r.rate_dps.min()), float(r.rate_dps.max())) if r.axis == axis else (0.0, 0.0) for r in runs]
+    views = [r.about(axis) for r in runs]
+    ends = [(float(r.rate_dps.min()), float(r.rate_dps.max())) if r.axis == axis else (0.0, 0.0) for r in views]
     return bool(ends) and max(high for _, high in ends) - min(low for low, _ in ends) > 1e-6
 
 
@@ -260,7 +263,7 @@ def _by_model(runs: Sequence[Run], model: Model) -> list[Found]:
     found: list[Found] = []
     for axis in AXES:
         # turned by hand about another axis, a run says more of misalignment than of this axis
-        mine = [r for r in runs if r.axis == axis or not r.rate_is_mean]
+        mine = [r.about(axis) for r in runs if r.axis == axis or not r.rate_is_mean]
         if not model.on(axis) or not _informed(mine, axis):
             continue
         calibration = calibration_of(model, axis, white_sd_dps(mine, axis))

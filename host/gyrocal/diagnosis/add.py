@@ -57,7 +57,7 @@ def add(
     effect = effect_or_formula(effect_id)
     axes = [
         a for a in before.fit.axes
-        if start.term(effect.id, a) is None and effect.missing(session.runs, AXES.index(a)) is None
+        if start.term(effect.id, a) is None and effect.missing(session.about(a).runs, AXES.index(a)) is None
     ]  # fmt: skip
 
     def on(axis: str) -> Candidate:
@@ -84,7 +84,7 @@ def _chosen(judged: dict[str, Candidate]) -> list[str]:
 
 def _reason(session: Session, model: Model, effect: Effect, axes: list[str]) -> str:
     """The reason why an effect is not added on any axis, in words."""
-    lacking = next((effect.missing(session.runs, AXES.index(a)) for a in axes), None)
+    lacking = next((effect.missing(session.about(a).runs, AXES.index(a)) for a in axes), None)
     if all(model.term(effect.id, a) is not None for a in axes):
         return "the model already has it on every axis"
     if lacking is not None:

@@ -27,6 +27,7 @@ from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
+from gyrocal.recording.register import registered
 from gyrocal.recording.session import AXES, Session
 from gyrocal.shown import Shown
 from gyrocal.threads import each, one_thread
@@ -63,6 +64,12 @@ class Comparison(Shown):
         return len(self.fit.session.scenarios)
 
     @property
+    def ids(self) -> list[str]:
+        """Ids of the model's effects and noise components, and of what was estimated about the recording's reference."""
+        of_recording = dict.fromkeys(effect for effect, _, _, _ in self.fit.session.registration_parameters)
+        return [*self.fit.model.ids, *of_recording]
+
+    @property
     def judged(self) -> list[str]:
         """The axes without a blocking warning. Only these are judged."""
         blocked = plausibility.blocked(self.warnings, AXES)
@@ -81,7 +88,8 @@ class Comparison(Shown):
 
     def to_json(self) -> dict[str, Any]:
         return {
-            "model": self.fit.model.ids,
+            "model": self.ids,
+            "residual": "rate",
             **self.pooled.to_json(),
             "per_axis": {axis: level.to_json() for axis, level in self.per_axis.items()},
             "verdict": self.verdict,
@@ -95,6 +103,9 @@ class Comparison(Shown):
                 {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
                 for line in self.fit.model.lines()
                 for name, value in line.values.items()
+            ] + [
+                {"effect": effect, "axis": None, "name": name, "value": value, "se": se}
+                for effect, name, value, se in self.fit.session.registration_parameters
             ],
             "warnings": [w.to_json() for w in self.warnings],
         }
@@ -119,6 +130,7 @@ def measure(
     cannot be left out.
     """
     opened = Model.open(model)
+    session = registered(session)
     warnings = plausibility.check(session, opened)
     fitted = fit(session, opened, progress=progress)
     if not fitted.axes:

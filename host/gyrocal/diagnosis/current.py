@@ -62,7 +62,8 @@ class Current:
     def of_samples(self) -> Current:
         """The same model fitted to samples instead of block means, for effects that are faster than a block."""
         design = self.fit.design
-        samples = design.over(by_sample(self.comparison.fit.blocks), cell_s=design.cell_s or BLOCK_S)
+        blocks = by_sample([b.about(self.axis) for b in self.comparison.fit.blocks])
+        samples = design.over(blocks, cell_s=design.cell_s or BLOCK_S)
         return replace(self, fit=fit_noise(samples, start=self.fit))
 
     def with_effect(self, effect: Effect, values: Values) -> Current:

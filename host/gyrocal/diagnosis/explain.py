@@ -104,7 +104,7 @@ class Explanation(Shown):
             "steps": [s.to_json() for s in self.steps],
             "left": [o.to_json() for o in self.left],
             "verdict": self.verdict,
-            "model": self.model.ids,
+            "model": compared["model"],
             "parameters": compared["parameters"],
             "unknown": self.last.unknown,
             "warnings": compared["warnings"],

@@ -159,9 +159,9 @@ def _formulas(
     pieces: list[str] = []
     for symbol in variable.searched:
         values = _values(session, axis, symbol)
-        smooth += variable(session.runs).terms(symbol, values)
+        smooth += variable(session.about(axis).runs).terms(symbol, values)
         pieces += hinges(symbol, values)
-    if variable.times_rate and turns(session.runs, AXES.index(axis)):
+    if variable.times_rate and turns(session.about(axis).runs, AXES.index(axis)):
         smooth, pieces = ([*terms, *(f"(rate/{RATE_UNIT_DPS:g})*{t}" for t in terms)] for terms in (smooth, pieces))
     formulas = []
     for terms in filter(None, (smooth, pieces)):
@@ -175,7 +175,7 @@ def _formulas(
 
 def _values(session: Session, axis: str, symbol: str) -> Array:
     """The values of a symbol [n] in all runs of a session that have it."""
-    parts = [symbols()[symbol].values(r, AXES.index(axis)) for r in session.runs]
+    parts = [symbols()[symbol].values(r, AXES.index(axis)) for r in session.about(axis).runs]
     return np.concatenate([p for p in parts if p is not None])
 
 

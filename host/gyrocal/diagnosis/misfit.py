@@ -48,7 +48,8 @@ def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
 
     At one rate, a line that is no whole number per turn is as well a frequency.
     """
-    turning = [b.run for b in fitted.blocks if not b.run.rate_is_mean and np.any(b.run.rate_dps)]
+    runs = [b.run.about(axis) for b in fitted.blocks]
+    turning = [r for r in runs if not r.rate_is_mean and np.any(r.rate_dps)]
     if not turning:
         return None
     peaks = order_spectrum([remainder.by_run[r.index] for r in turning], [turned_turn(r) for r in turning]).peaks(1)
@@ -64,8 +65,15 @@ def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
     return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 
+def _of_angles(fitted: Fit) -> bool:
+    """True if the true rate is the slope of measured angles. Its noise grows with frequency, and no test of power applies."""
+    return any(b.run.measured_rates is not None and b.run.measured_rates.derived for b in fitted.blocks)
+
+
 def _bump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a bump in the residual's spectrum."""
+    if _of_angles(fitted):
+        return None
     bump = remainder.spectrum.bump()
     if bump is None or bump.chance >= alarm:
         return None
@@ -75,6 +83,8 @@ def _bump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
 
 def _not_white(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for more power than noise in a band of frequencies."""
+    if _of_angles(fitted):
+        return None
     return too_much_power(fitted.axes[axis], axis, alarm)
 
 
@@ -168,7 +178,7 @@ def find_misfit(
                 probed.append(finding)
         beyond = [test(fitted, axis, remainders[axis], share) for test in BEYOND_NOISE]
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
-        return told_once(found, [b.run for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
+        return told_once(found, [b.run.about(axis) for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
 
     tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))
     found = sorted(chain.from_iterable(findings for findings, _ in tested.values()), key=lambda f: -f.strength)

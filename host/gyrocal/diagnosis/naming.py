@@ -75,7 +75,7 @@ def _on_axis(current: Current, own: Sequence[Effect], unless: float, progress: P
             continue
         if progress is not None:
             progress(f"trying {effect.id} on {current.axis}")
-        lacking = effect.missing(current.comparison.fit.session.runs, current.index)
+        lacking = effect.missing(current.comparison.fit.session.about(current.axis).runs, current.index)
         if lacking is not None:
             out.append(Candidate(effect, current.axis, "not_measurable", next_measurement=f"needs {lacking}"))
         else:

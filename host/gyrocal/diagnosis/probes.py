@@ -20,7 +20,7 @@ from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import AXES, Session
 from gyrocal.variables.base import variables
 from gyrocal.variables.shapes import Shape, ShapeOfEachRun
 
@@ -36,7 +36,8 @@ def of_session(session: Session, axis: int) -> list[tuple[str, list[Shape]]]:
     """The shapes that a session allows on one axis, each with the variable that it depends on."""
     if all(r.rate_is_mean for r in session.runs):
         return []
-    return [(name, variable(session.runs).shapes(axis)) for name, variable in variables().items()]
+    runs = session.about(AXES[axis]).runs
+    return [(name, variable(runs).shapes(axis)) for name, variable in variables().items()]
 
 
 def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float) -> Finding | None:

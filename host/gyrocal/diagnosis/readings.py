@@ -78,7 +78,7 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
 def dropped_carry(session: Session, axis: str) -> Finding | None:
     """A carry between two parts of the code that readings lack; None if the readings show none."""
     i = AXES.index(axis)
-    carry = lost_carry(session.runs, i)
+    carry = lost_carry(session.about(axis).runs, i)
     if carry is None:
         return None
     step_dps = -(2.0**carry.bit) * count_dps_of(session.runs, i)
@@ -91,7 +91,7 @@ def single_readings(session: Session, axis: str, alarm: float) -> Finding | None
     ``alarm`` is the allowed probability of a false alarm. Returns None without a finding.
     """
     i = AXES.index(axis)
-    steady = [r for r in session.runs if not r.rate_is_mean]
+    steady = [r for r in session.about(axis).runs if not r.rate_is_mean]
     if not steady:
         return None
     readings = [residual_dps(r)[:, i] for r in steady]

@@ -321,7 +321,7 @@ def table_angle_rad(run: Run) -> Array:
     angle = run.column("table_angle_deg")
     if angle is not None:
         return np.deg2rad(angle if run.timing == SYNCHRONOUS else np.interp(run.shown_s, run.sample_s, angle))
-    if run.table_rate_dps is not None and run.column("rate_ref_dps") is None:
+    if run.table_rate_dps is not None and run.reference_dps is None:
         return np.deg2rad(run.table_rate_dps * elapsed_s(run))
     rate = run.rate_dps * run.face_sign
     steps = np.diff(run.sample_s) * (rate[1:] + rate[:-1]) / 2

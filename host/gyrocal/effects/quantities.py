@@ -137,7 +137,7 @@ def temperature_slope_c_s(run: Run) -> Array:
 
 def rate_slope_dps_s(run: Run, axis: int) -> Array:
     """Rate of change of the true rate about an axis, shape [n], deg/s^2; zero where the rate is constant."""
-    if axis != run.axis_index or run.column("rate_ref_dps") is None or len(run) < 5:
+    if axis != run.axis_index or run.reference_dps is None or len(run) < 5:
         return np.zeros(len(run))
     return slope(true_rate_dps(run), run.t_s, RATE_WINDOW_S * run.sample_rate_hz)
 

@@ -12,6 +12,8 @@ from gyrocal.effects.quantities import VARYING_RATE, rate_varies
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import Motion, Timing
 
+ONE_CLOCK = "a reference by the clock of the readings; by a clock of its own, its offset and drift hide the effect"
+
 
 class TimingEffect(Effect):
     """An effect of time with one linear parameter.
@@ -35,6 +37,8 @@ class TimingEffect(Effect):
         return [dict(values)]
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
+        if any(run.reference.clock == "own" and run.measured_rates is not None for run in runs):
+            return ONE_CLOCK
         return None if rate_varies(runs, axis) else VARYING_RATE
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:

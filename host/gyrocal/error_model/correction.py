@@ -21,6 +21,8 @@ from gyrocal.effects.base import Role
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
+from gyrocal.recording.measured_rates import THREE_AXES
+from gyrocal.recording.registration import Registration
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.recording.table import OPTIONAL, REQUIRED
 
@@ -137,10 +139,11 @@ def _has(run: Run, name: str) -> bool:
 
 def turning_about(run: Run, axis: str, rate_dps: Array) -> Run:
     """The run as if a turntable turned it about an axis at the given rates [n, 3], deg/s."""
-    frame = run.table.with_columns(pl.Series("rate_ref_dps", rate_dps[:, AXES.index(axis)]))
+    frame = run.table.drop(THREE_AXES, strict=False).with_columns(pl.Series("rate_ref_dps", rate_dps[:, AXES.index(axis)]))
     return replace(  # the rates are exact, so they are not smoothed
-        run, axis=axis, face="up", table_rate_dps=None, turn_deg=None, path=None, frame=frame, smooth=False  # type: ignore[arg-type]
-    )
+        run, axis=axis, face="up", table_rate_dps=None, turn_deg=None, path=None, frame=frame, smooth=False,  # type: ignore[arg-type]
+        registration=Registration(),
+    )  # fmt: skip
 
 
 def _error_dps(terms: list[Term], turning: Mapping[int, Run], bias_dps: Mapping[str, float]) -> Array:

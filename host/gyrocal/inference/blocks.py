@@ -18,7 +18,7 @@ import numpy as np
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
 from gyrocal.recording.first_readings import FIRST, first_apart
-from gyrocal.recording.session import GAP_PERIODS, Array, Run, Session
+from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run, Session
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import Timing
 
@@ -84,6 +84,11 @@ class Blocks:
             self.within_ss * share, round(self.within_n * share), None if self.weight is None else self.weight[kept],
         )  # fmt: skip
 
+    def about(self, axis: str) -> Blocks:
+        """The same blocks with the true rate about another axis of the sensor, where the reference has three axes."""
+        run = self.run.about(axis)
+        return self if run is self.run else replace(self, run=run)
+
     def timed(self, timing: Timing) -> Blocks:
         """The same blocks against the true rate of another timing; a block that shows an unrecorded moment is left out."""
         run = self.run.timed(timing)
@@ -97,6 +102,7 @@ class Blocks:
 
 def known_dps(run: Run, axis: int) -> Array:
     """Known true rate about an axis, shape [n], deg/s: the table's, plus the Earth's if the latitude is given."""
+    run = run.about(AXES[axis])
     known = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
     return known if run.latitude_deg is None else known + earth_dps(run, axis, run.latitude_deg)
 
@@ -108,6 +114,7 @@ def residual_dps(run: Run) -> Array:
 
 def begins_apart(run: Run, axis: int, y_dps: Array) -> Array:
     """How far the first readings of a residual [n] are off what follows, shape [FIRST], deg/s: a warning, and no effect."""
+    run = run.about(AXES[axis])
     moves_dps = 2 * float(np.ptp(run.rate_dps[: FIRST + 2])) if axis == run.axis_index else 0.0
     return first_apart(y_dps, float(run.step_dps[axis]), moves_dps)
 
@@ -127,6 +134,8 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     start = np.concatenate(starts).astype(np.intp) if starts else np.zeros(0, dtype=np.intp)
     if start.size == 0:  # only gaps: every sample is a block
         size, start = 1, np.arange(n, dtype=np.intp)
+    if not run.reached.all():  # a block without a reference says nothing
+        start = start[run.reached[start[:, None] + np.arange(size)].all(axis=1)]
     return _blocks_of(run, scenario, start, size)
 
 
@@ -138,7 +147,7 @@ def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
     else:
         for axis in range(3):
             y[:FIRST, axis] -= begins_apart(run, axis, y[:, axis])
-            rows_out, apart_dps = outliers_of(run, axis, y[:, axis])
+            rows_out, apart_dps = outliers_of(run.about(AXES[axis]), axis, y[:, axis])
             y[rows_out, axis] -= apart_dps
     rows = start[:, None] + np.arange(size)
     grouped = y[rows]

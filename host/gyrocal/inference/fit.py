@@ -25,6 +25,7 @@ from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import fit_noise, with_noise
 from gyrocal.inference.noise_shape import shaped
 from gyrocal.inference.nonlinear import refine
+from gyrocal.inference.registering import refined, symmetric
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.runs_apart import runs_apart
 from gyrocal.inference.standard_errors import finish
@@ -48,16 +49,21 @@ def fit(
     progress: Progress | None = None,
 ) -> Fit:  # fmt: skip
     """Fit a model's terms and noise to a session; the model returned carries values and standard errors."""
+    if blocks is None:
+        session = refined(session, model)
     reduced = reduce_session(session) if blocks is None else blocks
+    seen = {axis: [b.about(axis) for b in reduced] for axis in AXES}
 
     def on(axis: str) -> AxisFit:
         if progress is not None:
             progress(f"fitting {axis}")
-        return fit_axis(reduced, AXES.index(axis), model.on(axis), model.noise_on(axis))
+        return fit_axis(seen[axis], AXES.index(axis), model.on(axis), model.noise_on(axis))
 
     covered = [axis for axis in axes if axis in model.axes]
     fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))
     terms = {(t.effect_id, t.axis): t for a in fitted.values() for t in a.terms}
+    if session.three_axes:
+        terms = symmetric(terms)
     noise = {**model.noise, **{axis: a.noise_model for axis, a in fitted.items()}}
     result = Model(model.name, tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms), noise)
     return Fit(session, reduced, result, fitted)

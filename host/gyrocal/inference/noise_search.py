@@ -36,20 +36,30 @@ STEP = 1e-5
 def white_start(design: Design) -> float:
     """White noise of one sample, deg/s: the scatter within blocks or that from block to block, whichever is smaller.
 
-    Behind a low-pass filter the scatter within blocks is smaller. Beside a fast vibration that from block to block is.
+    Behind a low-pass filter the scatter within blocks is smaller. Beside a fast vibration or a fast motion that from block to
+    block is, from which the terms' own columns are taken out: a scale error of 1 % leaves as much of a swing as noise does.
     """
     ss = sum(b.within_ss[design.axis] for b in design.blocks)
     n = sum(b.within_n for b in design.blocks)
     within = [float(np.sqrt(ss / n))] if n >= 10 else []
-    bends = [_bends(b.y_dps[:, design.axis]) * np.sqrt(b.n[1:-1]) for b in design.blocks if b.t_s.size > 2]
-    squares = np.concatenate([*bends, np.zeros(0)]) ** 2
+    squares = _bends(design) ** 2
     between = [float(np.sqrt(np.mean(squares)))] if squares.size >= LEAST_BENDS or not within else []
     return max(min([*within, *[x for x in between if x > 0]], default=0.0), LEAST_WHITE_DPS)
 
 
-def _bends(y_dps: Array) -> Array:
-    """Second differences [m - 2] of block means [m], with the standard deviation of one block mean if the noise is white."""
-    return np.diff(y_dps, 2) / np.sqrt(6.0)
+def _bends(design: Design) -> Array:
+    """Second differences of block means beside those of the shared columns, [m], with the standard deviation of one sample."""
+    rows = 1 + len(design.layout.fixed)
+    bends = [
+        np.diff(design.columns(i)[:rows], 2) * np.sqrt(b.n[1:-1] / 6) for i, b in enumerate(design.blocks) if b.t_s.size > 2
+    ]  # fmt: skip
+    if not bends:
+        return np.zeros(0)
+    y, *columns = np.concatenate(bends, axis=1)
+    if not columns or y.size < LEAST_BENDS * rows:
+        return np.asarray(y)
+    matrix = np.transpose(columns)
+    return np.asarray(y - matrix @ np.linalg.lstsq(matrix, y, rcond=1e-9)[0])
 
 
 def _drifts(design: Design) -> bool:

@@ -17,7 +17,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array
 
-COLORS = np.linspace(-0.3, 0.7, 101)
+COLORS = np.linspace(-0.8, 0.7, 151)
 LOWEST_HZ = 1.0
 """Frequency above which block means show the colour of the fast noise. Below it are drift and effects of a turning table."""
 BANDS = 8

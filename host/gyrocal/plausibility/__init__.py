@@ -10,8 +10,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from gyrocal.error_model.model import Model
-from gyrocal.plausibility import columns, header, noise, readings, rests, sizes, slopes
+from gyrocal.plausibility import columns, header, noise, readings, references, rests, sizes, slopes
 from gyrocal.plausibility.runs import Means
+from gyrocal.recording.register import registered
 from gyrocal.recording.session import Session
 from gyrocal.warning import Warning, accepted
 
@@ -20,6 +21,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
     """All warnings of a session. ``model`` is the one in use, None = ``default``. Accepted warnings do not block."""
     if session.reference.kind == "gravity":  # no true rate is known; the rests are looked at where they are found
         return accepted([*columns.check(session), *header.check(session)], session.accept)
+    session = registered(session)
     dead = readings.constant(session)
     useless = readings.cut_off(session) | columns.mistimed_turns(session)
     means = Means(session, skip={(w.axis, w.file) for w in dead} | useless)
@@ -33,6 +35,7 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *noise.unit_unsure(session),
         *readings.clipped(session, Model.open(model)),
         *columns.check(session),
+        *references.check(session),
         *readings.first_sample(session),
         *header.check(session),
     ]

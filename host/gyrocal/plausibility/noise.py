@@ -20,6 +20,7 @@ SHEPPARD = 1 / 12
 
 def still_dps(run: Run, axis: int) -> Array:
     """Readings minus the true rate if it is known at each sample, shape [n], deg/s."""
+    run = run.about(AXES[axis])
     about = axis == run.axis_index and not run.rate_is_mean
     return run.gyro_dps[:, axis] - (run.rate_dps if about else 0.0)
 
@@ -44,6 +45,7 @@ def _change_dps2(run: Run, axis: int) -> float:
 
     A noisy reference puts more into readings less true rate than a slow movement puts into readings.
     """
+    run = run.about(AXES[axis])
     readings = np.diff(run.gyro_dps[:, axis]) ** 2
     if axis != run.axis_index or (np.ptp(run.rate_dps) == 0 and not run.rate_is_mean):
         return float(readings.mean())

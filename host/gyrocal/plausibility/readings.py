@@ -23,8 +23,9 @@ USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
 def constant(session: Session) -> list[Warning]:
     """``constant_reading`` and ``axis_absent``: readings that do not change although they should."""
     out: list[Warning] = []
-    own = {session.axis, *(r.axis for r in session.runs)}
+    own = set(AXES) if session.three_axes else {session.axis, *(r.axis for r in session.runs)}
     for i, axis in enumerate(AXES):
+        session = session.about(axis)
         still_runs = [r for r in session.runs if np.ptp(r.gyro_dps[:, i]) == 0]
         level = clip_level_dps(session, i)
         if len(still_runs) == len(session.runs) and not all(_at(r.gyro_dps[0, i], level) for r in still_runs):
@@ -135,6 +136,7 @@ def clip_level_dps(session: Session, axis: int) -> float | None:
     themselves, which noise or the true rate would have carried further. One run that is stuck there by itself is not cut off,
     unless the value is the stated or a usual range.
     """
+    session = session.about(AXES[axis])
     readings = [r.gyro_dps[:, axis] for r in session.runs]
     limit = max(float(np.abs(y).max()) for y in readings)
     if limit <= 0:
@@ -223,7 +225,7 @@ def first_sample(session: Session) -> list[Warning]:
 def _first_apart_dps(run: Run, axis: int) -> float | None:
     if run.rate_is_mean:
         return None
-    begins = 0.0
+    run, begins = run.about(AXES[axis]), 0.0
     if axis == run.axis_index and np.ptp(run.rate_dps) > 0:  # a filter starts without the lag that it has later
         lag = abs(lag_samples(run.gyro_dps[:, axis], run.rate_dps, longest_lag(run)))
         begins = float(np.ptp(run.rate_dps[: lag + 2]))

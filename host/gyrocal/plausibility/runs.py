@@ -43,8 +43,13 @@ class Means:
 
     @cached_property
     def by_axis(self) -> dict[str, list[Mean]]:
-        """The statistics of every run for each axis of the readings. The true rate is that about the run's own axis."""
-        return {axis: [_mean(r, i) for r in self.session.runs if self._says(axis, r)] for i, axis in enumerate(AXES)}
+        """The statistics of every run for each axis of the readings.
+
+        The true rate is that about the run's own axis, or about each axis if the reference has three.
+        """
+        return {
+            axis: [_mean(r, i) for r in self.session.about(axis).runs if self._says(axis, r)] for i, axis in enumerate(AXES)
+        }  # fmt: skip
 
     def _says(self, axis: str, run: Run) -> bool:
         return not {(axis, run.file), (axis, None)} & self._skip

@@ -286,8 +286,8 @@ def _face_text(s: Slope, axis: str) -> str:
 def _rate_text(s: Slope, middle: float, axis: str) -> str:
     run, ratio = s.run, s.value / middle
     what, stated = ("turn_deg", run.turn_deg) if run.rate_is_mean else ("table_rate_dps", run.table_rate_dps)
-    if run.column("rate_ref_dps") is not None:
-        what, stated = "rate_ref_dps", None
+    if run.reference_dps is not None:
+        what, stated = "the reference", None
     seems = "" if stated is None else f": it seems to be {stated * ratio:.4g}, not {stated:g}"
     return (
         f"{axis} reads {s.value:.4f} of the stated rate here and {middle:.4f} in the other runs, {ratio - 1:+.1%} "
@@ -300,7 +300,7 @@ def _against_gravity(means: Means, axis: str, line: Line | None) -> list[Warning
 
     If it contradicts all runs and the gyroscope agrees with them, the sign of the accelerometer is wrong.
     """
-    runs = [r for r in means.session.runs if r.axis == axis and r.acc_g is not None]
+    runs = [r for r in means.session.runs if r.axis == axis and r.acc_g is not None and not r.three_axes]
     up = {r.index: _upwards(r) for r in runs}
     hit = [r for r in runs if up[r.index] * r.face_sign < 0]
     known = [r for r in runs if up[r.index] != 0]

@@ -64,7 +64,7 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
     rate is shown as a fraction of it. A periodic variable (a turn) is folded at its period. If the phase differs from run to
     run, there is one line for each run. ``after`` is a comparison with a richer model, whose residual is drawn on top.
     """
-    variable = variables()[finding.against](comparison.fit.session.runs)
+    variable = variables()[finding.against](comparison.fit.session.about(finding.axis).runs)
     of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
     each_run = variable.period is not None and isinstance(finding.shape, ShapeOfEachRun)
     figure, axes = framed(8, 3.2)

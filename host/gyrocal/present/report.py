@@ -69,7 +69,7 @@ def level_rows(c: Comparison) -> list[list[str]]:
 def print_comparison(c: Comparison) -> None:
     print_warnings(c.warnings)
     table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
-    stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
+    stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)

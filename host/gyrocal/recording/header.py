@@ -36,8 +36,7 @@ class RunEntry(BaseModel):
 
 
 class Reference(BaseModel):
-    """The table ``[reference]`` of session.toml: the kind of reference, and the noise of one reading where the data cannot show
-    it.
+    """The table ``[reference]`` of session.toml: its kind, its clock, and the noise of a reading where the data cannot show it.
 
     With ``kind = "gravity"`` no true rate is known: gravity's direction at rests before and after each movement is the
     reference.
@@ -46,6 +45,8 @@ class Reference(BaseModel):
     model_config = ConfigDict(extra="allow", allow_inf_nan=False, frozen=True)
 
     kind: Literal["gravity"] | None = None
+    clock: Literal["own", "same"] = "same"
+    """``own``: the reference was stamped by another clock than the readings."""
     ref_noise_dps: float | None = Field(default=None, ge=0)
     temp_noise_c: float | None = Field(default=None, ge=0)
 

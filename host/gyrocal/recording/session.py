@@ -1,271 +1,21 @@
-"""A session and its runs: what a folder with ``session.toml`` and one table a run holds, opened and saved."""
+"""A session: what a folder with ``session.toml`` and one table a run holds, opened and saved."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import polars as pl
-
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
-from gyrocal.recording.header import FORMAT, Axis, Face, Reference, RunEntry, SessionFile, read_header, write_header
-from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
-from gyrocal.recording.stamps import in_bursts, regression, weights
-from gyrocal.recording.table import check_table, read_table_and_damage, write_table
-from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
+from gyrocal.recording.header import FORMAT, Axis, Reference, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.registration import RegistrationFit
+from gyrocal.recording.run import AXES, GAP_PERIODS, Array, Run
+from gyrocal.recording.table import write_table
 from gyrocal.shown import Shown
 
-AXES = ("x", "y", "z")
-GAP_PERIODS = 1.5
-"""Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
-BY_GRAVITY = (
-    "the reference is gravity, so no true rate is known; what reads such sessions is compare, diagnose, add, explain, and "
-    "calibrate --method model"
-)
-KEPT = (
-    "_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "motion", "_smooth_reference", "smooth_temp",
-)  # fmt: skip
-"""What a run has read or computed and that does not depend on its timing."""
-Array = np.ndarray[Any, np.dtype[np.float64]]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One recording. Arrays are read from the file at first use and kept.
-
-    Attributes have the names of session.toml's keys; ``rate_dps`` is the true rate about the sensed axis in the sensor's sign.
-    """
-
-    index: int
-    file: str
-    scenario: str
-    face: Face
-    axis: Axis
-    table_rate_dps: float | None
-    turn_deg: float | None
-    day: int | None
-    power_on_s: float | None
-    sample_rate_hz: float
-    path: Path | None = None
-    frame: pl.DataFrame | None = field(default=None, repr=False, compare=False)
-    lsb_dps: float | None = None
-    latitude_deg: float | None = None
-    unread: tuple[str, ...] = ()
-    """Keys of the run's entry in session.toml that no command reads."""
-    table_rate_se_dps: float | None = None
-    """Standard error of ``table_rate_dps``."""
-    reference: Reference = field(default_factory=Reference)
-    """What the session says of its references."""
-    smooth: bool = True
-    """False if noisy columns are taken as they are, sample by sample, as the device takes them."""
-    timing: Timing = SYNCHRONOUS
-    """How the reading follows the reference; ``rate_dps`` is the true rate that the reading shows with this timing."""
-
-    @property
-    def axis_index(self) -> int:
-        return AXES.index(self.axis)
-
-    @property
-    def face_sign(self) -> float:
-        return 1.0 if self.face == "up" else -1.0
-
-    @cached_property
-    def _read(self) -> tuple[pl.DataFrame, str]:
-        if self.frame is not None:
-            return check_table(self.frame, self.file), ""
-        assert self.path is not None
-        return read_table_and_damage(self.path, self.file)
-
-    @property
-    def table(self) -> pl.DataFrame:
-        """The run's table, checked."""
-        return self._read[0]
-
-    @property
-    def damage(self) -> str:
-        """What was left out of the table, in words; empty where nothing was."""
-        return self._read[1]
-
-    def __len__(self) -> int:
-        return self.table.height
-
-    @cached_property
-    def t_s(self) -> Array:
-        """Time in the run, shape [n], s, as in the file."""
-        return self.table["t_s"].to_numpy()
-
-    @cached_property
-    def sample_s(self) -> Array:
-        """Time of each sample, shape [n], s: as in the file, or by regression on its number where times come in bursts."""
-        return regression(self.t_s).t_s if in_bursts(self.t_s) else self.t_s
-
-    @property
-    def weights(self) -> Array:
-        """The time that each sample stands for over their mean, shape [n]: what makes a mean over samples one over time."""
-        return weights(self.sample_s)
-
-    @cached_property
-    def t_us(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Whole microseconds since the first sample, shape [n]: what the device sees."""
-        us = np.rint(self.t_s * 1e6).astype(np.int64)
-        return us - us[0]
-
-    @cached_property
-    def gyro_dps(self) -> Array:
-        """Measured rates, shape [n, 3], deg/s."""
-        return self.table.select("gx_dps", "gy_dps", "gz_dps").to_numpy()
-
-    @cached_property
-    def step_dps(self) -> Array:
-        """What the readings step by, shape [3], deg/s: the least by which successive ones differ; 0 where all are the same."""
-        steps = np.abs(np.diff(self.gyro_dps, axis=0))
-        least = np.min(steps, axis=0, where=steps > 0, initial=np.inf)
-        return np.where(np.isfinite(least), least, 0.0)
-
-    def column(self, name: str) -> Array | None:
-        """An optional column, shape [n]; missing cells are NaN. None where the file lacks it or holds no value."""
-        if name not in self.table.columns or self.table[name].null_count() == self.table.height:
-            return None
-        return self.table[name].to_numpy()
-
-    @cached_property
-    def acc_g(self) -> Array | None:
-        """Acceleration, shape [n, 3], g; None unless all three columns are there."""
-        parts = [self.column(name) for name in ("ax_g", "ay_g", "az_g")]
-        return None if any(p is None for p in parts) else np.column_stack([p for p in parts if p is not None])
-
-    @cached_property
-    def temp_c(self) -> Array | None:
-        """Temperature, shape [n], degC."""
-        return self.column("temp_c")
-
-    @cached_property
-    def rate_dps(self) -> Array:
-        """True rate about the run's axis in the sensor's sign, shape [n], deg/s, with the reference's noise.
-
-        From ``rate_ref_dps`` where the file has it (cells that are missing lie on the line between those that are there: an
-        encoder may be slower than the gyroscope), else the table's rate; for a run known by its angle alone, the mean
-        rate ``turn_deg / duration`` (only its integral is meaningful; see :attr:`rate_is_mean`).
-        """
-        reference = self.column("rate_ref_dps")
-        if reference is not None:
-            known = np.isfinite(reference)
-            rate_dps = reference if known.all() else np.interp(self.sample_s, self.sample_s[known], reference[known])
-            if self.timing != SYNCHRONOUS and self.motion is not None:
-                rate_dps = rate_dps + self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
-            return rate_dps
-        if self.table_rate_dps is not None:
-            return np.full(len(self), self.table_rate_dps * self.face_sign)
-        if self.turn_deg is None:
-            raise InputError(f"{self.file}: {BY_GRAVITY}")
-        return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)
-
-    @cached_property
-    def _smooth_reference(self) -> Smoothed | None:
-        """The reference without its noise, whatever the timing; None if the rate is not measured but known.
-
-        The rate of a rest is zero. The residual holds the reference's noise, so a column of what is left of it at rest
-        would fit it.
-        """
-        reference = self.column("rate_ref_dps")
-        if reference is None or not self.smooth:
-            return None
-        known = np.isfinite(reference)
-        found = smoothed(reference[known], self.reference.ref_noise_dps).at_rest()
-        return found if known.all() else found.at(self.sample_s, self.sample_s[known])
-
-    @cached_property
-    def smooth_rate(self) -> Smoothed | None:
-        """The true rate without the reference's noise (``values`` in deg/s); None if the rate is not measured but known."""
-        found = self._smooth_reference
-        if found is None or self.timing == SYNCHRONOUS or self.motion is None:
-            return found
-        moved = self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
-        return replace(found, values=found.values + moved)
-
-    @cached_property
-    def smooth_temp(self) -> Smoothed | None:
-        """The temperature without the thermometer's noise (``values`` in degC); None without a thermometer."""
-        if self.temp_c is None or not self.smooth:
-            return None
-        known = np.isfinite(self.temp_c)
-        found = smoothed_temperature(self.temp_c[known], self.t_s[known], self.reference.temp_noise_c)
-        return found if known.all() else found.at(self.t_s, self.t_s[known])
-
-    def as_measured(self) -> Run:
-        """The run with every column as the device has it: smoothing needs samples that are not there yet."""
-        return replace(self, frame=self.table, smooth=False)
-
-    @cached_property
-    def motion(self) -> Motion | None:
-        """The true rate between the samples of ``rate_ref_dps``; None where the run has fewer than five."""
-        reference = self.column("rate_ref_dps")
-        known = np.zeros(0, dtype=bool) if reference is None else np.isfinite(reference)
-        return None if reference is None or known.sum() < 5 else Motion(self.sample_s[known], reference[known])
-
-    @cached_property
-    def reached(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """False for the samples [n] that show a moment at which no reference was recorded (the first of a delayed run)."""
-        if self.timing == SYNCHRONOUS or self.motion is None:
-            return np.ones(len(self), dtype=bool)
-        return self.motion.reached(self.sample_s, self.timing)
-
-    def timed(self, timing: Timing) -> Run:
-        """The same run with another timing; the run itself where its true rate is constant."""
-        if timing == self.timing or self.motion is None:
-            return self
-        out = replace(self, timing=timing)
-        out.__dict__.update({name: self.__dict__[name] for name in KEPT if name in self.__dict__})
-        return out
-
-    @property
-    def shown_s(self) -> Array:
-        """The moment that each sample shows, shape [n], s; behind a low-pass, that of a slow motion."""
-        start_s, timing = self.sample_s[0], self.timing
-        return np.asarray(start_s + (1 + timing.clock) * (self.sample_s - start_s) - timing.delay_s - timing.filter_s)
-
-    @property
-    def relative_rate_se(self) -> float:
-        """Standard error of the stated table's rate, a fraction of it; 0 where none is given."""
-        return abs(self.table_rate_se_dps / self.table_rate_dps) if self.table_rate_se_dps and self.table_rate_dps else 0.0
-
-    @property
-    def rate_is_mean(self) -> bool:
-        """True where only the run's net angle is known, not its rate at each moment."""
-        return self.table_rate_dps is None and self.turn_deg is not None and self.column("rate_ref_dps") is None
-
-    @property
-    def duration_s(self) -> float:
-        """From the first sample to one period past the last, s."""
-        return float(self.sample_s[-1] - self.sample_s[0]) * len(self) / (len(self) - 1)
-
-    def first(self, seconds: float) -> Run | None:
-        """The run's first ``seconds``; None if the run is shorter (ARCHITECTURE.md says how that is judged), or if they hold
-        fewer than two samples.
-        """
-        limit_us = round(seconds * 1e6)
-        inside = int(np.searchsorted(self.t_us, limit_us, side="left"))
-        if inside < 2:
-            return None
-        if inside == len(self) and self.t_us[-1] + 1.5e6 / self.sample_rate_hz < limit_us:
-            return None
-        return self.part(0, inside)
-
-    def part(self, start: int, stop: int) -> Run:
-        """Rows ``start:stop`` as a run of its own; a net angle is not known for a part, so ``turn_deg`` goes."""
-        whole = start == 0 and stop == len(self)
-        power_on_s = None if self.power_on_s is None else self.power_on_s + float(self.t_s[start] - self.t_s[0])
-        return Run(
-            self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
-            self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
-            frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
-            table_rate_se_dps=self.table_rate_se_dps, reference=self.reference, smooth=self.smooth,
-        )  # fmt: skip
+__all__ = ["AXES", "GAP_PERIODS", "Array", "Axis", "Run", "Session", "run_entry"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -291,6 +41,8 @@ class Session(Shown):
     line: str | None = None
     made_on: str | None = None
     """What a fleet knows its boards by: serial number, rig, production line and date (ISO), as free text."""
+    registration_fit: RegistrationFit | None = None
+    """How well the runs' ``registration`` is known; None where it was not estimated."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
@@ -331,6 +83,20 @@ class Session(Shown):
         from gyrocal.recording.frames import session_of
 
         return session_of(frames, runs, **header)
+
+    def about(self, axis: str) -> Session:
+        """The same session with the true rate about another axis of the sensor in the runs whose reference has three axes."""
+        return self if not self.three_axes else self.with_runs(run.about(axis) for run in self.runs)
+
+    @property
+    def registration_parameters(self) -> tuple[tuple[str, str, float, float | None], ...]:
+        """(effect, name, value, standard error) of what was estimated about the reference's frame and clock."""
+        return () if self.registration_fit is None else self.registration_fit.parameters
+
+    @property
+    def three_axes(self) -> bool:
+        """True if a run's reference measures the true rate about all three axes."""
+        return any(run.three_axes for run in self.runs)
 
     def with_runs(self, runs: Iterable[Run]) -> Session:
         """The same session with other runs."""
@@ -375,7 +141,8 @@ class Session(Shown):
             "format": FORMAT, "sensor": self.sensor, "axis": self.axis, "sample_rate_hz": self.sample_rate_hz,
             "full_scale_dps": self.full_scale_dps, "lsb_dps": self.lsb_dps, "latitude_deg": self.latitude_deg,
             "board": self.board, "rig": self.rig, "line": self.line, "made_on": self.made_on,
-            "accept": list(self.accept) or None, "reference": self.reference.model_dump(exclude_none=True) or None,
+            "accept": list(self.accept) or None,
+            "reference": self.reference.model_dump(exclude_none=True, exclude_defaults=True) or None,
         }  # fmt: skip
 
 
@@ -402,8 +169,8 @@ def _check_rate_known(run: Run) -> None:
     if run.reference.kind == "gravity":
         _check_hands(run)
         return
-    if run.column("rate_ref_dps") is None and run.table_rate_dps is None and run.turn_deg is None:
-        raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a rate_ref_dps column")
+    if run.reference_dps is None and run.table_rate_dps is None and run.turn_deg is None:
+        raise InputError(f"{where}: no true rate: give table_rate_dps or turn_deg in session.toml, or a reference's columns")
 
 
 def _check_hands(run: Run) -> None:
@@ -411,7 +178,7 @@ def _check_hands(run: Run) -> None:
     where = run.path or run.file
     if run.acc_g is None:
         raise InputError(f"{where}: the reference is gravity, and the columns ax_g, ay_g, az_g are not there; record them")
-    if run.table_rate_dps is not None or run.turn_deg is not None or run.column("rate_ref_dps") is not None:
+    if run.table_rate_dps is not None or run.turn_deg is not None or run.reference_dps is not None:
         raise InputError(
             f"{where}: the reference is gravity, and a true rate is given too; remove it, or kind = \"gravity\" in session.toml"
         )

@@ -21,6 +21,8 @@ WIDTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Bandwidths of the spline that smooths the reference, in steps of it."""
 NEGLIGIBLE_NOISE = 2e-3
 """Noise of the reference that needs no smoothing, as a fraction of the motion's change from sample to sample."""
+LARGEST_LOSS = 0.3
+"""Of the error that the reference's noise gives a scale: twice-smoothed motion loses no more than this."""
 STEP = 0.01
 """Relative step of the numerical derivative by the filter's time constant."""
 
@@ -49,12 +51,14 @@ class Motion:
 
     known_s: Array
     known_dps: Array
+    twice: bool = False
+    """True if what smoothing takes from the motion is smoothed too and given back (:func:`smooth`)."""
 
     @cached_property
     def _spline(self) -> CubicSpline:
         from scipy.interpolate import CubicSpline
 
-        return CubicSpline(self.known_s, smooth(self.known_s, self.known_dps))
+        return CubicSpline(self.known_s, smooth(self.known_s, self.known_dps, self.twice))
 
     @property
     def _reach_s(self) -> float:
@@ -130,12 +134,16 @@ class Motion:
         return np.asarray(steady + excess[piece] * fading)
 
 
-def smooth(t_s: Array, values: Array) -> Array:
+def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:
     """A noisy reference [n] at times [n], s, smoothed by a cubic smoothing spline; the times may be uneven.
 
     The bandwidth is the one with the least expected error by Mallows' criterion, ``mean square of the residual + 2 sd^2 c``,
     where c is a sample's weight in its own smoothed value and sd the noise (:func:`noise_sd`). A reference whose noise is far
     below what the motion does from sample to sample is left as it is.
+
+    A spline of the width h takes the part ``(2 pi f h)^4`` from a motion of the frequency f, which is as much as the scale of a
+    good sensor is off. With ``twice``, the residual is smoothed too and added (Tukey's twicing), and the square of that part is
+    lost; a bandwidth that takes a significant part of the motion is not used.
     """
     step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     sd = noise_sd(t_s, values)
@@ -143,8 +151,16 @@ def smooth(t_s: Array, values: Array) -> Array:
         return values
     best, least = values, 2 * sd**2
     for width in WIDTHS:
-        trial = smoothing_spline(t_s, values, (width * step_s) ** 4 / step_s)
-        risk = float(np.mean((values - trial) ** 2)) + 2 * sd**2 / (8**0.5 * width)  # c is that of the equivalent kernel
+        penalty = (width * step_s) ** 4 / step_s
+        trial = smoothing_spline(t_s, values, penalty)
+        weight = 1 / (8**0.5 * width)  # of the equivalent kernel
+        if twice:
+            trial = trial + smoothing_spline(t_s, values - trial, penalty)
+            taken = float((values - trial) @ trial) - 0.273 * weight * values.size * sd**2  # the last: of noise alone
+            if abs(taken) > LARGEST_LOSS * sd * float(np.sqrt(trial @ trial)):
+                break
+            weight = 1.25 * weight
+        risk = float(np.mean((values - trial) ** 2)) + 2 * sd**2 * weight
         if risk < least:
             best, least = trial, risk
     return np.asarray(best)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gyrocal.effects.base import elapsed_s
 from gyrocal.effects.quantities import rate_about, rate_slope_dps_s, rate_varies, true_rate_dps
-from gyrocal.recording.session import Array, Run
+from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Columns, Shape, Steps
 
@@ -47,6 +47,10 @@ class Rate(Variable):
             shapes.append(Columns(lambda run: _even(self.values(run, axis), speeds), min(2, speeds.size - 1)))
         if rate_varies(self.runs, axis):
             shapes.append(Columns(lambda run: _slope_dps_s(run, axis), 2))
+        if any(r.three_axes for r in self.runs):
+            others = [name for name in AXES if name != AXES[axis]]
+            words = f"like the rates about {' and '.join(others)}"
+            shapes.append(Columns(lambda run: _across_dps(run, others), len(others), words))
         across = sorted({r.axis for r in self.turns if r.axis_index != axis and np.any(r.rate_dps)})
         if across:
             words = f"in turns about {' and '.join(across)}"
@@ -84,6 +88,11 @@ def _slope_dps_s(run: Run, axis: int) -> Array:
     """The slope of the rate, to which a delay is proportional, and slope times time, to which a clock error is proportional."""
     slope = rate_slope_dps_s(run, axis)
     return np.column_stack([slope, slope * elapsed_s(run)])
+
+
+def _across_dps(run: Run, axes: Sequence[str]) -> Array:
+    """The true rates about other axes, shape [n, axes], deg/s; zero unless the reference has three axes."""
+    return np.column_stack([true_rate_dps(run.about(axis)) * run.three_axes for axis in axes])
 
 
 def _turned_about(run: Run, axes: Sequence[str]) -> Array:

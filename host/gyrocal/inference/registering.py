@@ -1,0 +1,174 @@
+"""How a reference's frame and clock lie relative to the sensor's, estimated together with the model and the noise.
+
+The readings of each axis are fitted with the model and, beside it, the true rates about the other axes and the derivatives by
+the clock's offset and drift. The three fits are combined by their information: offset and drift are common, and the map
+``I + D`` of the nine rates is the product of a symmetric matrix (scale and misalignment) and a rotation, by which the alignment
+moves (polar decomposition). The step is repeated until nothing moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Role, stack
+from gyrocal.effects.misalignment import Misalignment
+from gyrocal.effects.quantities import rate_noise, true_rate_dps
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.blocks import reduce_session
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.recording.register import registered
+from gyrocal.recording.registration import Registration, RegistrationFit, nearest_rotation, rotation_deg
+from gyrocal.recording.session import AXES, Array, Run, Session
+
+STEPS = 4
+SETTLED = 0.05
+"""The registration has settled if a step moves each of its parameters by less than this fraction of its standard error."""
+TIMES = ("offset_s", "e")
+"""Of the clock, after the nine elements of the map."""
+DIFFERENCE_DEG = 1e-4
+"""Step of the derivative of the rotation vector, deg."""
+
+
+class _Map(Effect):
+    """What a registration may still move: the rates about the other axes, and derivatives by offset and drift."""
+
+    id = "registration"
+    title = equation = cause = looks_like = measure_next = ""
+    parameters = ()
+    linear = (*AXES, *TIMES)
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        measured = run.measured_rates
+        if measured is None or not measured.motions:
+            return np.zeros((len(run), len(self.used(values))))
+        slope = measured.slope_about(axis, run.registration)
+        of_time = {"offset_s": -slope, "e": (run.sample_s - run.sample_s[0]) * slope}
+        return stack(*(of_time[n] if n in of_time else true_rate_dps(run.about(n)) for n in self.used(values)))
+
+    def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
+        found = [rate_noise(run.about(n), AXES.index(n), samples) if n in AXES else None for n in self.used(values)]
+        if all(f is None for f in found):
+            return None
+        return stack(*(np.zeros(len(run)) if f is None else f[0] for f in found)), max(f[1] for f in found if f is not None)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """The combined estimate of the map minus I [3, 3] and of the clock [2], with their covariance [11, 11], inf if unknown."""
+
+    map: Array
+    clock: Array
+    cov: Array
+
+    @property
+    def rotation_cov(self) -> Array:
+        """Covariance of the small rotation that the antisymmetric part of the map is, [3, 3], rad^2."""
+        jacobian = np.zeros((3, 9))
+        for k, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
+            jacobian[k, 3 * row + column], jacobian[k, 3 * column + row] = 0.5, -0.5
+        return np.asarray(jacobian @ self.cov[:9, :9] @ jacobian.T)
+
+
+def refined(session: Session, model: Model) -> Session:
+    """The session with its reference's registration estimated with the model; the session itself if it needs none."""
+    session = registered(session)
+    start = session.registration_fit
+    if start is None:
+        return session
+    names = [name for effect, name, _, _ in start.parameters if effect != "alignment"]
+    turning = session.three_axes
+    for _ in range(STEPS):
+        step = _step(session, model, names)
+        before = session.runs[0].registration
+        rotation = nearest_rotation((np.eye(3) + step.map) @ before.matrix)[0] if turning else np.eye(3)
+        after = Registration(rotation_deg(rotation), before.offset_s + step.clock[0], before.drift + step.clock[1])
+        session = session.with_runs(r.registered(after) for r in session.runs)
+        moved = np.concatenate([np.deg2rad(rotation_deg(rotation @ before.matrix.T)), step.clock])
+        se = np.sqrt(np.concatenate([np.diag(step.rotation_cov), np.diag(step.cov)[9:]]))
+        if np.all(np.abs(moved) <= SETTLED * se + 1e-15):
+            break
+    return replace(session, registration_fit=replace(start, registration=after, parameters=_parameters(after, step, start)))
+
+
+def symmetric(terms: Mapping[tuple[str, str], Term]) -> dict[tuple[str, str], Term]:
+    """The terms by effect and axis, with the misalignment made symmetric: m_y on x and m_x on y are their mean.
+
+    The alignment is where the antisymmetric part is zero, so the two differ only by what the noise's weights make of it. Their
+    errors are independent.
+    """
+    out = dict(terms)
+    mine = {t.axis: (key, t) for key, t in terms.items() if isinstance(t.effect, Misalignment)}
+    for a, b in combinations(sorted(mine), 2):
+        (key_a, of_a), (key_b, of_b) = mine[a], mine[b]
+        pair = ((of_a, f"m_{b}"), (of_b, f"m_{a}"))
+        if any(name not in t.values or name not in t.se for t, name in pair):
+            continue
+        mean = sum(t.values[name] for t, name in pair) / 2
+        se = sum(t.se[name] ** 2 for t, name in pair) ** 0.5 / 2
+        for key, (_, name) in zip((key_a, key_b), pair, strict=True):
+            out[key] = replace(out[key], values={**out[key].values, name: mean}, se={**out[key].se, name: se})
+    return out
+
+
+def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
+    from gyrocal.inference.fit import fit_axis
+
+    reduced = reduce_session(session)
+    information, score = np.zeros((11, 11)), np.zeros(11)
+    for axis in AXES if session.three_axes else dict.fromkeys(r.axis for r in session.runs):
+        i = AXES.index(axis)
+        others = [name for name in AXES if name != axis] if session.three_axes else []
+        kept = [t for t in model.on(axis) if not isinstance(t.effect, Misalignment)]
+        term = Term.of(_Map(), axis, dict.fromkeys([*others, *names], 0.0))
+        noise = model.noise_on(axis) if model.on(axis) else AxisNoise()
+        current = fit_axis([b.about(axis) for b in reduced], i, [*kept, term], noise)
+        places, values, cov = _of_axis(current, i, axis)
+        weight = np.linalg.inv(cov)
+        information[np.ix_(places, places)] += weight
+        score[places] += weight @ values
+    seen = np.flatnonzero(np.diag(information) > 0)
+    cov = np.diag(np.where(np.diag(information) > 0, 0.0, np.inf))
+    cov[np.ix_(seen, seen)] = np.linalg.inv(information[np.ix_(seen, seen)])
+    found = np.zeros(11)
+    found[seen] = cov[np.ix_(seen, seen)] @ score[seen]
+    return _Step(found[:9].reshape(3, 3), found[9:], cov)
+
+
+def _of_axis(current: AxisFit, i: int, axis: str) -> tuple[list[int], Array, Array]:
+    """Places [p] among the eleven parameters of what one axis's fit says of them, with its estimate and covariance."""
+    places, columns = [], []
+    for j, (t, k) in enumerate(current.design.layout.fixed):
+        effect = current.design.terms[t].effect
+        name = axis if effect.role is Role.SCALE else ""
+        if isinstance(effect, _Map):
+            name = effect.used(current.design.terms[t].values)[k]
+        if name:
+            places.append(9 + TIMES.index(name) if name in TIMES else 3 * i + AXES.index(name))
+            columns.append(j)
+    return places, current.solution.beta[columns], current.solution.cov[np.ix_(columns, columns)]
+
+
+def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[tuple[str, str, float, float | None], ...]:
+    """The parameters by name, as those of the first estimate, with their standard errors (None if nothing shows one)."""
+    jacobian = np.zeros((3, 3))
+    for k in range(3):
+        turn = Registration(tuple(DIFFERENCE_DEG * np.eye(3)[k])).matrix
+        ends = [np.array(rotation_deg(m @ found.matrix)) for m in (turn, turn.T)]
+        jacobian[:, k] = (_nearest(ends[0], found) - _nearest(ends[1], found)) / (2 * np.deg2rad(DIFFERENCE_DEG))
+    cov = jacobian @ step.rotation_cov @ jacobian.T
+    values = dict(zip(("rx_deg", "ry_deg", "rz_deg"), zip(found.rotation_deg, np.sqrt(np.diag(cov)), strict=True), strict=True))
+    values |= {"offset_s": (found.offset_s, np.sqrt(step.cov[9, 9])), "e": (found.drift, np.sqrt(step.cov[10, 10]))}
+    errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
+    return tuple((effect, name, float(values[name][0]), errors[name]) for effect, name, _, _ in start.parameters)
+
+
+def _nearest(vector_deg: Array, found: Registration) -> Array:
+    """Of the two rotation vectors of one rotation near half a turn, the one nearer to that which was found."""
+    size = float(np.linalg.norm(vector_deg))
+    other = vector_deg * (1 - 360 / size) if size > 0 else vector_deg
+    return min((vector_deg, other), key=lambda v: float(np.linalg.norm(v - np.array(found.rotation_deg))))

@@ -1,0 +1,154 @@
+"""The true rate as a reference measured it: about one axis or three, in the reference's own frame and by its own clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.orientation import jumps, turned_deg
+from gyrocal.recording.registration import Registration
+from gyrocal.recording.timing import REACH, SYNCHRONOUS, Motion, smooth
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
+Index = np.ndarray[Any, np.dtype[np.intp]]
+Column = Callable[[str], Array | None]
+
+RATES = ("ref_x_dps", "ref_y_dps", "ref_z_dps")
+QUATERNION = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
+THREE_AXES = (*RATES, *QUATERNION)
+ANGLE = "ref_angle_deg"
+REFERENCES = (*THREE_AXES, "rate_ref_dps", ANGLE)
+TRIMMED = 5
+"""Samples at each end of a stretch of angles whose slope is not relied on."""
+END_STEPS = 10
+"""Steps of the reference from each of its ends within which a smooth curve through it is not relied on."""
+GAP_STEPS = 3.5
+"""An angle that is missing for more of its usual steps than this gives no rate in between."""
+
+
+@dataclass(frozen=True)
+class MeasuredRates:
+    """Rates [n, k] in deg/s at the times ``t_s`` [n], s, NaN where missing.
+
+    k is 1 (in the sensor's sign) or 3 (in the reference's frame). ``jumps`` counts the
+    places at which an orientation or angle jumped; the samples beside them are missing.
+    """
+
+    t_s: Array
+    rates_dps: Array
+    jumps: int = 0
+    derived: bool = False
+    """True if the rates are slopes of angles, whose noise grows with frequency."""
+    interpolated: bool = False
+    """True if missing samples lie on the line between those that are there: a table's encoder may be slower than the sensor."""
+
+    @property
+    def three_axes(self) -> bool:
+        return self.rates_dps.shape[1] == 3
+
+    @cached_property
+    def known(self) -> Mask:
+        """True for the samples [n] that have a reference."""
+        return np.asarray(np.isfinite(self.rates_dps).all(axis=1))
+
+    @cached_property
+    def motions(self) -> tuple[Motion, ...]:
+        """The smooth motion between the samples about each of the reference's own axes; empty for fewer than five samples."""
+        if self.known.sum() < 5:
+            return ()
+        return tuple(Motion(self.t_s[self.known], rate, twice=True) for rate in self.rates_dps[self.known].T)
+
+    def about(self, axis: int, registration: Registration) -> Array:
+        """The rate about a sensor's axis at the times of the samples, [n], deg/s; NaN where nothing was recorded.
+
+        Moved to another time, the rate is that of the smooth motion and keeps the noise of its own sample, so that no offset
+        gains by smoothing.
+        """
+        rates = self.rates_dps
+        if not registration.same_clock and self.motions:
+            at_s = registration.moment_s(self.t_s)
+            noise = rates - np.column_stack([m.rate_dps(self.t_s) for m in self.motions])
+            kept = self.known & self._inside(self.t_s)
+            moved = np.column_stack([m.rate_dps(at_s) for m in self.motions]) + np.where(kept[:, None], noise, 0.0)
+            rates = np.where(self._inside(at_s)[:, None], moved, np.nan)
+        return np.asarray(rates @ registration.matrix[axis] if self.three_axes else rates[:, 0])
+
+    def slope_about(self, axis: int, registration: Registration) -> Array:
+        """The rate's slope at the moment that each sample shows, [n], deg/s^2: minus its derivative by the offset."""
+        at_s = registration.moment_s(self.t_s)
+        slopes = np.column_stack([-m.by_delay(at_s, SYNCHRONOUS) for m in self.motions])
+        return np.asarray(slopes @ registration.matrix[axis] if self.three_axes else slopes[:, 0])
+
+    def _inside(self, at_s: Array) -> Mask:
+        """True for the moments [n] at which the smooth motion is known: not in a gap of the reference, nor near its ends."""
+        known_s = self.t_s[self.known]
+        steps_s = np.diff(known_s)
+        step_s = float(known_s[-1] - known_s[0]) / steps_s.size
+        gaps = np.flatnonzero(steps_s > 2 * REACH * step_s)
+        ends_s = np.sort(np.concatenate([known_s[[0, -1]], known_s[gaps], known_s[gaps + 1]]))
+        after = np.searchsorted(ends_s, at_s)
+        nearest_s = np.minimum(np.abs(at_s - ends_s[np.minimum(after, ends_s.size - 1)]), np.abs(at_s - ends_s[after - 1]))
+        return np.asarray((after % 2 == 1) & (nearest_s >= END_STEPS * step_s))
+
+
+def measured_rates(column: Column, t_s: Array, label: str) -> MeasuredRates | None:
+    """The reference among the columns of a run, at the times ``t_s`` [n], s; None if the run has none.
+
+    Three axes are preferred to one. Raises InputError for invalid quaternions, or if a column of a reference is missing.
+    """
+    three, quaternion = _together(column, RATES, label), _together(column, QUATERNION, label)
+    if three is not None:
+        return MeasuredRates(t_s, three)
+    if quaternion is not None:
+        return _of_orientation(t_s, quaternion, label)
+    rate = column("rate_ref_dps")
+    if rate is not None:
+        return MeasuredRates(t_s, rate[:, None], interpolated=True)
+    angle = column(ANGLE)
+    return None if angle is None else _of_steps(t_s, np.isfinite(angle), lambda rows: np.diff(angle[rows])[:, None])
+
+
+def _together(column: Column, names: tuple[str, ...], label: str) -> Array | None:
+    """Columns that belong together, [n, k]; None if none of them is there."""
+    found = [column(name) for name in names]
+    if all(c is None for c in found):
+        return None
+    absent = [name for name, c in zip(names, found, strict=True) if c is None]
+    if absent:
+        raise InputError(f"{label}: the reference lacks {', '.join(absent)}; give all of {', '.join(names)}")
+    return np.column_stack([c for c in found if c is not None])
+
+
+def _of_orientation(t_s: Array, quaternion: Array, label: str) -> MeasuredRates:
+    return _of_steps(t_s, np.asarray(np.isfinite(quaternion).all(axis=1)), lambda rows: turned_deg(quaternion[rows], label))
+
+
+def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> MeasuredRates:
+    """The rate from the angles that are turned from sample to sample: the slope of a smooth curve through their sum.
+
+    The sum is exact whatever the steps are, so that the rate's integral is the measured angle. The curve is a smoothing spline
+    (:func:`gyrocal.recording.timing.smooth`), piece by piece between gaps and jumps.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rows = np.flatnonzero(known)
+    steps_deg = turned(rows)
+    rates = np.full((t_s.size, steps_deg.shape[1]), np.nan)
+    steps_s = np.diff(t_s[rows])
+    usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
+    jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
+    cuts = np.flatnonzero(jumped | (steps_s > GAP_STEPS * usual_s)) + 1
+    for piece in np.split(np.arange(rows.size), cuts):
+        if piece.size <= 2 * TRIMMED:
+            continue
+        mine, at_s = steps_deg[piece[:-1]], t_s[rows[piece]]
+        angle_deg = np.vstack([np.zeros(mine.shape[1]), np.cumsum(mine, axis=0)])
+        slopes = np.column_stack([CubicSpline(at_s, smooth(at_s, a, twice=True))(at_s, 1) for a in angle_deg.T])
+        rates[rows[piece[TRIMMED:-TRIMMED]]] = slopes[TRIMMED:-TRIMMED]
+    return MeasuredRates(t_s, rates, int(jumped.sum()), derived=True)

@@ -1,0 +1,52 @@
+"""Orientations as a reference: unit quaternions (Hamilton, body to fixed frame) and the rotations between them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+UNIT_WITHIN = 0.02
+"""A quaternion's length may deviate from 1 by this much: more than rounding to three digits does."""
+JUMP_DEG = 1.0
+JUMP_FACTOR = 8.0
+"""A step is a jump if it exceeds both the steps before and those after it by this factor, and :data:`JUMP_DEG`."""
+BESIDE = 4
+"""Steps on either side with which a step is compared."""
+
+
+def turned_deg(quaternion: Array, label: str) -> Array:
+    """The rotation from each sample to the next in the body's frame, rotation vectors [n - 1, 3], deg.
+
+    ``quaternion`` [n, 4] holds w, x, y, z; a row with NaN is missing and gives NaN. The rotation vector is the logarithm of
+    the exact relative rotation; q and -q are the same orientation. Raises InputError for a row that is not a unit quaternion.
+    """
+    size = np.linalg.norm(quaternion, axis=1)
+    bad = np.flatnonzero(np.abs(size - 1) > UNIT_WITHIN)
+    if bad.size:
+        raise InputError(
+            f"{label}: row {bad[0] + 2}: the quaternion has the length {size[bad[0]]:.4g}, not 1 ({bad.size} such rows). "
+            "Map ref_qw, ref_qx, ref_qy, ref_qz to a unit quaternion's own columns, and leave cells without a measurement empty"
+        )
+    before, after = quaternion[:-1] / size[:-1, None], quaternion[1:] / size[1:, None]
+    real = np.sum(before * after, axis=1)
+    a, b = before[:, 1:], after[:, 1:]
+    imaginary = before[:, :1] * b - after[:, :1] * a - np.cross(a, b)
+    sine = np.linalg.norm(imaginary, axis=1)
+    angle = 2 * np.arctan2(sine, np.abs(real)) * np.where(real < 0, -1.0, 1.0)
+    return np.asarray(np.rad2deg(imaginary * (angle / np.maximum(sine, 1e-300))[:, None]))
+
+
+def jumps(turned: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """True for the steps [n - 1, k] in which the reference jumped: a marker was exchanged, a tracker found itself again."""
+    known = np.linalg.norm(turned, axis=1)
+    if known.size < 2 * BESIDE:
+        return np.zeros(known.size, dtype=bool)
+    padded = np.pad(known, BESIDE, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, BESIDE)
+    usual = np.maximum(np.median(around[: known.size], axis=1), np.median(around[BESIDE + 1 :], axis=1))
+    return np.asarray(known > JUMP_DEG + JUMP_FACTOR * usual)

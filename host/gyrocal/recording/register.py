@@ -1,0 +1,220 @@
+"""A first estimate of how a reference's frame and clock lie relative to the sensor's, by ordinary least squares.
+
+At each offset on a grid, the linear map from the reference to the readings that leaves least is known from their
+cross-correlations, whatever the rotation is. The best offsets are refined by Gauss-Newton steps over longer and longer parts of
+the recording, in which a clock that runs fast shows. The rotation is the orthogonal factor of the map.
+:mod:`gyrocal.inference.registering` refines all of it together with the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gyrocal.errors import InputError
+from gyrocal.recording.measured_rates import MeasuredRates
+from gyrocal.recording.registration import Registration, RegistrationFit, nearest_rotation, rotation_deg
+from gyrocal.recording.session import Run, Session
+from gyrocal.recording.timing import SYNCHRONOUS
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+LATEST_S = 2.0
+"""Largest offset of the reference's clock, either sign, s."""
+LOOKED_S = 60.0
+"""A reference that is later than :data:`LATEST_S` is looked for within this time, s."""
+GRID_HZ = 100.0
+CANDIDATES = 8
+"""Maxima of the correlation that are refined."""
+FIRST_S = 30.0
+"""The drift of a clock is not estimated from less than this; the search doubles it until it holds the whole recording, s."""
+MOST_SAMPLES = 30_000
+ROUNDS = 20
+SETTLED_S = 1e-7
+AMBIGUOUS = 3.0
+"""Another offset is an alternative if its mean square exceeds the best one's by less than this many of its standard errors."""
+WORSE = 0.5
+"""A reference is too late if a later offset leaves less than this part of what the best allowed one leaves."""
+LEAST_EXPLAINED = 0.5
+"""Of the readings' power: a later offset must explain at least this."""
+
+
+def registered(session: Session) -> Session:
+    """The session with the frame and the clock of its reference estimated; the session itself if there is nothing to estimate.
+
+    Raises InputError if the reference fits only at an offset of more than :data:`LATEST_S`.
+    """
+    own_clock = session.reference.clock == "own"
+    runs = [r for r in session.runs if r.measured_rates is not None and r.measured_rates.motions]
+    runs = [r for r in runs if r.three_axes] or runs
+    if session.registration_fit is not None or not runs or not (own_clock or runs[0].three_axes):
+        return session
+    search = _Search([_Reading.of(r) for r in _thinned(runs)])
+    fit = search.fit(own_clock)
+    return replace(session.with_runs(r.registered(fit.registration) for r in session.runs), registration_fit=fit)
+
+
+def _thinned(runs: Sequence[Run]) -> list[tuple[Run, int]]:
+    every = max(1, round(sum(map(len, runs)) / MOST_SAMPLES))
+    return [(run, every) for run in runs]
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Some samples of a run: times [n], s, readings [n, a] and the reference, a = 3 axes or the run's own."""
+
+    t_s: Array
+    y_dps: Array
+    reference: MeasuredRates
+
+    @staticmethod
+    def of(thinned: tuple[Run, int]) -> _Reading:
+        run, every = thinned
+        assert run.measured_rates is not None
+        y = run.gyro_dps if run.three_axes else run.gyro_dps[:, [run.axis_index]]
+        return _Reading(run.sample_s[::every], y[::every], run.measured_rates)
+
+    def rates(self, at_s: Array) -> Array:
+        return np.column_stack([m.rate_dps(at_s) for m in self.reference.motions])
+
+    def slopes(self, at_s: Array) -> Array:
+        return np.column_stack([-m.by_delay(at_s, SYNCHRONOUS) for m in self.reference.motions])
+
+    def recorded(self, at_s: Array) -> Any:
+        return self.reference.motions[0].reached(at_s, SYNCHRONOUS)
+
+    @cached_property
+    def middle_s(self) -> float:
+        """The time about which the motion is strongest, s."""
+        power = np.cumsum(np.sum(self.rates(self.t_s) ** 2, axis=1))
+        return float(self.t_s[np.searchsorted(power, power[-1] / 2)])
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Least squares at one offset and drift: the map [a, k], the mean square that is left, and the next step of both."""
+
+    offset_s: float
+    drift: float
+    map: Array
+    square: float
+    step: Array
+    samples: int
+
+
+class _Search:
+    def __init__(self, readings: Sequence[_Reading]) -> None:
+        self.readings = readings
+        self.longest_s = max(float(r.t_s[-1] - r.t_s[0]) for r in readings)
+
+    def fit(self, own_clock: bool) -> RegistrationFit:
+        best = self.trial(0.0, 0.0, self.longest_s)
+        alternatives: tuple[float, ...] = ()
+        drifts = own_clock and self.longest_s >= FIRST_S
+        if own_clock:
+            best, alternatives = self._timed(drifts)
+        rotation, proper = nearest_rotation(best.map) if best.map.shape[0] == 3 else (np.eye(3), True)
+        registration = Registration(rotation_deg(rotation), best.offset_s, best.drift)
+        parameters = [("alignment", f"r{a}_deg", v, None) for a, v in zip("xyz", registration.rotation_deg, strict=True)]
+        parameters = parameters if best.map.shape[0] == 3 else []
+        if own_clock:
+            parameters.append(("time_offset", "offset_s", best.offset_s, None))
+        if drifts:
+            parameters.append(("clock_drift", "e", best.drift, None))
+        return RegistrationFit(registration, tuple(parameters), alternatives, not proper)
+
+    def _timed(self, drifts: bool) -> tuple[_Trial, tuple[float, ...]]:
+        starts = self._starts_s()
+        span_s = min(FIRST_S, self.longest_s)
+        trials = sorted((self._refined(self.trial(o, 0.0, span_s), span_s, False) for o in starts), key=lambda t: t.square)
+        best = trials[0]
+        allowed = best.square * (1 + AMBIGUOUS * np.sqrt(2 / best.samples))
+        others = {round(t.offset_s, 3) for t in trials[1:] if t.square < allowed and abs(t.offset_s - best.offset_s) > 0.02}
+        while drifts:
+            best = self._refined(self.trial(best.offset_s, best.drift, span_s), span_s, True)
+            if span_s >= self.longest_s:
+                break
+            span_s = min(2 * span_s, self.longest_s)
+        return best, tuple(sorted(o for o in others if abs(o) <= LATEST_S))
+
+    def trial(self, offset_s: float, drift: float, span_s: float) -> _Trial:
+        """Least squares of the readings on the reference, with an offset of each run, over ``span_s`` about the motion."""
+        a = self.readings[0].y_dps.shape[1]
+        parts = []
+        for r in self.readings:
+            at_s = Registration(offset_s=offset_s, drift=drift).moment_s(r.t_s)
+            use = r.recorded(at_s) & (np.abs(r.t_s - r.middle_s) <= max(span_s / 2, span_s - (r.t_s[-1] - r.t_s[0]) / 2))
+            if use.sum() < 4 * (a + 1):
+                continue
+            w, slope, y, t = r.rates(at_s[use]), r.slopes(at_s[use]), r.y_dps[use], r.t_s[use] - r.t_s[0]
+            parts.append((y - y.mean(axis=0), w - w.mean(axis=0), slope, slope * t[:, None]))
+        if not parts:
+            raise InputError("reference and readings do not overlap in time: shift the reference's times and import again")
+        y, w, slope, late = (np.concatenate([p[i] for p in parts]) for i in range(4))
+        found = np.linalg.lstsq(w, y, rcond=None)[0]
+        left = y - w @ found
+        columns = np.stack([-(slope @ found), late @ found], axis=-1)  # by offset and by drift, [n, a, 2]
+        columns = columns - columns.mean(axis=0)
+        columns -= np.einsum("nk,kac->nac", w, np.linalg.lstsq(w, columns.reshape(len(w), -1), rcond=None)[0].reshape(-1, a, 2))
+        size = np.sqrt(np.sum(columns**2, axis=(0, 1))) + 1e-300
+        step = np.linalg.lstsq(columns.reshape(-1, 2) / size, left.reshape(-1), rcond=1e-9)[0] / size
+        only_offset = float(columns[..., 0].reshape(-1) @ left.reshape(-1)) / size[0] ** 2
+        return _Trial(offset_s, drift, found.T, float(np.mean(left**2)), np.array([*step, only_offset]), left.size)
+
+    def _refined(self, trial: _Trial, span_s: float, drifts: bool) -> _Trial:
+        """Gauss-Newton steps, halved until the mean square falls."""
+        for _ in range(ROUNDS):
+            offset_s, drift = (trial.step[0], trial.step[1]) if drifts else (trial.step[2], 0.0)
+            for halved in (1.0, 0.5, 0.25, 0.1):
+                following = self.trial(trial.offset_s + halved * offset_s, trial.drift + halved * drift, span_s)
+                if following.square < trial.square:
+                    break
+            else:
+                return trial
+            moved_s = abs(following.offset_s - trial.offset_s)
+            trial = following
+            if moved_s < SETTLED_S:
+                break
+        return trial
+
+    def _starts_s(self) -> list[float]:
+        """Offsets at which the readings follow the reference best, on a grid within :data:`LATEST_S`.
+
+        Raises InputError if they follow it only at a larger one.
+        """
+        lags_s, left = self._left()
+        inside = np.abs(lags_s) <= LATEST_S
+        best_in, best_out = float(left[inside].min()), int(np.argmin(left))
+        if not inside[best_out] and left[best_out] < min(WORSE * best_in, 1 - LEAST_EXPLAINED):
+            raise InputError(
+                f"the reference fits the readings only if its times are shifted by {lags_s[best_out]:+.2f} s, more than "
+                f"{LATEST_S:g} s. Add {lags_s[best_out]:.2f} s to the reference's times and import again"
+            )
+        low = np.flatnonzero(inside)
+        padded = np.concatenate([[np.inf], left[low], [np.inf]])
+        minima = low[(padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])]
+        return [float(lags_s[i]) for i in minima[np.argsort(left[minima])][:CANDIDATES]]
+
+    def _left(self) -> tuple[Array, Array]:
+        """Offsets of the grid [m], s, and the part of the readings' power [m] that the best linear map leaves at each."""
+        step_s = max(1 / GRID_HZ, min(float(np.median(np.diff(r.t_s))) for r in self.readings))
+        most = round(min(LOOKED_S, max(LATEST_S, self.longest_s / 4)) / step_s)
+        a, k = self.readings[0].y_dps.shape[1], len(self.readings[0].reference.motions)
+        power, cross, total = np.zeros((k, k)), np.zeros((2 * most + 1, a, k)), 0.0
+        for r in self.readings:
+            even_s = np.arange(r.t_s[0], r.t_s[-1], step_s)
+            y = np.column_stack([np.interp(even_s, r.t_s, r.y_dps[:, i]) for i in range(r.y_dps.shape[1])])
+            w = np.where(r.recorded(even_s)[:, None], r.rates(even_s), 0.0)
+            y, w = y - y.mean(axis=0), w - w.mean(axis=0)
+            size = 2 ** int(np.ceil(np.log2(even_s.size + most + 1)))
+            of_y, of_w = np.fft.rfft(y, size, axis=0), np.fft.rfft(w, size, axis=0)
+            both = np.fft.irfft(of_y[:, :, None] * of_w.conj()[:, None, :], size, axis=0)
+            cross = cross + np.roll(both, most, axis=0)[: 2 * most + 1]
+            power, total = power + w.T @ w, total + float(np.sum(y**2))
+        maps = cross @ np.linalg.pinv(power, rcond=1e-9)
+        explained = np.sum(maps * cross, axis=(1, 2))
+        return np.asarray(step_s * np.arange(-most, most + 1)), np.asarray(1 - explained / max(total, 1e-300))

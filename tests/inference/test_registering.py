@@ -1,0 +1,75 @@
+"""Frame and clock of a reference, estimated with the model: against scipy's least squares, and errors as large as stated."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from gyrocal.error_model.model import Model
+from gyrocal.inference.fit import fit
+
+
+def study() -> Any:
+    """`benchmarks/references.py`, whose sessions are made without the library's own rotations."""
+    path = Path(__file__).parents[2] / "benchmarks/references.py"
+    spec = importlib.util.spec_from_file_location("references", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["references"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def with_misalignment() -> Model:
+    model = Model.builtin("default")
+    for axis in "xyz":
+        model = model.add("misalignment", axis)
+    return model
+
+
+def test_registration_scale_and_misalignment_are_scipys() -> None:
+    references = study()
+    rng = np.random.default_rng(4)
+    planted = references.Planted(
+        np.array([40.0, -70.0, 110.0]), -0.83, 4e-5, np.eye(3) + 0.004 * np.array([[2, 1, -1], [1, -1, 0.5], [-1, 0.5, 1]]),
+        np.array([0.3, -1.0, 2.0]), 60.0, 0.05, 0.001, 50.0, 40.0,
+    )  # fmt: skip
+    session = references.session(planted, rng)
+    found = fit(session, with_misalignment())
+    (run,) = session.runs
+    t_s, y = run.t_s, run.gyro_dps
+    spline = CubicSpline(t_s, np.column_stack([run.table[f"ref_{a}_dps"] for a in "xyz"]))
+    inside = found.session.runs[0].reached
+
+    def left(p: Any) -> Any:
+        turn = Rotation.from_rotvec(p[:3], degrees=True)
+        m = np.array([[p[5], p[8], p[9]], [p[8], p[6], p[10]], [p[9], p[10], p[7]]])
+        true = turn.apply(spline((1 + p[4]) * t_s[inside] - p[3]))
+        return (y[inside] - true @ (np.eye(3) + m).T - p[11:]).ravel()
+
+    start = np.concatenate([planted.rotation_deg, [planted.offset_s, 0], np.zeros(9)])
+    own = least_squares(left, start, x_scale=np.concatenate([np.full(3, 0.1), [1e-4, 1e-5], np.full(6, 1e-3), np.ones(3)]))
+    for (_, name, value, se), expected in zip(found.session.registration_parameters, own.x[:5], strict=True):
+        assert se is not None
+        assert value == pytest.approx(expected, abs=0.75 * se), name
+    names = [("scale", a, "scale") for a in "xyz"]
+    names += [("misalignment", a, f"m_{b}") for a, b in (("x", "y"), ("x", "z"), ("y", "z"))]
+    for (effect, axis, name), expected in zip(names, own.x[5:11], strict=True):
+        term = found.model.term(effect, axis)
+        assert term is not None
+        assert term.values[name] == pytest.approx(expected, abs=0.75 * term.se[name]), (axis, name)
+    for a, b in (("x", "y"), ("x", "z"), ("y", "z")):
+        assert found.model.value("misalignment", a, f"m_{b}") == found.model.value("misalignment", b, f"m_{a}")
+
+
+def test_errors_of_planted_registrations_are_as_large_as_stated() -> None:
+    z = np.concatenate(list(study().spreads(range(900, 904)).values()))
+    assert np.abs(z).max() < 4.5
+    assert 0.7 < z.std() < 1.4

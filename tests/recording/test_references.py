@@ -1,0 +1,166 @@
+"""References: quaternions, angles, frames and clocks of their own, and what is said of bad ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gyrocal.calibration.calibrate import calibrate
+from gyrocal.error_model.correction import correct
+from gyrocal.error_model.model import Model, Term
+from gyrocal.errors import InputError
+from gyrocal.plausibility import references
+from gyrocal.recording.header import Reference
+from gyrocal.recording.register import registered
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
+
+Array = NDArray[np.float64]
+RATE_HZ, SECONDS = 50.0, 20.0
+T_S = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
+OWN = Reference(clock="own")
+
+
+def motion(t_s: Array, seed: int = 0) -> Array:
+    """Body rates [n, 3], deg/s: sums of sines below 1.5 Hz."""
+    rng = np.random.default_rng(seed)
+    f, p, a = rng.uniform(0.1, 1.5, (8, 3)), rng.uniform(0, 7, (8, 3)), rng.normal(0, 20, (8, 3))
+    return np.asarray(np.sum(a * np.sin(2 * np.pi * f * t_s[:, None, None] + p), axis=1))
+
+
+def quaternions(t_s: Array, seed: int = 0) -> Array:
+    """Orientations w, x, y, z [n, 4] of that motion, integrated in steps of half a millisecond."""
+    fine = round(2000 / RATE_HZ)
+    middle = t_s[0] + (np.arange((t_s.size - 1) * fine) + 0.5) / (RATE_HZ * fine)
+    steps = Rotation.from_rotvec(np.deg2rad(motion(middle, seed)) / (RATE_HZ * fine))
+    at, out = Rotation.identity(), [Rotation.identity()]
+    for k in range(len(steps)):
+        at = at * steps[k]
+        if (k + 1) % fine == 0:
+            out.append(at)
+    return np.asarray(Rotation.concatenate(out).as_quat()[:, [3, 0, 1, 2]])
+
+
+Q = quaternions(T_S[:400])
+
+
+def with_reference(gyro_dps: Array, reference: Reference = OWN, **columns: Array) -> Session:
+    t_s = np.arange(len(gyro_dps)) / RATE_HZ
+    run = replace(make_run(t_s, gyro_dps, table_rate_dps=None, **columns), reference=reference)
+    return make_session(run, reference=reference)
+
+
+def rates(ref: Array) -> dict[str, Array]:
+    return {f"ref_{a}_dps": ref[:, i] for i, a in enumerate("xyz")}
+
+
+def orientation(q: Array) -> dict[str, Array]:
+    return {name: q[:, i] for i, name in enumerate(("ref_qw", "ref_qx", "ref_qy", "ref_qz"))}
+
+
+def test_rates_of_orientations_are_those_of_the_motion_whatever_the_sign() -> None:
+    flipped = Q * np.where(np.arange(len(Q)) % 7 < 3, -1.0, 1.0)[:, None]
+    run = with_reference(np.zeros((len(Q), 3)), Reference(), **orientation(flipped)).runs[0]
+    for i, axis in enumerate("xyz"):
+        np.testing.assert_allclose(run.about(axis).rate_dps[10:-10], motion(T_S[:400])[10:-10, i], atol=0.1)
+
+
+@pytest.mark.parametrize("noise_deg", [0.0, 0.09 / 12**0.5])
+def test_an_encoders_angle_gives_its_rate(noise_deg: float) -> None:
+    angle = 300 * np.sin(2 * np.pi * 0.4 * T_S) + 50 * T_S
+    measured = np.round(angle / 0.09) * 0.09 if noise_deg else angle
+    run = with_reference(np.zeros((T_S.size, 3)), Reference(), ref_angle_deg=measured).runs[0]
+    true = 300 * 2 * np.pi * 0.4 * np.cos(2 * np.pi * 0.4 * T_S) + 50
+    off = run.rate_dps[20:-20] - true[20:-20]
+    assert np.std(off) < (0.5 * noise_deg * RATE_HZ * 2**0.5 if noise_deg else 0.05)  # less than that of plain differences
+    assert abs(np.mean(off)) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda q: orientation(q * np.where(np.arange(len(q)) == 7, 0.8, 1.0)[:, None]), "row 9: .* the length 0.8, not 1"),
+        (lambda q: {k: v for k, v in orientation(q).items() if k != "ref_qz"}, "the reference lacks ref_qz"),
+    ],
+)
+def test_bad_quaternions_are_named(change: object, words: str) -> None:
+    run = with_reference(np.zeros((len(Q), 3)), **change(Q)).runs[0]  # type: ignore[operator]
+    with pytest.raises(InputError, match=words):
+        _ = run.rate_dps
+
+
+def test_jumps_are_told_and_left_out() -> None:
+    jumped = Q.copy()
+    turn = Rotation.from_rotvec([0, 0, 0.5])
+    jumped[200:] = (turn * Rotation.from_quat(Q[200:][:, [1, 2, 3, 0]])).as_quat()[:, [3, 0, 1, 2]]
+    session = with_reference(motion(T_S[:400]), **orientation(jumped))
+    told = {w.code: w.text for w in references.check(session)}
+    assert "jumps 1 times" in told["reference_jumps"]
+    run = registered(session).runs[0]
+    assert run.reached[[150, 199, 250]].tolist() == [True, False, True]
+    np.testing.assert_allclose(run.about("x").rate_dps[230:380], motion(T_S[:400])[230:380, 0], atol=0.3)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 120.0, 180.0])
+@pytest.mark.parametrize("offset_s", [-1.9, 0.003, 1.9])
+def test_frame_and_clock_are_found_from_the_readings_alone(angle_deg: float, offset_s: float) -> None:
+    turn = Rotation.from_rotvec(angle_deg * np.array([2, -1, 2]) / 3, degrees=True)
+    rng = np.random.default_rng(3)
+    gyro = turn.apply(motion(T_S - offset_s)) * [1.01, 0.99, 1.005] + [1, -2, 3] + rng.normal(0, 0.05, (T_S.size, 3))
+    found = registered(with_reference(gyro, **rates(motion(T_S) + rng.normal(0, 0.05, gyro.shape)))).registration_fit
+    assert found is not None
+    assert np.rad2deg((Rotation.from_matrix(found.registration.matrix) * turn.inv()).magnitude()) < 0.1
+    assert found.registration.offset_s == pytest.approx(offset_s, abs=2e-4)
+    assert (found.mirrored, found.alternatives_s) == (False, ())
+
+
+def test_a_reference_later_than_two_seconds_is_refused_with_its_shift() -> None:
+    t_s = np.arange(2000) / RATE_HZ
+    with pytest.raises(InputError, match=r"shifted by \+3\.50 s, more than 2 s"):
+        registered(with_reference(motion(t_s - 3.5), **rates(motion(t_s))))
+
+
+def test_a_mirrored_reference_blocks() -> None:
+    (warning,) = references.check(with_reference(motion(T_S) * [1, 1, -1], **rates(motion(T_S))))
+    assert (warning.code, warning.axis, warning.blocking) == ("sign_flipped", None, True)
+    assert "mirror image" in warning.text
+
+
+def test_a_model_corrects_a_session_whose_reference_has_three_axes() -> None:
+    values = {"scale": {"scale": 0.01}, "bias": {"bias_dps": 1.0}, "misalignment": {"m_y": 0.02, "m_z": -0.01}}
+    terms = [Term(effect, "x", v) for effect, v in values.items()]
+    terms += [Term("scale", axis, {"scale": 0.0}) for axis in "yz"]
+    true = motion(T_S)
+    gyro = true.copy()
+    gyro[:, 0] += 0.01 * true[:, 0] + 0.02 * true[:, 1] - 0.01 * true[:, 2] + 1.0
+    run = with_reference(gyro, **rates(Rotation.from_rotvec([0.3, 1, 0.2]).apply(true))).runs[0]
+    np.testing.assert_allclose(correct(Model("m", tuple(terms)), run).rate_dps, true, atol=1e-6)
+
+
+def test_each_axis_is_calibrated_by_the_model() -> None:
+    turn = Rotation.from_rotvec([0.4, -0.9, 1.3])
+    rng = np.random.default_rng(5)
+    gyro = turn.apply(motion(T_S - 0.4)) * [1.01, 0.99, 1.005] + [1, -2, 3] + rng.normal(0, 0.05, (T_S.size, 3))
+    found = {e.axis: e for e in calibrate(with_reference(gyro, **rates(motion(T_S))))}
+    for axis, scale, bias in zip("xyz", (0.01, -0.01, 0.005), (1, -2, 3), strict=True):
+        estimate = found[axis]
+        assert estimate.scale is not None
+        assert estimate.scale_se is not None
+        assert abs(estimate.scale - scale) < 4 * estimate.scale_se < 0.002
+        assert estimate.bias_dps == pytest.approx(bias, abs=0.05)
+
+
+def test_the_other_offsets_of_a_periodic_motion_are_told() -> None:
+    def swing(t_s: Array) -> Array:
+        waves = np.sin(2 * np.pi * t_s[:, None] * np.arange(1, 7) + np.arange(6))
+        return np.asarray(waves @ np.random.default_rng(1).normal(0, 20, (6, 3)))
+
+    noise = np.random.default_rng(0).normal(0, 0.05, (T_S.size, 3))
+    session = with_reference(swing(T_S - 0.3) + noise, **rates(swing(T_S)))
+    fit = registered(session).registration_fit
+    assert fit is not None
+    offsets = [fit.registration.offset_s, *fit.alternatives_s]
+    np.testing.assert_allclose(sorted(offsets), [-1.7, -0.7, 0.3, 1.3], atol=0.002)
+    assert [w.code for w in references.check(session)] == ["offset_ambiguous"]
