@@ -106,9 +106,7 @@ static void misbehave(sim_t *sim) {
     if (begins(sim, FAULT_BROWNOUT, &length_s)) {
         emul_brown_out(&sim->chip);
     }
-    if (begins(sim, FAULT_EARLY_FLIP, &length_s)) {
-        sim->options.faults.turned_over = true;
-    }
+    sim->options.faults.turned_over = begins(sim, FAULT_EARLY_FLIP, &length_s) || sim->options.faults.turned_over;
     if (begins(sim, FAULT_CLOCK_JUMP, &length_s)) {
         sim->jumped_us += (uint64_t)(1e6 * length_s);
     }
@@ -353,9 +351,7 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     misbehave(sim);
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
-    if (sim->options.seq > 0u) {
-        sim->device.teller.seq = sim->options.seq;
-    }
+    sim->device.teller.seq = sim->options.seq > 0u ? sim->options.seq : sim->device.teller.seq;
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
     /* The device refuses this before the FIFO is in use. */
     const bool fast = sim->options.fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ;
