@@ -109,7 +109,7 @@ def test_real_recordings_that_are_absent_are_named(monkeypatch: pytest.MonkeyPat
 
 
 def test_soak_accounts_for_every_sample_and_trusts_nothing_wrong(require_tool: Callable[[str], str]) -> None:
-    """Seeds without `garbled`, whose damage depends on timing. Each sample is kept, counted as lost, or behind an unheard end."""
+    """Seeds without `garbled`, whose damage depends on timing. A sample is kept, counted as lost, or behind an unheard end."""
     require_tool("cc")
     found = benchmark.benchmark("soak", quiet=True, hours=0.1, seed=25)
     assert found["device_hours"] >= 0.1
