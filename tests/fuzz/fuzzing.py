@@ -27,6 +27,9 @@ LONGEST = 2048
 SLOWEST_S = 20
 """Seconds that one input may take: a device that does not end is a finding."""
 
+LARGEST_MB = 64
+"""A single allocation beyond it is a finding: the core allocates nothing."""
+
 
 @dataclass(frozen=True)
 class Fuzzed:
@@ -59,6 +62,7 @@ def link(clang: str, objects: Path, target: str) -> Path:
 def fuzz(program: Path, seconds: int, new: Path, seed: int = 0) -> Fuzzed:
     """Run a target on its corpus and then for ``seconds`` on inputs made from it. New inputs and crashes go to ``new``."""
     limits = [f"-max_total_time={seconds}", f"-max_len={LONGEST}", f"-timeout={SLOWEST_S}", f"-seed={seed}"]
+    limits += ["-rss_limit_mb=0", f"-malloc_limit_mb={LARGEST_MB}"]  # the resident size counts that of the parent process
     done = subprocess.run(
         [str(program), *limits, "-print_final_stats=1", f"-artifact_prefix={new}/", str(new), str(_corpus(program))],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace", check=False,

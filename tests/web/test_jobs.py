@@ -28,7 +28,7 @@ def test_results_errors_and_a_stop(tmp_path: Path) -> None:
             assert opened.rows == 6 * 2900
             with pytest.raises(GyrocalError, match=r"no such file; a session is a folder"):
                 await jobs.run("open", "open", tmp_path / "none")
-            with pytest.raises(GyrocalError, match="--model nonsense"):
+            with pytest.raises(GyrocalError, match="model nonsense: neither"):
                 await jobs.run("compare", "compare", folder, "nonsense")
 
             words.clear()

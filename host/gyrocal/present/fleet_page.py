@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gyrocal import __version__
-from gyrocal.errors import InputError
-from gyrocal.files import replace_text
 from gyrocal.fleet.fit import Fleet
 from gyrocal.fleet.missing import Missing
 from gyrocal.fleet.trend import Board, Trend
+from gyrocal.present import page
 from gyrocal.present.output import plus_minus, stdout, table
 
 if TYPE_CHECKING:
@@ -77,13 +74,10 @@ def print_fleet(fleet: Fleet, out: Path) -> None:
 
 def write_page(path: Path, fleet: Fleet, dashboard: str | None = None) -> None:
     """Write the fleet as one self-contained HTML page. Raises InputError if the file cannot be written."""
-    import jinja2
-
     from gyrocal.present.pictures import png_data
 
-    template = (files("gyrocal") / "present" / "fleet.html").read_text(encoding="utf-8")
-    text = jinja2.Environment(autoescape=True).from_string(template).render(
-        title=f"A fleet of {len({b.board for b in fleet.boards})} boards", headline=headline(fleet), version=__version__,
+    text = page.render(
+        "present/fleet.html", f"A fleet of {len({b.board for b in fleet.boards})} boards", headline(fleet), not fleet.missing, (),
         attribution=fleet.attribution, dashboard=dashboard, population_columns=[c.rstrip(":") for c in COLUMNS],
         population=population_rows(fleet), missing=[missing_words(m) for m in fleet.missing],
         histograms=[(name, png_data(histogram(fleet, name))) for name in fleet.population],
@@ -91,10 +85,7 @@ def write_page(path: Path, fleet: Fleet, dashboard: str | None = None) -> None:
         trends=[(trend_words(t), png_data(course(fleet, t))) for t in fleet.trends],
         failed=[(d.session, d.reason) for d in fleet.failed[:SHOWN]],
     )  # fmt: skip
-    try:
-        replace_text(path, text)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
+    page.write(path, text)
 
 
 def histogram(fleet: Fleet, name: str) -> Figure:
