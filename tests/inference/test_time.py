@@ -16,6 +16,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
 from gyrocal.inference.heldout import fitted as in_sample
 from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
 
 
 def benchmark() -> ModuleType:
@@ -40,6 +41,21 @@ def test_errors_are_those_that_the_standard_errors_say(name: str) -> None:
     z = np.array([e[0] for seed in range(100, 103) for e in BENCHMARK.errors(CELLS[name], seed).values()])
     assert np.max(np.abs(z)) < 4
     assert np.sqrt(np.mean(z**2)) < 2.2
+
+
+def test_smoothing_a_noisy_reference_moves_no_clock() -> None:
+    """A long run tells the clock to 1e-8. The part of the motion that smoothing takes must not stay at its own time."""
+    rng = np.random.default_rng(3)
+    e, t_s, runs = -8e-4, np.arange(0, 300, 0.05), []
+    for i, hz in enumerate((0.3, 0.37)):
+        gyro = rng.normal(0, 0.02, (t_s.size, 3))
+        gyro[:, 2] += 1.004 * 80 * np.sin(2 * np.pi * hz * (1 + e) * t_s)
+        reference = 80 * np.sin(2 * np.pi * hz * t_s) + rng.normal(0, 0.06, t_s.size)
+        runs.append(make_run(t_s, gyro, scenario=f"s{i}", rate_ref_dps=reference))
+    model = with_lag_and_clock(make_session(*runs), "clock_error")
+    found = model.term("clock_error", "z")
+    assert found is not None
+    assert abs(found.values["e"] - e) < 3 * found.se["e"]
 
 
 def with_lag_and_clock(session: Session, *effect_ids: str) -> Model:

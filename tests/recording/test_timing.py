@@ -86,6 +86,15 @@ def test_a_noisy_reference_is_smoothed_and_its_noise_known(sd: float) -> None:
     assert np.std(smooth(T_S, noisy) - swing_dps(T_S)) < 0.55 * sd
 
 
+def test_smoothing_takes_next_to_nothing_from_the_motion() -> None:
+    """A part of the motion that stays at its own time while a clock runs off would be taken for an error of that clock."""
+    t_s = np.arange(0.0, 300.0, 0.05)
+    motion_dps = 80 * np.sin(2 * np.pi * 0.35 * t_s)
+    noise_dps = np.random.default_rng(4).normal(0, 0.2, t_s.size)
+    left_dps = (smooth(t_s, motion_dps + noise_dps) + smooth(t_s, motion_dps - noise_dps)) / 2
+    assert float(left_dps @ motion_dps) / float(motion_dps @ motion_dps) == pytest.approx(1, abs=1e-6)
+
+
 def test_a_clean_reference_is_left_as_it_is() -> None:
     rounded = np.round(swing_dps(T_S), 6)
     assert smooth(T_S, rounded) is rounded

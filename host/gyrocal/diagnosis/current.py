@@ -8,6 +8,7 @@ from functools import cached_property
 
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.levels import Floor, MeanSquares, floor_of
+from gyrocal.diagnosis.rounding import beside_rounding
 from gyrocal.effects.base import Effect, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
@@ -34,7 +35,8 @@ class Current:
 
     @classmethod
     def of(cls, comparison: Comparison, axis: str) -> Current:
-        return cls(comparison, axis, comparison.fit.axes[axis])
+        rounded = beside_rounding(comparison.fit, axis)
+        return cls(comparison, axis, rounded, changed=rounded is not comparison.fit.axes[axis])
 
     @property
     def index(self) -> int:

@@ -12,6 +12,7 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Remainder
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
+from gyrocal.diagnosis.rounding import beside_rounding
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.effects.byte_fault import ByteFault
 from gyrocal.effects.order_tone import turned_turn
@@ -170,10 +171,11 @@ def find_misfit(
 
     def on(axis: str) -> tuple[list[Finding], Finding | None]:
         probed = []
+        current = beside_rounding(fitted, axis)
         for against, shape in ((against, shape) for against, shapes in probes[axis] for shape in shapes):
             if progress is not None:
                 progress(f"looking at {axis} against {against.replace('_', ' ')}")
-            finding = probe(fitted.axes[axis], axis, against, shape, share)
+            finding = probe(current, axis, against, shape, share)
             if finding is not None:
                 probed.append(finding)
         beyond = [test(fitted, axis, remainders[axis], share) for test in BEYOND_NOISE]

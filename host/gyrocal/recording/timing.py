@@ -17,7 +17,7 @@ REACH = 1.5
 """Mean steps of the reference. A moment that is further from every sample of the reference has no true rate."""
 FORGOTTEN = 1e-5
 """Of the motion: a filter's memory of what was before the first sample has faded to less."""
-WIDTHS = (1.0, 2.0, 4.0, 8.0, 16.0)
+WIDTHS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0)
 """Bandwidths of the spline that smooths the reference, in steps of it."""
 NEGLIGIBLE_NOISE = 2e-3
 """Noise of the reference that needs no smoothing, as a fraction of the motion's change from sample to sample."""
@@ -52,7 +52,7 @@ class Motion:
     known_s: Array
     known_dps: Array
     twice: bool = False
-    """True if what smoothing takes from the motion is smoothed too and given back (:func:`smooth`)."""
+    """True if the bandwidth is the best one for a motion smoothed twice (:func:`smooth`)."""
 
     @cached_property
     def _spline(self) -> CubicSpline:
@@ -142,8 +142,9 @@ def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:
     below what the motion does from sample to sample is left as it is.
 
     A spline of the width h takes the part ``(2 pi f h)^4`` from a motion of the frequency f, which is as much as the scale of a
-    good sensor is off. With ``twice``, the residual is smoothed too and added (Tukey's twicing), and the square of that part is
-    lost; a bandwidth that takes a significant part of the motion is not used.
+    good sensor is off. The residual is smoothed too and added (Tukey's twicing), so only the square of that part is lost. With
+    ``twice``, the bandwidth is the best one for a motion smoothed twice. It is wider, and one that takes a significant part of
+    the motion is not used.
     """
     step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
     sd = noise_sd(t_s, values)
@@ -162,7 +163,7 @@ def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:
             weight = 1.25 * weight
         risk = float(np.mean((values - trial) ** 2)) + 2 * sd**2 * weight
         if risk < least:
-            best, least = trial, risk
+            best, least = trial if twice else trial + smoothing_spline(t_s, values - trial, penalty), risk
     return np.asarray(best)
 
 

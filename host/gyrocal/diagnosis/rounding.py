@@ -1,0 +1,77 @@
+"""Rounding of readings whose noise is less than half a count: an error of the chip's count and not of the model.
+
+The mean of noisy readings after rounding is off by ``sum over k of a_k sin(2 pi k x / count)`` with
+``a_k = count / (pi k) exp(-2 (pi k sd / count)^2)`` (Widrow and Kollar, Quantization Noise, 2008, chapter 4). It is the same
+for all samples of one level and does not average out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.error_model.model import Term
+from gyrocal.inference import heldout
+from gyrocal.inference.fitted import AxisFit, Fit
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.variables.shapes import Columns
+
+LARGEST_NOISE = 0.5
+"""Of a count: above this noise, rounding averages out to less than 0.3 % of a count."""
+LEAST = 1e-3
+"""Of a count: smaller amplitudes of a harmonic are left out."""
+HARMONICS = 3
+TOO_LARGE = 1.25
+"""Ratio to the amplitude that rounding can have above which an error is another one's. The noise is known to a few percent."""
+SURE = 3.0
+"""Standard errors by which an amplitude must exceed that."""
+
+
+def amplitudes_dps(count_dps: float, variance: float) -> Array:
+    """Amplitudes [k] of the error of rounding to ``count_dps``, for rounded readings of this variance, dps^2; empty if it
+    averages out."""
+    sd = np.sqrt(max(variance - count_dps**2 / 12, 0.0)) / count_dps
+    if sd >= LARGEST_NOISE:
+        return np.zeros(0)
+    k = np.arange(1, HARMONICS + 1)
+    sizes = np.exp(-2 * (np.pi * k * sd) ** 2) / (np.pi * k)
+    return np.asarray(count_dps * sizes[sizes >= LEAST])
+
+
+def beside_rounding(fitted: Fit, axis: str) -> AxisFit:
+    """The fit of an axis with the error of rounding beside the model; the fit itself where rounding averages out.
+
+    Amplitudes are free because the noise is known only roughly. The fit is returned as it is where they exceed what rounding
+    can do, because the error then has another cause, and where the readings stay too near one level to determine them.
+    """
+    current = fitted.axes[axis]
+    count_dps = max((float(b.run.lsb_dps or b.run.step_dps[AXES.index(axis)]) for b in current.design.blocks), default=0.0)
+    if count_dps <= 0:
+        return current
+    allowed_dps = amplitudes_dps(count_dps, current.noise.white_sd_dps**2)
+    if not allowed_dps.size:
+        return current
+    modelled = {p.run.index: p.modelled_dps for p in heldout.fitted(fitted.on(axis))}
+
+    def waves(run: Run) -> Array:
+        if run.index not in modelled:
+            return np.zeros((len(run), 2 * allowed_dps.size))
+        turn = 2 * np.pi * modelled[run.index][:, None] / count_dps * np.arange(1, allowed_dps.size + 1)
+        return np.hstack([np.cos(turn), np.sin(turn)])
+
+    shape = Columns(waves, 2 * allowed_dps.size)
+    term = Term("rounding", axis, dict.fromkeys(shape.linear, 0.0), own=shape)
+    design = current.design.changed([*current.design.terms, term])
+    rounded = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+    return rounded if _plausible(rounded, allowed_dps) else current
+
+
+def _plausible(rounded: AxisFit, allowed_dps: Array) -> bool:
+    """True if the amplitudes of the last term are determined, and none is surely more than rounding can do."""
+    last = len(rounded.design.terms) - 1
+    harmonic = [j % allowed_dps.size for i, j in rounded.design.layout.fixed if i == last]
+    mine = [n for n, (i, _) in enumerate(rounded.design.layout.fixed) if i == last]
+    sizes = np.abs(rounded.solution.beta[mine])
+    errors = np.sqrt(np.diag(rounded.solution.cov)[mine])
+    allowed = allowed_dps[harmonic]
+    return bool(mine and np.all(errors < allowed) and np.all(sizes < TOO_LARGE * allowed + SURE * errors))

@@ -1,0 +1,49 @@
+"""Readings that are coarser than their noise: rounding is no misfit, and an effect larger than it is still found."""
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.rounding import amplitudes_dps
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
+
+COUNT_DPS, SD_DPS = 0.1, 0.029
+
+
+def staircase(k: float = 0.0) -> Session:
+    """Two runs on a table that goes to twelve rates, 8 s each, at 100 deg/s^2; ``k`` is a scale asymmetry."""
+    rng = np.random.default_rng(7)
+    levels = np.array([0, 50, 100, 200, 100, 50, 0, -50, -100, -200, -100, -50, 0])
+    start_s = 8.0 * np.arange(12)
+    times_s = np.sort(np.concatenate([start_s, start_s + np.abs(np.diff(levels)) / 100]))
+    rate_dps = np.interp(np.arange(9600) / 100, times_s, np.repeat(levels, 2)[1:-1])
+    runs = []
+    for i in range(2):
+        gyro = rng.normal(rng.normal(0, 0.01, 3), SD_DPS, (rate_dps.size, 3))
+        gyro[:, 2] += 0.98457 * rate_dps + k * np.abs(rate_dps) - 3.7637
+        runs.append(make_run(
+            np.arange(rate_dps.size) / 100, np.round(gyro / COUNT_DPS) * COUNT_DPS, scenario=f"s{i}", lsb_dps=COUNT_DPS,
+            rate_ref_dps=rate_dps,
+        ))  # fmt: skip
+    return make_session(*runs, lsb_dps=COUNT_DPS)
+
+
+def test_rounding_is_no_misfit() -> None:
+    assert compare(staircase()).verdict == "adequate"
+
+
+def test_a_larger_effect_is_found_beside_rounding() -> None:
+    found = compare(staircase(k=0.001))
+    assert found.verdict == "misfit"
+    assert {f.axis for f in found.where} == {"z"}
+
+
+def test_amplitudes_are_those_of_rounded_normal_noise() -> None:
+    at = np.linspace(0, 1, 100, endpoint=False) * COUNT_DPS
+    noise = np.random.default_rng(1).normal(0, SD_DPS, (100_000, 1))
+    readings = np.round((at + noise) / COUNT_DPS) * COUNT_DPS
+    error_dps = readings.mean(axis=0) - at
+    (first, *_) = amplitudes_dps(COUNT_DPS, float(np.mean(np.var(readings, axis=0))))
+    assert first == pytest.approx(2 * np.mean(-error_dps * np.sin(2 * np.pi * at / COUNT_DPS)), rel=0.2)
+    assert amplitudes_dps(COUNT_DPS, 0.06**2 + COUNT_DPS**2 / 12).size == 0
