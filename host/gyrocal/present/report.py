@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from gyrocal.diagnosis import angles
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
@@ -66,9 +67,26 @@ def level_rows(c: Comparison) -> list[list[str]]:
     ]  # fmt: skip
 
 
+ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
+
+
+def deg(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
+
+
+def angle_row(name: str, v: angles.Level) -> list[str]:
+    """The level of net angles or of movements, in deg."""
+    return [name, deg(v.rms_deg), deg(v.floor_deg), deg(v.excess_deg), deg(v.excess_se_deg)]
+
+
 def print_comparison(c: Comparison) -> None:
     print_warnings(c.warnings)
-    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
+    if c.angles is None:
+        table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
+    else:
+        names, everything = axis_names(c)
+        levels = [angle_row(names[axis], c.angles.level(axis)) for axis in c.per_axis]
+        table("Net angles of the runs", ANGLES, [*levels, angle_row(everything, c.angles.level())])
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
@@ -145,6 +163,12 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     print_warnings(before.warnings)
     if before.note:
         stdout.print(before.note, style="bold")
+    if before.angles is not None and after.angles is not None:
+        levels = [angle_row("before", before.angles.level()), angle_row("after", after.angles.level())]
+        table("Held-out net angles of the runs, deg", ANGLES, levels)
+        stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+        stdout.print(headline(after), style="bold")
+        return
     names, everything = axis_names(after)
     rows = []
     for axis in after.per_axis:
