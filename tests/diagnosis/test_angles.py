@@ -11,6 +11,7 @@ from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.explain import explain
 from gyrocal.diagnosis.residuals import residual_table
+from gyrocal.present.report import verdict_text
 from gyrocal.recording.session import AXES, Run, Session
 from make_runs import make_run, make_session
 
@@ -18,8 +19,8 @@ T_S = np.arange(1200) / 100
 WHITE_DPS = 0.05
 
 
-def session(seed: int, leak: float = 0.0) -> Session:
-    """Three rests, and a turn both ways about each axis; z reads ``leak`` of the rate about x."""
+def session(seed: int, leak: float = 0.0, ways: tuple[float, ...] = (1.0, -1.0)) -> Session:
+    """Three rests, and a turn both ``ways`` about each axis; z reads ``leak`` of the rate about x."""
     rng = np.random.default_rng(seed)
 
     def run(sign: float, axis: str, cycle: int) -> Run:
@@ -31,7 +32,7 @@ def session(seed: int, leak: float = 0.0) -> Session:
         known = {"turn_deg": angle_deg} if sign else {"table_rate_dps": 0.0}
         return make_run(T_S, gyro, axis=axis, scenario=f"s{cycle}", **known)
 
-    turns = [(sign, axis) for axis in AXES for sign in (1.0, -1.0)]
+    turns = [(sign, axis) for axis in AXES for sign in ways]
     return make_session(*(run(0.0, "z", k) for k in range(3)), *(run(*turn, k % 3) for k, turn in enumerate(turns)))
 
 
@@ -80,3 +81,11 @@ def test_residuals_have_a_row_for_each_run_and_axis() -> None:
         row = table.filter((pl.col("file") == run.file) & (pl.col("axis") == "y")).row(0, named=True)
         assert row["measured_deg"] == pytest.approx(run.gyro_dps[:, 1].sum() / 100, rel=1e-9)
         assert abs(row["measured_deg"] - row["modelled_deg"]) < 0.2
+
+
+def test_what_one_turn_suggests_is_told_with_what_would_prove_it() -> None:
+    found = diagnose(session(3, leak=0.01, ways=(1.0,)))
+    assert found.verdict == "unknown"
+    assert [c.effect.id for c in found.candidates if c.decision == "suggest" and c.axis == "z"] == ["misalignment"]
+    assert "It may be misalignment, but this session cannot prove it" in verdict_text(found)
+    assert "record the same runs again" in verdict_text(found)

@@ -16,8 +16,8 @@ from gyrocal.recording.session import AXES
 def residual_table(comparison: Comparison) -> pl.DataFrame:
     """Held-out predictions as a table with the columns file, t_s, axis, measured_dps and modelled_dps.
 
-    The predictions are in sample if nothing can be held out. A session that is judged by angle has a row for each run and axis,
-    with the net angles measured_deg and modelled_deg.
+    The predictions are in sample if nothing can be held out. A sample without a reference has no row. A session that is judged
+    by angle has a row for each run and axis, with the net angles measured_deg and modelled_deg.
     """
     if comparison.angles is not None:
         return comparison.angles.table
@@ -31,7 +31,7 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
             "axis": pl.repeat(AXES[p.axis], p.modelled_dps.size, eager=True),
             "measured_dps": p.measured_dps,
             "modelled_dps": p.modelled_dps,
-        })
+        }).filter(p.run.reached[p.rows])
         for p in source
     ]  # fmt: skip
     return pl.concat(parts)

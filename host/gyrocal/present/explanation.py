@@ -29,7 +29,7 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
     stdout.print(conclusion(e), style="bold")
     if e.verdict != "implausible":
         stdout.print(f"{model}: {', '.join(e.model.ids)}")
-    if e.verdict == "unknown":
+    if e.verdict == "unknown" and not report.unproven(e.last):
         stdout.print(f"next: gyrocal keep {session} --model {model} finds a formula for it and keeps it as your own effect")
 
 

@@ -10,6 +10,7 @@ from gyrocal.diagnosis import angles
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.policy import POLICY
 from gyrocal.present.output import mdps, plus_minus, stdout, table
@@ -119,7 +120,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(f"next: gyrocal explain {session} --model {target}")
     elif d.verdict == "add" and d.best is not None:
         stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
-    if d.verdict == "unknown":
+    if d.verdict == "unknown" and not unproven(d):
         stdout.print(
             f"next: gyrocal keep {session} --model {target} finds a formula for it and keeps it as an effect of your own"
         )
@@ -144,9 +145,19 @@ def verdict_text(d: Diagnosis) -> str:
         return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
-        against = u["against"].replace("_", " ")
-        return f"Something is there that no effect of the library explains: on {u['axis']}, against {against}: {u['shape']}."
+        where = f"on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}"
+        suggested = unproven(d)
+        if suggested:
+            ids = " or ".join(c.effect.id for c in suggested)
+            proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
+            return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
+        return f"Something is there that no effect of the library explains: {where}."
     return UNTIMED if _is_untimed(d.comparison) else "Nothing is missing: what is left over is noise."
+
+
+def unproven(d: Diagnosis) -> list[Candidate]:
+    """The candidates that a diagnosis suggests on the axis of what is unknown."""
+    return [c for c in d.candidates if d.unknown is not None and c.decision == "suggest" and c.axis == d.unknown["axis"]]
 
 
 def sizes(c: Candidate) -> str:
