@@ -124,3 +124,24 @@ def test_a_scale_that_no_bias_explains(scale: float, codes: list[str]) -> None:
 def test_a_bias_that_cancels_a_slow_rate_is_no_unit() -> None:
     """The readings of one run are near zero by chance, about pi/180 of the rate."""
     assert check(pairs(5.0, [4.937, 4.937, 4.937])) == []
+
+
+def swing(frequency_hz: float, tau_s: float, scale: float = 1.0) -> Run:
+    """Thirty seconds of a swing that the sensor reads behind a first-order low-pass; the reference is true."""
+    t_s = np.arange(3000) / 100.0
+    omega = 2 * np.pi * frequency_hz
+    gain = scale * 60.0 / np.hypot(1.0, omega * tau_s)
+    read_dps = gain * np.sin(omega * t_s - np.arctan(omega * tau_s))
+    noise_dps = np.random.default_rng(int(10 * frequency_hz)).normal(0.0, 0.02, (3000, 3))
+    reading = noise_dps + np.outer(read_dps, [0.0, 0.0, 1.0])
+    return make_run(t_s, reading, rate_ref_dps=60.0 * np.sin(omega * t_s))
+
+
+def test_a_low_pass_that_takes_from_fast_swings_is_no_wrong_rate() -> None:
+    """The slopes differ by a tenth, as one time constant and one scale make them."""
+    assert check(make_session(*(swing(f, 0.15) for f in (0.2, 0.35, 0.6)))) == []
+
+
+def test_a_slow_swing_of_another_scale_is_a_wrong_rate() -> None:
+    runs = [swing(0.2, 0.0), swing(0.35, 0.0, scale=1.1), swing(0.6, 0.0)]
+    assert [w.code for w in check(make_session(*runs))] == ["rate_wrong"]

@@ -29,6 +29,8 @@ class Mean:
     slope: float | None = None
     slope_se: float = 0.0
     offset_dps: float = 0.0
+    omega_rad_s: float = 0.0
+    """Root mean square angular frequency of the true rate, rad/s; 0 if the rate does not vary."""
 
     @property
     def rests(self) -> bool:
@@ -70,10 +72,16 @@ def _mean(run: Run, axis: int) -> Mean:
     if varies_dps > POLICY.rest_dps and (varies_dps > POLICY.rate_varies_dps or _follows(y, rate)):
         y, rate = _shifted(y, rate, lag_samples(y, rate, longest_lag(run)))
         slope, se, offset = _regression(y, rate)
-        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset)
+        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset, _omega_rad_s(run))
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
     return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
+
+
+def _omega_rad_s(run: Run) -> float:
+    """Root mean square angular frequency of the true rate without the reference's noise, rad/s."""
+    rate_dps = run.rate_dps if run.smooth_rate is None else run.smooth_rate.values
+    return float(np.sqrt(np.mean(np.gradient(rate_dps, run.sample_s) ** 2) / max(float(np.var(rate_dps)), 1e-300)))
 
 
 def _follows(y: Array, rate: Array) -> bool:

@@ -30,6 +30,8 @@ class Slope:
     value: float
     se: float
     raw: float
+    omega_rad_s: float = 0.0
+    """Root mean square angular frequency of the true rate, rad/s; 0 if the rate does not vary."""
 
     @property
     def informs(self) -> bool:
@@ -75,7 +77,7 @@ def _line(points: list[Mean]) -> Line:
         scatter = max(scatter, POLICY.turn_on_dps * min(1.0, abs(slope)))
     unknown = POLICY.unknown_bias_dps if bias is None else 0.0
     own = _of_cycles(steady, bias or 0.0, slope)
-    found = [Slope(m.run, float(m.slope), m.slope_se, float(m.slope)) for m in swings if m.slope is not None]
+    found = [Slope(m.run, float(m.slope), m.slope_se, float(m.slope), m.omega_rad_s) for m in swings if m.slope is not None]
     for m in steady:
         if not m.rests:
             error = float(np.hypot(np.hypot(m.se_dps, scatter), unknown)) / abs(m.rate_dps)
@@ -183,9 +185,28 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     turned = _one_face(means.about(axis)) if scaled else None
     if turned is not None:
         return [Warning("face_wrong", axis, turned.run.file, _face_text(turned, axis), True)]
-    if off:
+    if off and not _behind_a_filter(sure, errors):
         return [Warning("rate_wrong", axis, s.run.file, _rate_text(s, middle, axis), True) for s in off]
     return [_scale(middle, axis)] if scaled else _beyond_any_bias(sure, axis) if line.bias_dps is None else []
+
+
+def _behind_a_filter(slopes: list[Slope], errors: float) -> bool:
+    """True if faster motions read less by as much as one first-order low-pass makes of one scale.
+
+    Behind a low-pass of time constant tau, a motion of angular frequency w has the slope s / sqrt(1 + (w tau)^2), so that
+    1 / slope^2 is a line in w^2.
+    """
+    if any(s.omega_rad_s == 0.0 or s.value <= 0.0 for s in slopes) or len(slopes) < 2:
+        return False
+    squares, values = np.array([s.omega_rad_s**2 for s in slopes]), np.array([s.value for s in slopes])
+    if np.ptp(squares) < POLICY.two_rates * float(squares.max()):
+        return False
+    growth, start = np.polyfit(squares, values**-2, 1)
+    if growth <= 0.0 or start <= 0.0:
+        return False
+    expected = (start + growth * squares) ** -0.5
+    allowed = np.maximum(POLICY.rate_off * expected, errors * np.array([s.se for s in slopes]))
+    return bool(np.all(np.abs(values - expected) < allowed))
 
 
 def _scale(middle: float, axis: str) -> Warning:
