@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from gyrocal import api
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
@@ -89,3 +90,8 @@ def test_what_one_turn_suggests_is_told_with_what_would_prove_it() -> None:
     assert [c.effect.id for c in found.candidates if c.decision == "suggest" and c.axis == "z"] == ["misalignment"]
     assert "It may be misalignment, but this session cannot prove it" in verdict_text(found)
     assert "record the same runs again" in verdict_text(found)
+
+
+def test_the_summary_in_python_gives_the_angles_too() -> None:
+    found = api.compare(session(0))
+    assert f"rms {found.to_json()['rms_deg']:.4f} deg" in found.summary()
