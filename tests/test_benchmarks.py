@@ -108,6 +108,34 @@ def test_real_recordings_that_are_absent_are_named(monkeypatch: pytest.MonkeyPat
     assert (found["of"], set(found["absent"])) == (0, set(benchmark._module("real").RECORDINGS))
 
 
+def test_soak_accounts_for_every_sample_and_trusts_nothing_wrong(require_tool: Callable[[str], str]) -> None:
+    """Seeds without `garbled`, whose damage depends on timing. A sample is kept, counted as lost, or behind an unheard end."""
+    require_tool("cc")
+    found = benchmark.benchmark("soak", quiet=True, hours=0.1, seed=25)
+    assert found["device_hours"] >= 0.1
+    assert (found["unaccounted"], found["wrong"]) == ([], [])
+    behind = sum(one["samples"] for one in found["unheard"])
+    assert found["sent"] == found["kept"] + found["left_out"] + found["lost"] + behind
+    assert found["lost"] > 0
+    assert min(found["clock_wraps"], found["sequence_wraps"], found["trusted"]) > 0
+
+
+def test_soak_sees_a_sample_that_vanishes(require_tool: Callable[[str], str], monkeypatch: pytest.MonkeyPatch) -> None:
+    require_tool("cc")
+    module = benchmark._module("soak")
+    play = module._play
+
+    def forgetful(*arguments: Any) -> Any:
+        sent, report = play(*arguments)
+        report.runs[0].samples -= 1
+        return sent, report
+
+    monkeypatch.setattr(module, "_play", forgetful)
+    found = benchmark.benchmark("soak", quiet=True, hours=0.01, seed=3)
+    assert [one["samples"] for one in found["unaccounted"]] == [1]
+
+
 def test_a_benchmark_that_there_is_not() -> None:
-    with pytest.raises(InputError, match="there are paper, robustness, inference, population, coverage, real, blind"):
+    there = "paper, robustness, inference, population, coverage, real, fleet, soak, blind"
+    with pytest.raises(InputError, match=f"there are {there}"):
         benchmark.benchmark("nothing")

@@ -7,16 +7,18 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from gyrocal.errors import GyrocalError, InputError, did_you_mean
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet")
+FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak")
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
+
+PARTS = {"blind": {"cases_of", "kinds", "limit", "workers", "results"}, "soak": {"hours", "seed"}}
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
 
@@ -39,7 +41,8 @@ METHODS = {"gyrocal": None, "stepwise F-test": "stepwise_f_test", "oracle": "ora
 def benchmark(name: str, *, sample: bool = False, quiet: bool = False, **part: Any) -> dict[str, Any]:
     """Run a benchmark and return what its ``--json`` prints. Unless ``quiet``, show a progress bar on stderr.
 
-    ``part`` says which cases of the blind benchmark to run, and how (``tests/blind/benchmark.py``).
+    ``part`` says which cases of the blind benchmark to run, and how (``tests/blind/benchmark.py``), or the soak's ``hours``
+    and first ``seed``.
 
     Raises InputError for an unknown name, and GyrocalError outside a checkout.
     """
@@ -67,11 +70,12 @@ def _module(name: str) -> Any:
 
 def _runner(name: str, part: dict[str, Any]) -> Runner:
     module = _module(name)
-    if name == "blind":
-        return partial(module.benchmark, **part)
-    if part:
-        raise InputError(f"benchmark {name} has no parts: use --cases, --kind, --limit, --workers and --results with blind")
-    return cast(Runner, module.run)
+    if not part.keys() <= PARTS.get(name, frozenset()):
+        raise InputError(
+            f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --workers and --results with blind, "
+            "--hours and --seed with soak"
+        )
+    return partial(module.benchmark if name == "blind" else module.run, **part)
 
 
 def show(name: str, found: dict[str, Any]) -> None:

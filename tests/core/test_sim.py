@@ -100,6 +100,17 @@ def test_a_power_cycle_starts_afresh_and_pairs_do_not_cross_it(sim: Sim, tmp_pat
     assert told == ["start up", "end up", "start down", "end down"]
 
 
+def test_a_clock_and_numbers_that_start_late_pass_2_to_the_32(sim: Sim, tmp_path: Path) -> None:
+    rows = write_rows(tmp_path / "a.rows", make_pair(np.random.default_rng(6)))
+    late_us, late = 2**32 - 3_000_000, 2**32 - 400
+    text, plain = (sim(rows, "--stream", "raw", *o) for o in (["--clock", str(late_us), "--seq", str(late)], []))
+    said, usual = (sentences(t) for t in (text, plain))
+    assert [(s.tag, dict(s)) for s in said] == [(s.tag, dict(s)) for s in usual]
+    assert [s.t_us - late_us for s in said] == [s.t_us for s in usual]
+    assert [s.seq for s in said] == [0, *((late + k) % 2**32 for k in range(len(usual) - 1))]
+    assert any(s.t_us < 2**32 for s in said if s.tag == "RAW")
+
+
 @pytest.mark.parametrize(
     "damage",
     [
@@ -131,7 +142,12 @@ def test_a_malformed_file_is_one_line_and_exit_2(
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", ["", "no/such.rows", "--speed 0 a", "--imu 256 a", "--fault x a", "--x a", "a b"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "", "no/such.rows", "--speed 0 a", "--imu 256 a", "--fault x a", "--clock x a", "--seq 4294967296 a", "--x a", "a b",
+    ],
+)  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_2(build: Build, arguments: str) -> None:
     done = subprocess.run([build(SIM / "main.c"), *arguments.split()], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)

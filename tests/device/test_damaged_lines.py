@@ -339,3 +339,19 @@ def test_any_damage_keeps_faces_apart_and_counts(
 def test_the_planted_session_is_as_the_property_test_takes_it(said: Said) -> None:
     assert {len(run) for run in said.session.runs} == {98}
     assert sum(line.startswith(b"$RUN") for line in said.lines) == 8
+
+
+def test_samples_lost_behind_an_unheard_restart_are_counted(session: Session, tmp_path: Path) -> None:
+    """Sentence numbers begin with 0 at power-on, so the first one heard tells how many were not."""
+    boots, dropped = 0, 0
+
+    def harm(_: int, line: bytes) -> list[bytes]:
+        nonlocal boots, dropped
+        boots += line.startswith(b"$HEL,0,")
+        dropped += boots == 2 and line.startswith(b"$RAW")
+        return [] if boots == 2 and dropped <= 20 else [line]
+
+    report = record(session, tmp_path / "out", harm)
+    assert [r.scenario for r in report.runs] == ["s000", "s000", "s001", "s001"]
+    assert [r.samples + r.lost for r in report.runs] == [len(run) for run in session.runs]
+    assert [r.lost for r in report.runs] == [0, 0, 20, 0]

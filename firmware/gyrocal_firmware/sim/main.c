@@ -43,7 +43,7 @@ typedef struct {
     uint64_t past_us;      /* in power cycles before this one */
     bool begun;            /* the first run has: */
     uint64_t begun_us;     /* in all, from the first power-on */
-    uint64_t jumped_us;    /* by which the board's clock is ahead */
+    uint64_t jumped_us;    /* by which the board's clock is ahead of now_us */
     flash_t flash;
     jmp_buf power_lost;
     uint32_t run;          /* the one that is replayed */
@@ -106,9 +106,7 @@ static void misbehave(sim_t *sim) {
     if (begins(sim, FAULT_BROWNOUT, &length_s)) {
         emul_brown_out(&sim->chip);
     }
-    if (begins(sim, FAULT_EARLY_FLIP, &length_s)) {
-        sim->options.faults.turned_over = true;
-    }
+    sim->options.faults.turned_over = begins(sim, FAULT_EARLY_FLIP, &length_s) || sim->options.faults.turned_over;
     if (begins(sim, FAULT_CLOCK_JUMP, &length_s)) {
         sim->jumped_us += (uint64_t)(1e6 * length_s);
     }
@@ -344,7 +342,8 @@ static double clock_of(double rate_hz) {
 
 static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_run_t *run) {
     sim->past_us += sim->now_us;
-    sim->now_us = sim->jumped_us = 0;
+    sim->now_us = 0;
+    sim->jumped_us = sim->options.clock_us;
     sim->options.faults.turned_over = false;
     pace_from_here(sim);
     sim->chip.clock = clock_of((double)sim->rows.sample_rate_hz);
@@ -352,6 +351,7 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     misbehave(sim);
     stand_still(sim, run);
     gc_device_init(&sim->device, config);
+    sim->device.teller.seq = sim->options.seq > 0u ? sim->options.seq : sim->device.teller.seq;
     command_set(sim, "full_scale_dps", sim->rows.full_scale_dps, "");
     /* The device refuses this before the FIFO is in use. */
     const bool fast = sim->options.fifo > 0u && sim->rows.sample_rate_hz > FASTEST_SINGLE_HZ;

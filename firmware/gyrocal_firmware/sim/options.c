@@ -29,6 +29,16 @@ static const char *parse_option(options_t *options, const char *name, const char
             return "--fifo takes a number of samples, 128 at most";
         }
         options->fifo = (unsigned)number;
+    } else if (strcmp(name, "--clock") == 0) {
+        if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > UINT64_MAX / 2u) {
+            return "--clock takes microseconds";
+        }
+        options->clock_us = number;
+    } else if (strcmp(name, "--seq") == 0) {
+        if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > UINT32_MAX) {
+            return "--seq takes a number below 2^32";
+        }
+        options->seq = (uint32_t)number;
     } else if (strcmp(name, "--fault") == 0) {
         options->list = options->list || strcmp(value, "list") == 0;
         return strcmp(value, "list") == 0 ? NULL : faults_add(&options->faults, value);

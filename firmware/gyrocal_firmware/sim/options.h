@@ -8,12 +8,14 @@
 
 #define OPTIONS_USAGE                                                                                                    \
     "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--hold] "                          \
-    "[--fault NAME[@T][:LENGTH][*TIMES]|list]..."
+    "[--clock US] [--seq N] [--fault NAME[@T][:LENGTH][*TIMES]|list]..."
 
 typedef struct {
     const char *path; /* path of the ROWS file */
     double speed;     /* virtual seconds per second; 0 = as fast as the reader accepts them */
     unsigned imu, fifo;
+    uint64_t clock_us; /* of the board's clock at each power-on */
+    uint32_t seq;      /* of the sentence after the first $HEL of each power cycle; 0 = 1, as on a board */
     bool stream, hold;
     bool list; /* only list the faults */
     faults_t faults;

@@ -9,7 +9,7 @@ from gyrocal.commands import AsJson
 
 NAMES = (
     "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors), "
-    "fleet (many boards) or real (recordings by others)."
+    "fleet (many boards), soak (hours of faults) or real (recordings by others)."
 )
 
 
@@ -29,13 +29,17 @@ def run(
     results: Annotated[
         Path | None, typer.Option(metavar="FILE", help="blind: finished cases (JSONL); those there are not run again.")
     ] = None,
+    hours: Annotated[float | None, typer.Option(min=0.01, metavar="H", help="soak: hours of device time (24).")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="soak: the first seed (0).")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""
     from gyrocal.benchmark import benchmark, show
     from gyrocal.present.output import emit
 
-    part = {"cases_of": cases, "kinds": kind, "limit": limit, "workers": workers, "results": results}
+    part = {
+        "cases_of": cases, "kinds": kind, "limit": limit, "workers": workers, "results": results, "hours": hours, "seed": seed,
+    }  # fmt: skip
     given = {key: value for key, value in part.items() if value}
     found = benchmark(name, sample=sample, quiet=as_json, **given)
     if as_json:

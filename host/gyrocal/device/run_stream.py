@@ -202,7 +202,7 @@ class RunStream:
             self._parts.append(Restarted())
             self._latest, self._samples = Memory(RECENT), Memory(RECENT_SAMPLES)
             self._settled = False
-            self._missing = self._unheard = 0
+            self._missing = self._unheard = sentence.seq  # numbers begin with 0 at power-on
         else:
             self._missing += max(step - 1, 0)
             self._unheard += max(step - 1, 0)
