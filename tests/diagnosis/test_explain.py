@@ -57,7 +57,7 @@ def test_the_excess_that_judged_a_step_is_the_one_that_is_shown(explained: Expla
     assert _falls(step.before, risen, within=True)
     shown = replace(step, after=risen, within=True)
     assert shown.to_json()["excess"] == "within power cycles"
-    assert shown.excess_after_dps == level.excess_within_dps
+    assert shown.excess_after == level.excess_within_dps
     assert "within power cycles" in remark(shown)
 
 

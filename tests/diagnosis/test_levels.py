@@ -9,7 +9,9 @@ from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.comparison import Comparison, measure, of_excess, with_floor_of
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, excess_of, explained
+from gyrocal.diagnosis.residuals import residual_table
 from gyrocal.noise.drift import ou_noise
+from gyrocal.recording.header import Reference
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from make_runs import make_run, make_session
@@ -132,3 +134,24 @@ def test_compare_and_diagnose_agree_on_weak_effects(effect: str) -> None:
     """So weak that the effect's own test may find it where the general tests do not."""
     session = simulate(None, "full", [effect], 0, scenarios=1, seconds=10.0)[0]
     assert (compare(session).verdict == "adequate") == (diagnose(session).verdict == "adequate")
+
+
+def test_samples_without_a_reference_neither_lower_the_rms_nor_have_a_residual() -> None:
+    rng = np.random.default_rng(5)
+    t_s = np.arange(2000) / RATE_HZ
+    rates = 60 * np.sin(2 * np.pi * np.outer(t_s, [0.3, 0.5, 0.8])) + 20 * np.sin(2 * np.pi * np.outer(t_s, [1.1, 0.9, 0.2]))
+    recorded = np.where(((t_s > 3) & (t_s < 13))[:, None], rates, np.nan)
+    columns = {f"ref_{axis}_dps": recorded[:, i] for i, axis in enumerate("xyz")}
+    own = Reference(clock="own")
+    gyro = [rng.normal(0, WHITE_DPS, (t_s.size, 3)) + rates for _ in range(3)]
+    runs = [
+        replace(make_run(t_s, y, table_rate_dps=None, **columns), scenario=f"s{k}", reference=own) for k, y in enumerate(gyro)
+    ]  # fmt: skip
+    found = measure(make_session(*runs, reference=own))
+    z = found.per_axis["z"]
+    assert z.rms_dps == pytest.approx(WHITE_DPS, rel=0.05)
+    assert z.rms_dps == pytest.approx(z.floor_dps, rel=0.02)
+    table = residual_table(found).filter(axis="z")
+    assert table["t_s"].min() > 3
+    assert table["t_s"].max() < 13
+    assert (table["measured_dps"] != table["modelled_dps"]).all()

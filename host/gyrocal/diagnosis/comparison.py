@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal import plausibility
+from gyrocal.diagnosis.angles import Angles, by_angle
 from gyrocal.diagnosis.drawn import described, most_visible
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
@@ -57,6 +58,8 @@ class Comparison(Shown):
     note: str = ""
     """A remark for the user about how this comparison was made; empty if there is none."""
     warnings: list[Warning] = field(default_factory=list)
+    angles: Angles | None = field(default=None, repr=False)
+    """Net angles of the runs, by which the session is judged where a run's rate is not known; else None."""
 
     @property
     def cycles(self) -> int:
@@ -89,9 +92,12 @@ class Comparison(Shown):
     def to_json(self) -> dict[str, Any]:
         return {
             "model": self.ids,
-            "residual": "rate",
-            **self.pooled.to_json(),
-            "per_axis": {axis: level.to_json() for axis, level in self.per_axis.items()},
+            "residual": "rate" if self.angles is None else "angle",
+            **(self.pooled if self.angles is None else self.angles.level()).to_json(),
+            "per_axis": {
+                axis: (level if self.angles is None else self.angles.level(axis)).to_json()
+                for axis, level in self.per_axis.items()
+            },
             "verdict": self.verdict,
             "where": [
                 {"axis": f.axis, "against": f.against, "strength": round(f.strength, 3), "note": f.note}
@@ -166,7 +172,7 @@ def measure(
     where = _strongest_first(misfit.found, _left_over(fitted, misfit, squares, floors, judged))
     return Comparison(
         fitted, pooled(squares.values(), floors.values()), per_axis, where, _held_out(session, folds), spectra, white, squares,
-        floors, misfit.nearest, warnings=warnings,
+        floors, misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
     )  # fmt: skip
 
 
@@ -231,4 +237,7 @@ def with_floor_of(before: Comparison, after: Comparison) -> Comparison:
     """The comparison of the poorer model, with its excess computed over the floor of the richer model."""
     per_axis = {a: Level.of(before.squares[a], after.floors[a]) for a in before.per_axis}
     together = pooled(before.squares.values(), (after.floors[a] for a in before.squares))
-    return replace(before, pooled=together, per_axis=per_axis, floors={a: after.floors[a] for a in before.floors})
+    angles = before.angles and after.angles and replace(before.angles, noise=after.angles.noise)
+    return replace(
+        before, pooled=together, per_axis=per_axis, floors={a: after.floors[a] for a in before.floors}, angles=angles
+    )

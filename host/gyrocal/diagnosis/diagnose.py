@@ -41,7 +41,8 @@ class Diagnosis(Shown):
 
     def to_json(self) -> dict[str, Any]:
         return {
-            "verdict": self.verdict, "candidates": [c.to_json() for c in self.candidates], "unknown": self.unknown,
+            "verdict": self.verdict, "residual": "rate" if self.comparison.angles is None else "angle",
+            "candidates": [c.to_json() for c in self.candidates], "unknown": self.unknown,
             "warnings": [w.to_json() for w in self.comparison.warnings],
         }  # fmt: skip
 

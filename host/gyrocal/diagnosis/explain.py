@@ -50,19 +50,20 @@ class Step:
     within: bool = False
 
     @property
-    def excess_before_dps(self) -> float | None:
-        """The excess of all axes before the step by which the step was judged, deg/s."""
-        return _excess_dps(self.before, self.within)
+    def excess_before(self) -> float | None:
+        """The excess of all axes before the step by which the step was judged, deg/s, or deg if judged by angle."""
+        return _excess(self.before, self.within)
 
     @property
-    def excess_after_dps(self) -> float | None:
+    def excess_after(self) -> float | None:
         """The same excess after the step."""
-        return _excess_dps(self.after, self.within)
+        return _excess(self.after, self.within)
 
     def to_json(self) -> dict[str, Any]:
+        unit = "dps" if self.before.angles is None else "deg"
         return {
             "effects": list(self.effects), "axes": list(self.axes), "removed": list(self.removed),
-            "excess_before_dps": self.excess_before_dps, "excess_after_dps": self.excess_after_dps,
+            f"excess_before_{unit}": self.excess_before, f"excess_after_{unit}": self.excess_after,
             "excess": "within power cycles" if self.within else "all", "matters": self.matters,
         }  # fmt: skip
 
@@ -102,6 +103,7 @@ class Explanation(Shown):
         compared = self.last.comparison.to_json()
         return {
             "steps": [s.to_json() for s in self.steps],
+            "residual": compared["residual"],
             "left": [o.to_json() for o in self.left],
             "verdict": self.verdict,
             "model": compared["model"],
@@ -261,11 +263,14 @@ def _over_one_floor(step: Step, final: Comparison) -> Step:
 
 def _falls(before: Comparison, after: Comparison, within: bool) -> bool:
     """True if the held-out excess of all axes is smaller after than before, in all or within power cycles."""
-    old_dps, new_dps = _excess_dps(before, within), _excess_dps(after, within)
-    return old_dps is not None and new_dps is not None and new_dps < old_dps
+    old, new = _excess(before, within), _excess(after, within)
+    return old is not None and new is not None and new < old
 
 
-def _excess_dps(comparison: Comparison, within: bool) -> float | None:
+def _excess(comparison: Comparison, within: bool) -> float | None:
+    """The excess of all axes, deg/s, or that of the net angles, deg; these have none within power cycles."""
+    if comparison.angles is not None:
+        return comparison.angles.level().excess_deg
     return comparison.pooled.excess_within_dps if within else comparison.pooled.excess_dps
 
 
@@ -273,17 +278,22 @@ def _matters(before: Comparison, after: Comparison, axes: Sequence[str], final: 
     """True if, on one of its axes, a step removes a noticeable fraction of the squared excess that would otherwise remain."""
 
     def noticed(axis: str) -> bool:
-        removed, left_dps = _removed_power(before, after, axis), final.per_axis[axis].excess_within_dps or 0.0
-        return removed > POLICY.noticeable * (removed + left_dps**2)
+        removed, left = _removed_power(before, after, axis), final.per_axis[axis].excess_within_dps
+        if final.angles is not None:
+            left = final.angles.level(axis).excess_deg
+        return removed > POLICY.noticeable * (removed + (left or 0.0) ** 2)
 
     return any(map(noticed, axes))
 
 
 def _removed_power(before: Comparison, after: Comparison, axis: str) -> float:
-    """Decrease of an axis's squared held-out excess, dps^2, over one floor; 0 if nothing can be held out.
+    """Decrease of an axis's squared held-out excess, dps^2 (deg^2 by angle), over one floor; 0 if nothing can be held out.
 
     The offset and scale of a few power cycles can hide the decrease. The decrease within power cycles counts if it is larger.
     """
+    if before.angles is not None and after.angles is not None:
+        had, has = before.angles.level(axis).rms_deg, after.angles.level(axis).rms_deg
+        return 0.0 if had is None or has is None else had**2 - has**2
     old, new = before.per_axis[axis], after.per_axis[axis]
     pairs = ((old.rms_dps, new.rms_dps), (old.excess_within_dps, new.excess_within_dps))
     return max((a**2 - b**2 for a, b in pairs if a is not None and b is not None), default=0.0)

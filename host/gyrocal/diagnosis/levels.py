@@ -51,6 +51,8 @@ class MeanSquares:
             columns, residual, cycle = of_cycle(rate), p.residual_dps, p.run.scenario
             if p.rows.start == 0:
                 residual[:FIRST] -= begins_apart(p.run, p.axis, residual)
+            seen = p.run.reached[p.rows]  # the others have no prediction and no residual
+            residual, columns = residual[seen], columns[seen]
             squares += float(residual @ residual)
             samples += residual.size
             sums[cycle] = sums.get(cycle, 0) + columns.T @ residual

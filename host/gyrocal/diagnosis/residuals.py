@@ -16,8 +16,11 @@ from gyrocal.recording.session import AXES
 def residual_table(comparison: Comparison) -> pl.DataFrame:
     """Held-out predictions as a table with the columns file, t_s, axis, measured_dps and modelled_dps.
 
-    The predictions are in sample if nothing can be held out.
+    The predictions are in sample if nothing can be held out. A sample without a reference has no row. A session that is judged
+    by angle has a row for each run and axis, with the net angles measured_deg and modelled_deg.
     """
+    if comparison.angles is not None:
+        return comparison.angles.table
     fitted = comparison.fit
     folds = heldout.folds(fitted) if comparison.held_out != "none" else []
     source = heldout.predictions(fitted, folds) if folds else heldout.fitted(fitted)
@@ -28,7 +31,7 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
             "axis": pl.repeat(AXES[p.axis], p.modelled_dps.size, eager=True),
             "measured_dps": p.measured_dps,
             "modelled_dps": p.modelled_dps,
-        })
+        }).filter(p.run.reached[p.rows])
         for p in source
     ]  # fmt: skip
     return pl.concat(parts)

@@ -12,6 +12,7 @@ import polars as pl
 from scipy.stats import chi2
 
 from gyrocal import plausibility
+from gyrocal.diagnosis.angles import Level
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.effects.base import effects
@@ -20,7 +21,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.gravity import naming
 from gyrocal.gravity.evidence import Evidence
 from gyrocal.gravity.fit import CROSS, GravityFit, fit, why_invisible
-from gyrocal.gravity.heldout import HeldOut, Level
+from gyrocal.gravity.heldout import HeldOut
 from gyrocal.gravity.observations import Rows, parameters
 from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY

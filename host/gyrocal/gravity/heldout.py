@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.diagnosis.levels import excess_of
+from gyrocal.diagnosis.angles import Level
 from gyrocal.gravity.fit import least_squares
 from gyrocal.gravity.observations import Observations, Rows
 from gyrocal.gravity.scene import Scene
@@ -54,30 +54,6 @@ def folds(scene: Scene, seen: Observations) -> Folds:
 def _rows(seen: Observations, movement: Rows, chunk: Rows, units: int) -> list[Rows]:
     label = np.concatenate([np.repeat(movement, 2), np.repeat(chunk, 3)])
     return [found for u in range(units) if (found := np.flatnonzero(label == u)).size and found[0] < seen.movement_rows]
-
-
-@dataclass(frozen=True)
-class Level:
-    """rms of held-out angles between the predicted and the measured direction of gravity, floor and excess, deg."""
-
-    rms_deg: float | None
-    floor_deg: float | None
-    excess_deg: float | None = None
-    excess_se_deg: float | None = None
-
-    @staticmethod
-    def of(squares: float, floor: float, error: float, noise: float, count: int) -> Level:
-        """From mean squares of angles and their expectation (deg^2), its standard error, and the noise of one movement."""
-        if not count:
-            return Level(None, None)
-        excess, se = excess_of(squares - floor, error, noise / count)
-        return Level(float(np.sqrt(squares)), float(np.sqrt(floor)), excess, se)
-
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "rms_deg": self.rms_deg, "floor_deg": self.floor_deg, "excess_deg": self.excess_deg,
-            "excess_se_deg": self.excess_se_deg,
-        }  # fmt: skip
 
 
 @dataclass(frozen=True)

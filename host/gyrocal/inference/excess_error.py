@@ -76,6 +76,25 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, floa
     return out[0], out[1]
 
 
+def net_angles(axis: AxisFit, folds: Sequence[Fold]) -> Array:
+    """Covariance [r, r], deg^2, that noise gives the net angles which held-out predictions of ``r`` runs leave.
+
+    A run of which only the net angle is known is one block, in which the drift averages out in part.
+    """
+    cells = _cells(axis)
+    covariance, _ = _covariance(axis, cells)
+    residual, held = _residual(axis, cells, covariance, folds, net=True)
+    blocks, noise = axis.design.blocks, axis.noise
+    for k, i in enumerate(cells.run):
+        if blocks[i].run.rate_is_mean and noise.ou_sd_dps > 0:
+            times = blocks[i].run.duration_s / noise.ou_tau_s
+            covariance[k, k] -= noise.ou_sd_dps**2 * (1 - 2 / times * (1 + np.expm1(-times) / times))
+    period_s = np.array([b.run.duration_s / len(b.run) for b in blocks])
+    angle = (cells.n * period_s[cells.run])[held] * (np.unique(cells.run[held])[:, None] == cells.run[held])
+    leaves = angle @ residual
+    return np.asarray(leaves @ covariance @ leaves.T)
+
+
 def _cells(axis: AxisFit) -> _Cells:
     design = axis.design
     usable = [i for i, b in enumerate(design.blocks) if b.t_s.size]
@@ -120,16 +139,18 @@ def _covariance(axis: AxisFit, cells: _Cells) -> tuple[Array, list[Array]]:
     return np.asarray(np.sum(parts, axis=0)), parts
 
 
-def _residual(axis: AxisFit, cells: _Cells, covariance: Array, folds: Sequence[Fold]) -> tuple[Array, Array]:
+def _residual(
+    axis: AxisFit, cells: _Cells, covariance: Array, folds: Sequence[Fold], *, net: bool = False
+) -> tuple[Array, Array]:
     """The held-out residual [h, k] as a linear function of the cells' means, and the cells [h] that it belongs to.
 
-    The error of a run's own coefficients is left out.
+    The error of a run's own coefficients is left out. ``net`` includes runs of which only the net angle is known.
     """
     p = len(axis.design.layout.fixed)
     x = cells.columns[:, :p]
     rows, held_cells = [], []
     for fold in folds or [EVERYTHING]:
-        inside, near = _masks(axis, cells, fold)
+        inside, near = _masks(axis, cells, fold, net)
         used = np.flatnonzero(~inside & ~near) if folds else np.arange(cells.n.size)
         held = np.flatnonzero(inside)
         if not used.size or not held.size:
@@ -144,9 +165,9 @@ def _residual(axis: AxisFit, cells: _Cells, covariance: Array, folds: Sequence[F
     return np.vstack(rows), np.concatenate(held_cells)
 
 
-def _masks(axis: AxisFit, cells: _Cells, fold: Fold) -> tuple[Mask, Mask]:
+def _masks(axis: AxisFit, cells: _Cells, fold: Fold, net: bool) -> tuple[Mask, Mask]:
     """Masks [k] of the cells that a fold leaves out, and of those beside them."""
-    judged = np.array([not b.run.rate_is_mean for b in axis.design.blocks])[cells.run]
+    judged = np.array([net or not b.run.rate_is_mean for b in axis.design.blocks])[cells.run]
     if fold.time is None:
         inside = np.isin(cells.run, fold.runs) if fold is not EVERYTHING else np.ones(cells.n.size, dtype=bool)
         return inside & judged, inside & ~judged

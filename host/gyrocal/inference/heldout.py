@@ -171,21 +171,24 @@ def time_masks(b: Blocks, fold: Fold) -> tuple[Mask, Mask]:
     return inside, near
 
 
-def predictions(fit: Fit, all_folds: list[Fold]) -> Iterator[Prediction]:
-    """Every held-out sample by run and axis. The phases and sizes of each run are refitted in the held-out run."""
+def predictions(fit: Fit, all_folds: list[Fold], *, net: bool = False) -> Iterator[Prediction]:
+    """Every held-out sample by run and axis. The phases and sizes of each run are refitted in the held-out run.
+
+    ``net`` includes runs of which only the net angle is known, so that only the sum over a run means something.
+    """
     for axis in fit.axes.values():
         for step in steps(axis, all_folds):
             for i in step.fold.runs:
-                if not step.trained.design.blocks[i].run.rate_is_mean:
+                if net or not step.trained.design.blocks[i].run.rate_is_mean:
                     yield _predict(step, i)
 
 
-def fitted(fit: Fit) -> Iterator[Prediction]:
+def fitted(fit: Fit, *, net: bool = False) -> Iterator[Prediction]:
     """The same predictions in sample, if nothing can be left out."""
     for axis in fit.axes.values():
         everything = Step(EVERYTHING, axis, axis.solution, axis.spreads, {})
         for i, b in enumerate(fit.blocks):
-            if not b.run.rate_is_mean:
+            if net or not b.run.rate_is_mean:
                 yield _predict(everything, i)
 
 

@@ -57,10 +57,10 @@ class Summed:
         """Sum ``columns`` [q, m] of each run: q columns of m block means at times ``t_s`` [m] in s, of ``n`` [m] samples each.
 
         With ``cell_s`` = 0 every block is a cell, and the normal equations are exact. ``color`` is the correlation of
-        neighbouring blocks' white noise, which a low-pass filter causes; see :func:`whitened`.
+        neighbouring blocks' white noise, which a low-pass filter causes; see :func:`whitened`. A single block has no neighbour.
         """
         blocks, log_n = t_s.size, float(np.log(n).sum())
-        if color:
+        if color and blocks > 1:
             joined = np.diff(t_s) < JOINED * float(np.median(np.diff(t_s)))
             columns = (whitened(one, joined, color) for one in columns)
             log_n += _log_determinant(joined, color)

@@ -21,16 +21,25 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
     """Print the steps with the excess after each, what stays open, and the verdict."""
     report.print_warnings(e.last.comparison.warnings)
     if e.steps:
-        rows = [["(start)", "", mdps(e.steps[0].excess_before_dps, 2), ""]]
-        rows += [[named(s), ", ".join(s.axes), mdps(s.excess_after_dps, 2), remark(s)] for s in e.steps]
-        table("Held-out excess error over the noise floor", ["added:", "axis:", "excess mdps", "remark:"], rows)
+        rows = [["(start)", "", excess(e.steps[0], e.steps[0].excess_before), ""]]
+        rows += [[named(s), ", ".join(s.axes), excess(s, s.excess_after), remark(s)] for s in e.steps]
+        table("Held-out excess error over the noise floor", ["added:", "axis:", f"excess {unit(e.steps[0])}", "remark:"], rows)
     for one in e.left:
         stdout.print(open_words(one))
     stdout.print(conclusion(e), style="bold")
     if e.verdict != "implausible":
         stdout.print(f"{model}: {', '.join(e.model.ids)}")
-    if e.verdict == "unknown":
+    if e.verdict == "unknown" and not report.unproven(e.last):
         stdout.print(f"next: gyrocal keep {session} --model {model} finds a formula for it and keeps it as your own effect")
+
+
+def unit(step: Step) -> str:
+    return "mdps" if step.before.angles is None else "deg"
+
+
+def excess(step: Step, value: float | None) -> str:
+    """An excess of a step in its :func:`unit`."""
+    return mdps(value, 2) if step.before.angles is None else report.deg(value)
 
 
 def named(step: Step) -> str:
@@ -44,7 +53,7 @@ def remark(step: Step) -> str:
     if step.removed:
         parts.append(f"replaces {', '.join(step.removed)}")
     if step.within:
-        parts.append(f"within power cycles, from {mdps(step.excess_before_dps, 2)}")
+        parts.append(f"within power cycles, from {excess(step, step.excess_before)}")
     return "; ".join(parts)
 
 
@@ -79,8 +88,9 @@ def write_explanation(path: Path, e: Explanation) -> None:
         levels = [e.steps[0].before.pooled, *(s.after.pooled for s in e.steps)]
         overview = _data(pictures.waterfall(labels, [v.excess_dps or 0.0 for v in levels], levels[-1].floor_dps))
     steps = [
-        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": mdps(s.excess_before_dps, 2),
-         "after": mdps(s.excess_after_dps, 2), "remark": remark(s), "causes": _causes(s), "picture": _data(evidence(s))}
+        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": excess(s, s.excess_before),
+         "after": excess(s, s.excess_after), "unit": unit(s), "remark": remark(s), "causes": _causes(s),
+         "picture": _data(evidence(s))}
         for s in e.steps
     ]  # fmt: skip
     text = page.render(

@@ -15,10 +15,9 @@ from gyrocal.gravity.budget import budget
 from gyrocal.gravity.calibrate import Calibration, misalignment
 from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
-from gyrocal.gravity.heldout import Level
 from gyrocal.gravity.scene import Scene
 from gyrocal.present.output import emit, mdps, plus_minus, stdout, table
-from gyrocal.present.report import BLOCKED, REJECTED_SHOWN, print_warnings, sizes
+from gyrocal.present.report import ANGLES, BLOCKED, REJECTED_SHOWN, angle_row, deg, print_warnings, sizes
 from gyrocal.recording.session import Session
 
 
@@ -62,8 +61,8 @@ def show_add(session: Session, effect: str, model: Path, only_day: int | None, a
     print_warnings(before.warnings)
     if before.note:
         stdout.print(before.note, style="bold", markup=False)
-    rows = [_level("before", before.pooled), _level("after", after.pooled)]
-    table("Held-out angle between movements and gravity, deg", LEVELS, rows)
+    rows = [angle_row("before", before.pooled), angle_row("after", after.pooled)]
+    table("Held-out angle between movements and gravity, deg", ANGLES, rows)
     stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
     stdout.print(headline(after), style="bold", markup=False)
 
@@ -81,23 +80,12 @@ def show_explain(
         emit(found.to_json())
         return
     rows = [
-        [", ".join(s.effects), ", ".join(s.axes), _deg(s.before.pooled.excess_deg), _deg(s.after.pooled.excess_deg),
+        [", ".join(s.effects), ", ".join(s.axes), deg(s.before.pooled.excess_deg), deg(s.after.pooled.excess_deg),
          "yes" if s.matters else "no"]
         for s in found.steps
     ]  # fmt: skip
     table("Effects added", ["effect:", "axes:", "excess before, deg", "after", "matters:"], rows)
     print_diagnosis(found.last, path, str(model))
-
-
-LEVELS = ["", "rms deg", "floor deg", "excess deg", "± deg"]
-
-
-def _deg(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4f}"
-
-
-def _level(name: str, v: Level) -> list[str]:
-    return [name, _deg(v.rms_deg), _deg(v.floor_deg), _deg(v.excess_deg), _deg(v.excess_se_deg)]
 
 
 def headline(c: Comparison) -> str:
@@ -115,7 +103,7 @@ def print_comparison(c: Comparison) -> None:
     print_warnings(c.warnings)
     scene = c.fit.scene
     stdout.print(f"{len(scene.rests)} rests, {len(scene.movements)} movements; rests begin at {_begins(scene)} s")
-    table("", LEVELS, [*(_level(f"about {axis}", v) for axis, v in c.per_axis.items()), _level("all", c.pooled)])
+    table("", ANGLES, [*(angle_row(f"about {axis}", v) for axis, v in c.per_axis.items()), angle_row("all", c.pooled)])
     stdout.print(f"model: {', '.join(c.fit.model.ids)}; held out: {c.held_out}")
     if c.note:
         stdout.print(c.note, markup=False)

@@ -17,7 +17,7 @@ from gyrocal.error_model.model import Model
 from gyrocal.present import pictures
 from gyrocal.present.output import mdps, plus_minus
 from gyrocal.present.preview import preview
-from gyrocal.present.report import headline, verdict_text
+from gyrocal.present.report import deg, headline, verdict_text
 from gyrocal.recording.session import Session
 from gyrocal.shown import VIEWS, View
 
@@ -50,6 +50,9 @@ def _session_table(session: Session) -> pl.DataFrame:
 
 def _comparison_words(found: Comparison) -> str:
     levels = ", ".join(f"{word} {mdps(getattr(found.pooled, name))} mdps" for name, word in MDPS.items())
+    if found.angles is not None:
+        v = found.angles.level()
+        levels = f"rms {deg(v.rms_deg)} deg, noise floor {deg(v.floor_deg)} deg, excess {deg(v.excess_deg)} deg"
     where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
     return "\n".join([f"{found.verdict}; {levels}", headline(found), *where])
 

@@ -6,9 +6,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from gyrocal.diagnosis import angles
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.policy import POLICY
 from gyrocal.present.output import mdps, plus_minus, stdout, table
@@ -66,9 +68,26 @@ def level_rows(c: Comparison) -> list[list[str]]:
     ]  # fmt: skip
 
 
+ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
+
+
+def deg(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
+
+
+def angle_row(name: str, v: angles.Level) -> list[str]:
+    """The level of net angles or of movements, in deg."""
+    return [name, deg(v.rms_deg), deg(v.floor_deg), deg(v.excess_deg), deg(v.excess_se_deg)]
+
+
 def print_comparison(c: Comparison) -> None:
     print_warnings(c.warnings)
-    table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
+    if c.angles is None:
+        table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
+    else:
+        names, everything = axis_names(c)
+        levels = [angle_row(names[axis], c.angles.level(axis)) for axis in c.per_axis]
+        table("Net angles of the runs", ANGLES, [*levels, angle_row(everything, c.angles.level())])
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
@@ -101,7 +120,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(f"next: gyrocal explain {session} --model {target}")
     elif d.verdict == "add" and d.best is not None:
         stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
-    if d.verdict == "unknown":
+    if d.verdict == "unknown" and not unproven(d):
         stdout.print(
             f"next: gyrocal keep {session} --model {target} finds a formula for it and keeps it as an effect of your own"
         )
@@ -126,9 +145,19 @@ def verdict_text(d: Diagnosis) -> str:
         return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
-        against = u["against"].replace("_", " ")
-        return f"Something is there that no effect of the library explains: on {u['axis']}, against {against}: {u['shape']}."
+        where = f"on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}"
+        suggested = unproven(d)
+        if suggested:
+            ids = " or ".join(c.effect.id for c in suggested)
+            proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
+            return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
+        return f"Something is there that no effect of the library explains: {where}."
     return UNTIMED if _is_untimed(d.comparison) else "Nothing is missing: what is left over is noise."
+
+
+def unproven(d: Diagnosis) -> list[Candidate]:
+    """The candidates that a diagnosis suggests on the axis of what is unknown."""
+    return [c for c in d.candidates if d.unknown is not None and c.decision == "suggest" and c.axis == d.unknown["axis"]]
 
 
 def sizes(c: Candidate) -> str:
@@ -145,6 +174,12 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     print_warnings(before.warnings)
     if before.note:
         stdout.print(before.note, style="bold")
+    if before.angles is not None and after.angles is not None:
+        levels = [angle_row("before", before.angles.level()), angle_row("after", after.angles.level())]
+        table("Held-out net angles of the runs, deg", ANGLES, levels)
+        stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
+        stdout.print(headline(after), style="bold")
+        return
     names, everything = axis_names(after)
     rows = []
     for axis in after.per_axis:

@@ -226,8 +226,8 @@ class Workbench:
     # What is shown of it.
 
     def waterfall(self) -> list[Bar]:
-        """The excess error step by step, over the floor of the richest model, as in `gyrocal add`."""
-        if not self.steps or self.steps[0].view.compared["rms_dps"] is None:
+        """The excess error step by step, over the floor of the richest model, as in `gyrocal add`; empty if judged by angle."""
+        if not self.steps or self.steps[0].view.compared.get("rms_dps") is None:
             return []
         richest = max(self.steps, key=lambda s: len(s.view.compared["parameters"]))
         floor = richest.view.compared["floor_dps"]
@@ -238,7 +238,7 @@ class Workbench:
         return bars
 
     def floor_mdps(self) -> float:
-        return 1e3 * max(self.steps, key=lambda s: len(s.view.compared["parameters"])).view.compared["floor_dps"]
+        return 1e3 * max(self.steps, key=lambda s: len(s.view.compared["parameters"])).view.compared.get("floor_dps", 0.0)
 
     # How it comes about.
 

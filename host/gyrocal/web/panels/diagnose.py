@@ -244,7 +244,10 @@ class DiagnosePanel:
         self.fall.set_visibility(self.bench.step is not None)
         with self.fall:
             if self.bench.step is not None and not bars:
-                ui.label("This recording is too short to hold out a part, so the excess error is unknown.").classes("dim")
+                why = "This recording is too short to hold out a part, so the excess error is unknown."
+                if self.bench.step.view.compared["residual"] == "angle":
+                    why = "This session is judged by angle, which only the command line shows: gyrocal compare."
+                ui.label(why).classes("dim")
             if not bars:
                 return
             with ui.row():

@@ -1,0 +1,97 @@
+"""Sessions with runs of which only the net angle is known are judged by angle."""
+
+import warnings
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal import api
+from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.explain import explain
+from gyrocal.diagnosis.residuals import residual_table
+from gyrocal.present.report import verdict_text
+from gyrocal.recording.session import AXES, Run, Session
+from make_runs import make_run, make_session
+
+T_S = np.arange(1200) / 100
+WHITE_DPS = 0.05
+
+
+def session(seed: int, leak: float = 0.0, ways: tuple[float, ...] = (1.0, -1.0)) -> Session:
+    """Three rests, and a turn both ``ways`` about each axis; z reads ``leak`` of the rate about x."""
+    rng = np.random.default_rng(seed)
+
+    def run(sign: float, axis: str, cycle: int) -> Run:
+        rate = np.where((T_S > 2) & (T_S < 10), 45.0 * sign, 0.0)
+        gyro = rng.normal([1.0, 2.0, 3.0], WHITE_DPS, (T_S.size, 3))
+        gyro[:, AXES.index(axis)] += 1.01 * rate
+        gyro[:, 2] += leak * rate * (axis == "x")
+        angle_deg = float(np.sum(rate)) / 100
+        known = {"turn_deg": angle_deg} if sign else {"table_rate_dps": 0.0}
+        return make_run(T_S, gyro, axis=axis, scenario=f"s{cycle}", **known)
+
+    turns = [(sign, axis) for axis in AXES for sign in ways]
+    return make_session(*(run(0.0, "z", k) for k in range(3)), *(run(*turn, k % 3) for k, turn in enumerate(turns)))
+
+
+def test_noise_alone_leaves_the_floor_in_the_net_angles() -> None:
+    found = [compare(session(seed)) for seed in range(4)]
+    for c in found:
+        told = c.to_json()
+        assert told["residual"] == "angle"
+        assert told["verdict"] == "adequate"
+        assert set(told) >= {"rms_deg", "floor_deg", "excess_deg", "excess_se_deg"}
+        assert "rms_dps" not in told
+        assert set(told["per_axis"]["z"]) == {"rms_deg", "floor_deg", "excess_deg", "excess_se_deg"}
+    rms, floor = (np.array([c.to_json()[f"{name}_deg"] for c in found]) for name in ("rms", "floor"))
+    assert np.mean(rms**2) == pytest.approx(np.mean(floor**2), rel=0.35)
+    # white noise of n samples leaves sd·sqrt(n)·period in the angle, and the held-out prediction adds its own error
+    assert np.all(floor > WHITE_DPS * np.sqrt(T_S.size) / 100)
+    assert np.all(floor < 2.5 * WHITE_DPS * np.sqrt(T_S.size) / 100)
+
+
+def test_a_leak_that_only_turns_show_is_judged_by_the_angle_it_leaves() -> None:
+    leaking = session(1, leak=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert diagnose(leaking).to_json()["residual"] == "angle"
+        before, after, _ = add(leaking, None, "misalignment")
+        found = explain(leaking).to_json()
+    old, new = before.to_json(), after.to_json()
+    left_deg = 3.6 * np.sqrt(2 / 9 / 3)  # 360 deg of 0.01, in two of nine runs and on one of three axes
+    assert old["excess_deg"] == pytest.approx(left_deg, rel=0.5)  # held out, the power cycles' own offsets move too
+    assert old["floor_deg"] == new["floor_deg"]
+    assert new["excess_deg"] < 3 * new["excess_se_deg"]
+    (step,) = found["steps"]
+    assert found["residual"] == "angle"
+    assert step["effects"] == ["misalignment"]
+    assert step["matters"]
+    assert step["excess_before_deg"] == pytest.approx(old["excess_deg"], rel=0.05)
+    assert step["excess_after_deg"] == pytest.approx(new["excess_deg"], abs=0.01)
+
+
+def test_residuals_have_a_row_for_each_run_and_axis() -> None:
+    recorded = session(2)
+    table = residual_table(compare(recorded))
+    assert table.columns == ["file", "t_s", "axis", "measured_deg", "modelled_deg"]
+    assert table.height == 27
+    for run in recorded.runs:
+        row = table.filter((pl.col("file") == run.file) & (pl.col("axis") == "y")).row(0, named=True)
+        assert row["measured_deg"] == pytest.approx(run.gyro_dps[:, 1].sum() / 100, rel=1e-9)
+        assert abs(row["measured_deg"] - row["modelled_deg"]) < 0.2
+
+
+def test_what_one_turn_suggests_is_told_with_what_would_prove_it() -> None:
+    found = diagnose(session(3, leak=0.01, ways=(1.0,)))
+    assert found.verdict == "unknown"
+    assert [c.effect.id for c in found.candidates if c.decision == "suggest" and c.axis == "z"] == ["misalignment"]
+    assert "It may be misalignment, but this session cannot prove it" in verdict_text(found)
+    assert "record the same runs again" in verdict_text(found)
+
+
+def test_the_summary_in_python_gives_the_angles_too() -> None:
+    found = api.compare(session(0))
+    assert f"rms {found.to_json()['rms_deg']:.4f} deg" in found.summary()
