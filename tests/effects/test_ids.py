@@ -19,6 +19,11 @@ ALLOWED = {
     ("host/gyrocal/noise/drift.py", "drift"): "the name of the model's field; the effect of this id is another thing",
     ("host/gyrocal/calibration/header.py", "scale"): "a comment's name of the last parameter",
     ("host/gyrocal/demo.py", "scale"): "a field of the sentence $CAL",
+    ("host/gyrocal/gravity/calibrate.py", "misalignment"): "a key of the result",
+    ("host/gyrocal/gravity/budget.py", "bias"): "a source of error in the budget",
+    ("host/gyrocal/simulation/hands.py", "misalignment"): "a key of the truth file",
+    ("host/gyrocal/simulation/hands.py", "clock_error"): "a key of the truth file",
+    ("host/gyrocal/present/notebook.py", "scale"): "a label of an axis of a picture",
     **{
         (f"host/gyrocal/calibration/targets/{target}.py", name): "what another program's file holds"
         for target, names in {

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.effects.base import Role
+from gyrocal.effects.base import Role, with_role
 from gyrocal.gravity.fit import CLOCK_SE, GravityFit
 from gyrocal.recording.session import AXES, Array
 
@@ -60,7 +60,8 @@ def budget(fitted: GravityFit) -> list[BudgetRow]:
             scale, bias = (float(np.sqrt(max(gain[k] @ part @ gain[k], 0.0))) for k in (k_scale, k_bias))
             rows.append(BudgetRow(axis, cause, scale, bias, ADVICE[cause]))
         rows.append(BudgetRow(axis, "sample clock", CLOCK_SE, 0.0, ADVICE["sample clock"]))
-        excess = np.sqrt(max(fitted.misfit**2 - 1, 0.0)) * fitted.se("scale", axis, "scale")
+        of_scale = with_role(Role.SCALE)
+        excess = np.sqrt(max(fitted.misfit**2 - 1, 0.0)) * fitted.se(of_scale.id, axis, of_scale.linear[0])
         rows.append(BudgetRow(axis, "misfit", float(excess), 0.0, ADVICE["misfit"]))
         out += sorted(rows, key=lambda r: -r.scale_se)
     return out

@@ -17,7 +17,7 @@ from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.gravity.budget import budget
-from gyrocal.gravity.fit import GravityFit, fit, full
+from gyrocal.gravity.fit import CROSS, GravityFit, fit, full
 from gyrocal.gravity.scene import Scene
 from gyrocal.recording.session import AXES, GAP_PERIODS, Session
 from gyrocal.warning import Warning
@@ -130,7 +130,7 @@ def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
     """The off-diagonal elements: ``axis`` reads ``value`` of the rate about ``about``; None where movements do not show it."""
     out = []
     for axis in AXES:
-        term = fitted.model.term("misalignment", axis)
+        term = fitted.model.term(CROSS, axis)
         for name in () if term is None else term.effect.used(term.values):
             assert term is not None
             seen = term.se[name] <= UNSEEN

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gyrocal.effects.base import Role, effects, with_role
+from gyrocal.effects.misalignment import Misalignment
 from gyrocal.error_model.model import Model, Term
 from gyrocal.gravity.observations import Observations, Observer, Parameter, Rows, parameters
 from gyrocal.gravity.scene import Scene
@@ -20,7 +21,7 @@ from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.recording.session import AXES, Array
 
-CROSS = "misalignment"
+CROSS = Misalignment.id
 """The effect that fills the matrix of a gyroscope's readings beside the scales."""
 CLOCK_SE = 1e-4
 """Standard error of the sample clock, a fraction: crystals are good to 20-100 ppm. It adds to that of each scale."""

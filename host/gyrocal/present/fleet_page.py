@@ -76,8 +76,9 @@ def write_page(path: Path, fleet: Fleet, dashboard: str | None = None) -> None:
     """Write the fleet as one self-contained HTML page. Raises InputError if the file cannot be written."""
     from gyrocal.present.pictures import png_data
 
+    name = f"A fleet of {len({b.board for b in fleet.boards})} boards"
     text = page.render(
-        "present/fleet.html", f"A fleet of {len({b.board for b in fleet.boards})} boards", headline(fleet), not fleet.missing, (),
+        "present/fleet.html", name, headline(fleet), not fleet.missing, (),
         attribution=fleet.attribution, dashboard=dashboard, population_columns=[c.rstrip(":") for c in COLUMNS],
         population=population_rows(fleet), missing=[missing_words(m) for m in fleet.missing],
         histograms=[(name, png_data(histogram(fleet, name))) for name in fleet.population],
