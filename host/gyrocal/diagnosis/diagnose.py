@@ -4,7 +4,7 @@ There are two levels of evidence. An effect is *suggested* if it improves the fi
 rate over all candidates (Benjamini and Hochberg). It is to be *added* if it also predicts held-out runs significantly better,
 its parameters are in physical range, and it explains enough of the excess error. Candidates whose signals overlap in this
 session form a group. For a group, the diagnosis names the measurement that separates its members instead of a cause. The
-thresholds are in ``gyrocal/policy.py``.
+thresholds are in ``gyrocal/policy``.
 """
 
 from __future__ import annotations

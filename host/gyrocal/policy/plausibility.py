@@ -50,12 +50,12 @@ class Plausibility:
     largest_scale: float = threshold(
         0.15, "largest error of the scale that a working sensor has; the device's limit is equal",
         larger="a wrong rate or range passes", smaller="poor sensors are called implausible",
-        chosen_by="five times the 3 % of datasheets; pytest tests/parity/test_constants.py",
+        chosen_by="judgement: 15 times the 1 % of the LSM6DSO; pytest tests/parity/test_constants.py",
     )  # fmt: skip
     largest_bias_dps: float = threshold(
         50.0, "largest bias that a working sensor has, dps; the device's limit is equal",
         larger="an offset of the counts that was not subtracted passes", smaller="poor sensors are called implausible",
-        chosen_by="five times the 10 dps of datasheets; pytest tests/parity/test_constants.py",
+        chosen_by="judgement: 50 times the 1 dps of the LSM6DSO; pytest tests/parity/test_constants.py",
     )  # fmt: skip
     turn_on_dps: float = threshold(
         0.05, "standard deviation of the bias over power cycles that is assumed where they are few, dps",
