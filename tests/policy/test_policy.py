@@ -17,6 +17,7 @@ NO_THRESHOLDS = {
     "LEAST_PERIODS",  # below, a Hann window does not part a frequency from the mean
     "BITS",  # of the part's code
     "SHEPPARD",  # variance of rounding
+    "HARMONICS", "LEAST", "LARGEST_NOISE",  # terms of the error of rounding that are small enough to be left out
     "RATE_UNIT_DPS",  # a unit
     "STANDARD_GRAVITY", "DEG",  # units
     "ROUNDING_DPS",  # of the numbers' own digits

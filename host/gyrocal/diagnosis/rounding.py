@@ -13,6 +13,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.shapes import Columns
 
@@ -21,10 +22,7 @@ LARGEST_NOISE = 0.5
 LEAST = 1e-3
 """Of a count: smaller amplitudes of a harmonic are left out."""
 HARMONICS = 3
-TOO_LARGE = 1.25
-"""Ratio to the amplitude that rounding can have above which an error is another one's. The noise is known to a few percent."""
-SURE = 3.0
-"""Standard errors by which an amplitude must exceed that."""
+"""Number of harmonics. The third is left out from a noise of 0.16 counts on."""
 
 
 def amplitudes_dps(count_dps: float, variance: float) -> Array:
@@ -74,4 +72,4 @@ def _plausible(rounded: AxisFit, allowed_dps: Array) -> bool:
     sizes = np.abs(rounded.solution.beta[mine])
     errors = np.sqrt(np.diag(rounded.solution.cov)[mine])
     allowed = allowed_dps[harmonic]
-    return bool(mine and np.all(errors < allowed) and np.all(sizes < TOO_LARGE * allowed + SURE * errors))
+    return bool(mine and np.all(errors < allowed) and np.all(sizes < POLICY.rounding_size * allowed + POLICY.rounding_errors * errors))

@@ -278,6 +278,18 @@ class Diagnosis:
         smaller="the measured effect is rejected because of the noise of its columns",
     )  # fmt: skip
 
+    # Rounding of coarse readings
+    rounding_size: float = threshold(
+        1.25, "ratio to the amplitude of rounding above which an error has another cause; the noise is known to a few percent",
+        larger="a small effect in the shape of rounding is hidden", smaller="rounding is reported as an effect",
+        chosen_by="chosen by judgement; pytest tests/diagnosis/test_rounding.py has a session on both sides",
+    )  # fmt: skip
+    rounding_errors: float = threshold(
+        3.0, "standard errors by which an amplitude must exceed what rounding can do",
+        larger="a small effect in the shape of rounding is hidden", smaller="noise on the amplitudes brings rounding back",
+        chosen_by="chosen by judgement; pytest tests/diagnosis/test_rounding.py has a session on both sides",
+    )  # fmt: skip
+
     # Keep
     most_terms: int = threshold(
         8, "largest number of terms of a formula",
