@@ -72,4 +72,5 @@ def _plausible(rounded: AxisFit, allowed_dps: Array) -> bool:
     sizes = np.abs(rounded.solution.beta[mine])
     errors = np.sqrt(np.diag(rounded.solution.cov)[mine])
     allowed = allowed_dps[harmonic]
-    return bool(mine and np.all(errors < allowed) and np.all(sizes < POLICY.rounding_size * allowed + POLICY.rounding_errors * errors))
+    largest = POLICY.rounding_size * allowed + POLICY.rounding_errors * errors
+    return bool(mine and np.all(errors < allowed) and np.all(sizes < largest))
