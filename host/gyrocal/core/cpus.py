@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from gyrocal.errors import GyrocalError
 from gyrocal_firmware import CORE, EMUL, INCLUDE
@@ -135,23 +136,32 @@ def cost(
     """
     file = part if isinstance(part, Path) else EMUL / "cost" / f"{part}.c"
     sources = sorted(CORE.rglob("*.c")) if sources is None else sources
-    flash, ram, counts = _count(cpu, file, sources, include_dirs, flags)
-    flash_0, ram_0, counts_0 = _count(cpu, EMUL / "cost" / "nothing.c", [], (), flags)
+    measured = _count(cpu, file, sources, include_dirs, flags)
+    empty = _count(cpu, EMUL / "cost" / "nothing.c", [], (), flags)
     what = " ".join(file.read_text().partition("*/")[0].removeprefix("/*").split())
-    instructions, largest = (max(0, a - b) for a, b in zip(counts[:2], counts_0[:2], strict=True))
-    return Cost(file.stem, what, instructions, largest, flash - flash_0, ram - ram_0, counts[2])
+    instructions, largest = (max(0, a - b) for a, b in zip(measured.printed[:2], empty.printed[:2], strict=True))
+    flash, ram = measured.flash - empty.flash, measured.ram - empty.ram
+    return Cost(file.stem, what, instructions, largest, flash, ram, measured.printed[2])
+
+
+class _Counted(NamedTuple):
+    """Bytes of flash and RAM of a whole program, and the numbers that it prints."""
+
+    flash: int
+    ram: int
+    printed: list[int]
 
 
 def _count(
     cpu: Cpu, part: Path, sources: Sequence[Path], include_dirs: Sequence[Path], flags: Sequence[str]
-) -> tuple[int, int, list[int]]:
+) -> _Counted:
     with tempfile.TemporaryDirectory(prefix="gyrocal-") as folder:
         folders = [*include_dirs, EMUL / "cost"]
         program = build(cpu, [EMUL / "cost.c", part, *sources], Path(folder, f"{part.stem}.elf"), folders, flags)
         size = cpu.tools[0].removesuffix("gcc") + "size"
         text, data, bss = _output(cpu, [size, str(program)]).split(b"\n")[1].split()[:3]
         counts = run(cpu, program).split()
-    return int(text) + int(data), int(data) + int(bss), [int(n) for n in counts]
+    return _Counted(int(text) + int(data), int(data) + int(bss), [int(n) for n in counts])
 
 
 def _require(cpu: Cpu, tool: str) -> None:

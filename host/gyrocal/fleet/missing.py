@@ -148,13 +148,14 @@ def _on_axis(evidence: Evidence, limit: float) -> list[Missing]:
         passed = _passing(left, limit, done)
         if not passed:
             break
-        gain, test, share = passed[0]
+        test, share = passed[0].test, passed[0].share
         after = left.given(test.j, *share.overall)
         done |= {j for j, name in enumerate(left.names) if _key(name) == _key(left.names[test.j])}
-        still = {left.names[t.j].split(".")[0] for _, t, _ in _passing(after, limit, done)}
+        still = {left.names[t.j].split(".")[0] for t in (p.test for p in _passing(after, limit, done))}
         effect = left.names[test.j].split(".")[0]
-        close = {left.names[t.j].split(".")[0] for other, t, _ in passed if gain - other < CLOSE} - still - {effect}
-        named.append(_described(evidence, test, share, gain, limit, sorted({effect, *close}) if close else []))
+        near = [p.test.j for p in passed if passed[0].gain - p.gain < CLOSE]
+        close = {left.names[j].split(".")[0] for j in near} - still - {effect}
+        named.append(_described(evidence, passed[0], limit, sorted({effect, *close}) if close else []))
         left = after
     return named
 
@@ -163,7 +164,16 @@ def _key(name: str) -> str:
     return name.split(";")[0]
 
 
-def _passing(evidence: Evidence, limit: float, done: set[int]) -> list[tuple[float, _Test, Share]]:
+@dataclass(frozen=True)
+class _Passed:
+    """A candidate that passes the tests; ``gain`` is the log-likelihood that it gains on boards that were left out."""
+
+    gain: float
+    test: _Test
+    share: Share
+
+
+def _passing(evidence: Evidence, limit: float, done: set[int]) -> list[_Passed]:
     """The candidates that pass the tests and predict boards that were left out, best first."""
     out = []
     for j in range(len(evidence.names)):
@@ -172,8 +182,8 @@ def _passing(evidence: Evidence, limit: float, done: set[int]) -> list[tuple[flo
             continue
         gain = _heldout_gain(test.c, test.variance, evidence.board[evidence.information[:, j, j] > 0])
         if gain > 0:
-            out.append((gain, test, Share.of(test.c, test.variance)))
-    return sorted(out, key=lambda found: (-found[0], found[1].j))
+            out.append(_Passed(gain, test, Share.of(test.c, test.variance)))
+    return sorted(out, key=lambda found: (-found.gain, found.test.j))
 
 
 def _tested(evidence: Evidence, j: int) -> _Test | None:
@@ -212,16 +222,17 @@ def _heldout_gain(c: Array, variance: Array, board: Labels) -> float:
     return total
 
 
-def _described(evidence: Evidence, test: _Test, share: Share, gain: float, limit: float, group: list[str]) -> Missing:
+def _described(evidence: Evidence, passed: _Passed, limit: float, group: list[str]) -> Missing:
     from scipy.stats import norm
 
+    test, share = passed.test, passed.share
     name, _, at = evidence.names[test.j].partition(";")
     effect, axis, parameter = name.split(".")
     nonlinear = {key: float(value) for key, value in (part.split("=") for part in at.split(",") if part)}
     alone = int(np.count_nonzero(np.abs(test.c) / np.sqrt(test.variance) > norm.isf(limit / 2)))
     return Missing(
-        effect, axis, parameter, nonlinear, test.pooled.mean, test.pooled.se, share.sd, share.share, test.p_value, gain, alone,
-        _belongs_to(evidence, test, limit), group,
+        effect, axis, parameter, nonlinear, test.pooled.mean, test.pooled.se, share.sd, share.share, test.p_value,
+        passed.gain, alone,        _belongs_to(evidence, test, limit), group,
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -125,18 +125,18 @@ class _Reml:
         bounds = [(0.0, 10.0 * max(1.0, float(np.ptp(y))))] * (2 if several else 1)
 
         def cost(x: Array) -> float:
-            return -sums.loglik(float(x[0]), float(x[1]) if several else 0.0)[0]
+            return -sums.at(float(x[0]), float(x[1]) if several else 0.0).loglik
 
         starts = [[first, second][: len(bounds)] for first in (1.0, 0.1) for second in (1.0, 0.1)]
         options = {"ftol": 1e-14, "gtol": 1e-8}
         tried = [minimize(cost, start, method="L-BFGS-B", bounds=bounds, options=options) for start in starts]
-        best = min(tried, key=lambda t: t.fun).x
-        s, r = float(best[0]), float(best[1]) if several else 0.0
-        _, mean, mean_se, offset = sums.loglik(s, r)
+        spreads = min(tried, key=lambda t: t.fun).x
+        s, r = float(spreads[0]), float(spreads[1]) if several else 0.0
+        best = sums.at(s, r)
         boards_se = 1 / np.sqrt(sums.of_rig.sum(axis=1))
         weight = (sums.of_rig / (1 + s**2 * sums.of_rig.sum(axis=1))[:, None]).sum(axis=0)
         rigs_se = 1 / np.sqrt(weight[weight > 0]) if several else np.zeros(0)
-        return _Reml(s, r, mean, mean_se, offset, boards_se, rigs_se)
+        return _Reml(s, r, best.mean, best.mean_se, best.offset, boards_se, rigs_se)
 
     def z(self, y: Array, error: Array, rig: Labels) -> Array:
         return np.asarray((y - self.mean - self.offset[rig]) / np.sqrt(self.s**2 + error**2 + self.mean_se**2 * (self.r == 0)))
@@ -157,6 +157,15 @@ def spread_error(sd: float, errors: Array) -> float:
     of_variance = 0.5 * float(np.sum(1 / (sd**2 + errors**2) ** 2)) * (1 - 1 / errors.size)
     zero = of_variance**-0.25
     return float(min(zero, 1 / (2 * sd * np.sqrt(of_variance)))) if sd > 0 else zero
+
+
+class _AtSpreads(NamedTuple):
+    """REML log-likelihood at given spreads; the mean, its standard error, and the offset of each rig, [rigs]."""
+
+    loglik: float
+    mean: float
+    mean_se: float
+    offset: Array
 
 
 @dataclass(frozen=True)
@@ -180,8 +189,8 @@ class _Sums:
         means = of_value.sum(axis=1) / of_rig.sum(axis=1)
         return _Sums(of_rig, of_value, float(precision @ (y - means[boards]) ** 2), float(np.log(precision).sum()), y.size)
 
-    def loglik(self, s: float, r: float) -> tuple[float, float, float, Array]:
-        """REML log-likelihood for spreads over boards and rigs; mean, its standard error, and the rigs' offsets."""
+    def at(self, s: float, r: float) -> _AtSpreads:
+        """The estimates at the spread ``s`` over boards and ``r`` over rigs."""
         board, value = self.of_rig.sum(axis=1), self.of_value.sum(axis=1)
         left = 1 / (1 + s**2 * board)  # written so that nothing cancels if the estimates have no errors
         own = (self.of_rig * (1 + s**2 * (board[:, None] - self.of_rig)) * left[:, None]).sum(axis=0)
@@ -201,4 +210,4 @@ class _Sums:
         offset = r**2 * (solved[:, 1] - mean * solved[:, 0])
         chi2 = square - r**2 * float(b @ solved[:, 1]) - information * mean**2
         loglik = -0.5 * (logdet + np.log(information) + chi2 + (self.n - 1) * np.log(2 * np.pi))
-        return float(loglik), mean, information**-0.5, offset
+        return _AtSpreads(float(loglik), mean, information**-0.5, offset)

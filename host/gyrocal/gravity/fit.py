@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,23 +45,30 @@ class Wander:
 
     def kernel(self, scene: Scene) -> Array:
         """Covariance between all times of the observations (chunks, then movements), shape [times, times], (deg/s)^2."""
-        runs, cycles, t_s = _times(scene)
+        at = _times(scene)
         assert self.drift.sd_dps is not None
         assert self.drift.tau_s is not None
-        same_run = runs[:, None] == runs
-        drift = self.drift.sd_dps**2 * np.exp(-np.abs(t_s[:, None] - t_s) / self.drift.tau_s) * same_run
-        return np.asarray(drift + self.turn_on_sd_dps**2 * (cycles[:, None] == cycles))
+        same_run = at.run[:, None] == at.run
+        drift = self.drift.sd_dps**2 * np.exp(-np.abs(at.t_s[:, None] - at.t_s) / self.drift.tau_s) * same_run
+        return np.asarray(drift + self.turn_on_sd_dps**2 * (at.cycle[:, None] == at.cycle))
 
 
-def _times(scene: Scene) -> tuple[Array, Array, Array]:
-    """Run, power cycle and time (s) of each chunk, then of each movement."""
+class _Times(NamedTuple):
+    """Number of the run, number of the power cycle and time (s) of each chunk, then of each movement, [times] each."""
+
+    run: Array
+    cycle: Array
+    t_s: Array
+
+
+def _times(scene: Scene) -> _Times:
     runs = np.array([c.run for c in scene.chunks] + [m.run for m in scene.movements])
     middle = [
         float(scene.session.runs[m.run].sample_s[[m.start, m.stop - 1]].mean()) for m in scene.movements
     ]
     cycle = {name: i for i, name in enumerate(scene.cycles)}
     cycles = np.array([cycle[r.scenario] for r in scene.session.runs])[runs]
-    return runs, cycles, np.array([c.t_s for c in scene.chunks] + middle)
+    return _Times(runs, cycles, np.array([c.t_s for c in scene.chunks] + middle))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ The part is phone-grade. True orientation, rate and specific force are known at 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -87,10 +88,19 @@ def pushes_g(rng: np.random.Generator, n: int) -> Array:
     return 4 * PUSH_G * np.column_stack([np.convolve(rng.normal(size=n), kernel, mode="same") for _ in range(3)])
 
 
+@dataclass(frozen=True)
+class ByHand:
+    """A session of one run turned by hand, the effects that were planted, and the truth of the part, as in ``truth.json``."""
+
+    session: Session
+    planted: list[dict[str, Any]]
+    truth: dict[str, Any]
+
+
 def simulate(
     effects: Sequence[tuple[str, base.Values]], part: tuple[Array, Array], seed: int, poses: int | None = None
-) -> tuple[Session, list[dict[str, Any]], dict[str, Any]]:
-    """A session of one run, the effects that were planted, and the truth of the part.
+) -> ByHand:
+    """Simulate one run.
 
     ``part`` holds scale and bias (deg/s) of the axes, [3] each; ``poses`` is the number of rests.
     """
@@ -143,4 +153,4 @@ def simulate(
         "misalignment": cross.tolist(), "clock_error": clock,
         "accelerometer": {"matrix": acc_matrix.tolist(), "bias_g": acc_bias_g.tolist()},
     }
-    return session, planted, truth
+    return ByHand(session, planted, truth)

@@ -203,9 +203,10 @@ def _by_hand(
     """:func:`simulate` for the campaign ``hands``."""
     own, planted = Sensor.of(wanted, TURN_ON_SD_DPS, part(HANDS, number), np.random.default_rng(seed))
     scale, bias_dps = own.draw(np.random.default_rng((seed, 3)))
-    session, told, more = hands.simulate(planted, (scale, bias_dps), seed, round(plan[0].seconds))
-    truth = RunTruth(session.runs[0].file, scale.tolist(), bias_dps.tolist(), told)
-    record = {**_record(HANDS, seed, {i for i, _ in wanted}, own, [truth]), **more}
+    by_hand = hands.simulate(planted, (scale, bias_dps), seed, round(plan[0].seconds))
+    session = by_hand.session
+    truth = RunTruth(session.runs[0].file, scale.tolist(), bias_dps.tolist(), by_hand.planted)
+    record = {**_record(HANDS, seed, {i for i, _ in wanted}, own, [truth]), **by_hand.truth}
     record["noise"] = {
         "white_sd_dps": hands.WHITE_SD_DPS, "ou_sd_dps": hands.DRIFT.sd_dps, "ou_tau_s": hands.DRIFT.tau_s,
         "turn_on_sd_dps": 0.0,
