@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-RATE_TOLERANCE = 0.03  # of the table's rate; gc_cnn.c has the same
-RATE_HZ_TOLERANCE = 1e-3
 """Of the sample rate; the device has the same."""
 
 
@@ -118,7 +117,7 @@ class Network(OnnxNetwork):
         if up.shape != down.shape or up.shape[1:] != (self.window,):
             raise InputError(f"network {self.name} takes two [n, {self.window}] windows, not {up.shape} and {down.shape}")
         off = (w_up_dps - self.table_dps, w_down_dps + self.table_dps)
-        if not all(abs(x) <= RATE_TOLERANCE * self.table_dps for x in off):
+        if not all(abs(x) <= POLICY.network_table_rate * self.table_dps for x in off):
             raise InputError(
                 f"network {self.name} was trained at true rates {self.table_dps:g} and {-self.table_dps:g} dps, "
                 f"not {w_up_dps:g} and {w_down_dps:g}; train one for this table"
@@ -216,8 +215,8 @@ class FaceNetwork(OnnxNetwork):
 
     def suits(self, rate_hz: float, w_dps: float) -> bool:
         """Was it trained at this sample rate, and at this true rate or its opposite?"""
-        near = abs(abs(w_dps) - self.table_dps) <= RATE_TOLERANCE * self.table_dps
-        return near and abs(rate_hz - self.rate_hz) <= RATE_HZ_TOLERANCE * self.rate_hz
+        near = abs(abs(w_dps) - self.table_dps) <= POLICY.network_table_rate * self.table_dps
+        return near and abs(rate_hz - self.rate_hz) <= POLICY.network_sample_rate * self.rate_hz
 
     def face(self, residual_dps: ArrayLike, stage: int, w_dps: float) -> FaceAnswers:
         """What one face's readings say.

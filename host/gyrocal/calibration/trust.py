@@ -26,19 +26,8 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
 from gyrocal.warning import Warning
 
-LARGEST_SCALE, LARGEST_BIAS_DPS = POLICY.largest_scale, POLICY.largest_bias_dps
-OPPOSITE, OPPOSITE_ERRORS = 0.1, 5.0
-"""A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The
-response of an axis across the table's is within this, of either sign: misalignment."""
-STILL_S, STILL_SAMPLES = 0.5, 40
-"""A reading that does not change for so long, and for so many samples, stands still."""
 EXPECTED_SD_DPS = 0.0448
-"""Noise of a sample where the readings show none: the LSM6DSO's (datasheet, table 3)."""
-DISAGREES = 4.5
-"""The root of an answer's expected squared error, by a fit that holds the effects, over the standard error that it claims. Of
-2000 sound sensors none is above; a smaller one flags more of the tables that a network was trained for (`gyrocal benchmark
-population`)."""
-
+"""Standard deviation of a sample's noise that is assumed if the readings show none: the LSM6DSO's (datasheet, table 3)."""
 
 FLAG_OF_CODE = {"sign_flipped": "direction", "face_wrong": "direction", "constant_reading": "constant_reading"}
 """The flag that a blocking warning puts on the estimates that it concerns; that of any other code is ``implausible``."""
@@ -77,10 +66,10 @@ def whole_steps(full_scale_dps: float, step_dps: float) -> float:
 
 
 def stands_still(y: Array, t_us: Index) -> bool:
-    """Are the readings [n] all the same, or the same for ``STILL_S`` and ``STILL_SAMPLES``?"""
+    """Are the readings [n] all the same, or the same for ``POLICY.frozen_s`` and ``POLICY.frozen_samples``?"""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
     first, last = edges[:-1], edges[1:] - 1
-    long = (t_us[last] - t_us[first] >= 1e6 * STILL_S) & (last - first + 1 >= STILL_SAMPLES)
+    long = (t_us[last] - t_us[first] >= 1e6 * POLICY.frozen_s) & (last - first + 1 >= POLICY.frozen_samples)
     return edges.size == 2 or bool(long.any())
 
 
@@ -88,9 +77,9 @@ def answer_flags(answer: Answer, blocks: int) -> set[str]:
     """What an answer from ``blocks`` block means shows by itself: direction, implausible, misfit (also one that is NaN)."""
     flags = set()
     follows = 1.0 + answer.scale
-    if follows < -OPPOSITE and not follows >= -OPPOSITE_ERRORS * answer.scale_se:
+    if follows < -POLICY.opposite and not follows >= -POLICY.opposite_errors * answer.scale_se:
         flags.add("direction")
-    if not (abs(answer.scale) <= LARGEST_SCALE and abs(answer.bias_dps) <= LARGEST_BIAS_DPS):
+    if not (abs(answer.scale) <= POLICY.largest_scale and abs(answer.bias_dps) <= POLICY.largest_bias_dps):
         flags.add("implausible")
     if answer.misfit is not None and not answer.misfit <= misfit_limit(blocks):
         flags.add("misfit")
@@ -150,7 +139,7 @@ class Evidence:
 
     def disagrees(self, answer: Answer) -> bool:
         """Does a fit that holds the same effects expect more of an error than the network's answer claims?"""
-        return bool(disagreement(Combined.of(self.faces, self.w_dps), answer)[0] > DISAGREES)
+        return bool(disagreement(Combined.of(self.faces, self.w_dps), answer)[0] > POLICY.network_disagrees)
 
 
 def disagreement(fit: Combined, answer: Answer) -> Array:

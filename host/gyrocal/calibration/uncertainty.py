@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gyrocal.calibration.estimator import BLOCK_US
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.int64]]
@@ -299,5 +300,5 @@ def misfit_of(faces: Sequence[FacePosterior], u_dps: Sequence[Array]) -> Array:
 
 
 def misfit_limit(blocks: int) -> float:
-    """2.5 standard deviations above 1 of what so many blocks of noise alone show; the device has the same."""
-    return 1 + 2.5 / float(np.sqrt(2 * blocks))
+    """Misfit above which an answer from ``blocks`` block means has the flag ``misfit``; the device has the same limit."""
+    return 1 + POLICY.misfit_errors / float(np.sqrt(2 * blocks))

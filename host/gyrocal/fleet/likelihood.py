@@ -13,10 +13,8 @@ import numpy as np
 
 from gyrocal.fleet.summary import AxisSummary
 from gyrocal.inference.reml import Index, integrate
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
-
-IDENTIFIED = 1e-4
-"""A candidate counts as not measured if less than this fraction of its squared norm is independent of the model's columns."""
 
 Kind = tuple[tuple[str, ...], tuple[int, ...]]
 """The model's columns that a board could show, and which of them differ from power cycle to power cycle."""
@@ -82,7 +80,7 @@ def evidence(one: AxisSummary, spreads: dict[Kind, Array], names: Sequence[str])
     left = total[np.ix_(rest, rest)] - total[np.ix_(rest, model)] @ np.linalg.solve(
         total[np.ix_(model, model)], total[np.ix_(model, rest)]
     )
-    seen = np.diag(left)[1:] > IDENTIFIED * np.diag(one.cycles.sum(axis=0))[1 + p :]
+    seen = np.diag(left)[1:] > POLICY.fleet_identified * np.diag(one.cycles.sum(axis=0))[1 + p :]
     at = {name: j for j, name in enumerate(names)}
     mine = [(1 + i, at[name]) for i, name in enumerate(one.candidates) if seen[i] and name in at]
     if mine:

@@ -15,17 +15,9 @@ from typing import Any
 import numpy as np
 
 from gyrocal.fleet.pooling import Labels, Pooled, furthest, pool
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-FALSE_ALARMS = 0.02
-"""Probability that any effect is named in a fleet without one."""
-ERROR_OF_VARIANCE = 0.06
-"""The mean square of z of boards without an effect is within this of one, because standard errors are right to 3 %."""
-FOLDS = 10
-MOST_NAMED = 5
-LEAST_BOARDS = 20
-CLOSE = 3.0
-"""Log-likelihood by which the best candidate must lead another that it replaces to be told from it."""
 STEPS = 200
 
 
@@ -135,16 +127,17 @@ class _Test:
 
 
 def find(evidence: Sequence[Evidence]) -> list[Missing]:
-    """The effects that a fleet's model lacks, best first. None is named from fewer than twenty boards."""
-    tests = sum(int((np.count_nonzero(np.einsum("bii->bi", e.information), axis=0) >= LEAST_BOARDS).sum()) for e in evidence)
-    found = [named for one in evidence for named in _on_axis(one, FALSE_ALARMS / max(1, tests))]
+    """The effects that a fleet's model lacks, best first. None is named from fewer than ``POLICY.fleet_boards`` boards."""
+    boards = [np.count_nonzero(np.einsum("bii->bi", e.information), axis=0) for e in evidence]
+    tests = sum(int((b >= POLICY.fleet_boards).sum()) for b in boards)
+    found = [named for one in evidence for named in _on_axis(one, POLICY.fleet_names / max(1, tests))]
     return sorted(found, key=lambda m: -m.heldout_gain)
 
 
 def _on_axis(evidence: Evidence, limit: float) -> list[Missing]:
     named: list[Missing] = []
     left, done = evidence, set[int]()
-    for _ in range(MOST_NAMED):
+    for _ in range(POLICY.fleet_effects):
         passed = _passing(left, limit, done)
         if not passed:
             break
@@ -153,7 +146,7 @@ def _on_axis(evidence: Evidence, limit: float) -> list[Missing]:
         done |= {j for j, name in enumerate(left.names) if _key(name) == _key(left.names[test.j])}
         still = {left.names[t.j].split(".")[0] for t in (p.test for p in _passing(after, limit, done))}
         effect = left.names[test.j].split(".")[0]
-        near = [p.test.j for p in passed if passed[0].gain - p.gain < CLOSE]
+        near = [p.test.j for p in passed if passed[0].gain - p.gain < POLICY.fleet_rival_gain]
         close = {left.names[j].split(".")[0] for j in near} - still - {effect}
         named.append(_described(evidence, passed[0], limit, sorted({effect, *close}) if close else []))
         left = after
@@ -191,7 +184,7 @@ def _tested(evidence: Evidence, j: int) -> _Test | None:
 
     own = evidence.information[:, j, j]
     seen = own > 0
-    if np.count_nonzero(seen) < LEAST_BOARDS:
+    if np.count_nonzero(seen) < POLICY.fleet_boards:
         return None
     c, variance = evidence.score[seen, j] / own[seen], 1 / own[seen]
     found = pool(c, np.sqrt(variance), evidence.board[seen], evidence.rig[seen])
@@ -199,7 +192,7 @@ def _tested(evidence: Evidence, j: int) -> _Test | None:
         return None
     n = c.size
     z = np.clip(np.abs(c) / np.sqrt(variance), 0, furthest(n))
-    excess = float(np.mean(z**2)) - 1 - ERROR_OF_VARIANCE
+    excess = float(np.mean(z**2)) - 1 - POLICY.error_of_variance
     p_mean, p_spread = 2 * float(norm.sf(abs(found.mean) / found.se)), _upper(excess, n)
     return _Test(j, c, variance, found, p_mean, p_spread)
 
@@ -214,7 +207,7 @@ def _upper(excess: float, n: int) -> float:
 def _heldout_gain(c: Array, variance: Array, board: Labels) -> float:
     """Log-likelihood of each tenth of the boards, predicted from the others, over that without the effect; summed."""
     number = np.unique(board, return_inverse=True)[1]
-    fold = np.random.default_rng(0).permutation(number.max() + 1)[number] % FOLDS
+    fold = np.random.default_rng(0).permutation(number.max() + 1)[number] % POLICY.fleet_folds
     total = 0.0
     for k in np.unique(fold):
         out = fold == k

@@ -17,12 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-FALSE_ODD = 0.02
-"""Probability that any board of a fleet without an odd one is called odd."""
 ROUNDS = 20
-LEAST_BOARDS = 3
 NO_ERROR = 1e-6
 """No standard error is smaller than this fraction of the estimates' spread."""
 
@@ -68,7 +66,7 @@ def pool(values: Array, se: Array, board: Labels | None = None, rig: Labels | No
     """
     board = np.arange(values.size) if board is None else np.unique(board, return_inverse=True)[1]
     rig = np.zeros(values.size, dtype=np.intp) if rig is None else rig
-    if values.size < LEAST_BOARDS or board.max() + 1 < LEAST_BOARDS:
+    if values.size < POLICY.population_boards or board.max() + 1 < POLICY.population_boards:
         return None
     middle = float(np.median(values))
     unit = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values)) or float(np.median(se)) or 1.0
@@ -88,17 +86,17 @@ def pool(values: Array, se: Array, board: Labels | None = None, rig: Labels | No
 
 
 def furthest(boards: int) -> float:
-    """The distance, in standard deviations, that no ordinary board of a fleet of this size reaches, but for ``FALSE_ODD``."""
+    """Distance in standard deviations that any ordinary board of a fleet exceeds with the probability ``POLICY.fleet_odd``."""
     from scipy.stats import t
 
-    return float(t.isf(FALSE_ODD / (2 * boards), max(boards - 2, 2)))
+    return float(t.isf(POLICY.fleet_odd / (2 * boards), max(boards - 2, 2)))
 
 
 def _medians(y: Array, rig: Labels) -> Array:
     """The median of each estimate's rig, [n], where the rig has enough boards, else that of all."""
     out = np.full(y.size, float(np.median(y)))
     for r in np.unique(rig):
-        if np.count_nonzero(rig == r) >= 2 * LEAST_BOARDS:
+        if np.count_nonzero(rig == r) >= 2 * POLICY.population_boards:
             out[rig == r] = np.median(y[rig == r])
     return out
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.gravity.rests import Rest
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
 
 ENTRIES = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))
@@ -22,8 +23,6 @@ PRIOR_SD = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
 """How far parts are from ideal: a few percent in scale and angle (MPU-6050 datasheet: +-3 %, +-2 %), 0.1 g in bias."""
 LEAST_NOISE_G = 2e-5
 ITERATIONS = 30
-LARGEST_SIZE_G = 0.35
-"""Means whose size is off 1 g by more than this are of another unit, or the sensor was pushed."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:
     """
     means = np.array([r.acc_g for r in rests])
     sizes = np.linalg.norm(means, axis=1)
-    if abs(float(np.median(sizes)) - 1) > LARGEST_SIZE_G:
+    if abs(float(np.median(sizes)) - 1) > POLICY.gravity_size_g:
         raise InputError(
             f"the acceleration at rest is {np.median(sizes):.4g}, and gravity is 1 g; give its unit when importing "
             "(--map ax_g=COLUMN:m/s2), or the scale of raw counts"

@@ -19,10 +19,6 @@ from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-BLOCKS = 8
-"""Stretches of time that are left out in turn where there are too few days, power cycles and runs."""
-FEWEST_UNITS = 3
-
 
 @dataclass(frozen=True)
 class Folds:
@@ -37,18 +33,19 @@ def folds(scene: Scene, seen: Observations) -> Folds:
     runs = scene.session.runs
     of_movement = np.array([m.run for m in scene.movements])
     of_chunk = np.array([c.run for c in scene.chunks])
-    order = np.arange(len(scene.movements)) * BLOCKS // len(scene.movements)
+    blocks = POLICY.movement_blocks
+    order = np.arange(len(scene.movements)) * blocks // len(scene.movements)
     rest_block = {m.after: int(b) for m, b in zip(scene.movements, order, strict=True)}
     choices = (
-        ("day", [r.day for r in runs], 2), ("scenario", [r.scenario for r in runs], FEWEST_UNITS),
-        ("run", [r.file for r in runs], FEWEST_UNITS),
+        ("day", [r.day for r in runs], 2), ("scenario", [r.scenario for r in runs], POLICY.fewest_units),
+        ("run", [r.file for r in runs], POLICY.fewest_units),
     )  # fmt: skip
     for unit, labels, fewest in choices:
         names: list[Any] = list(dict.fromkeys(label for label in labels if label is not None))
         if len(names) >= fewest:
             number = np.array([names.index(label) if label in names else -1 for label in labels])
             return Folds(unit, _rows(seen, number[of_movement], number[of_chunk], len(names)))
-    return Folds("time", _rows(seen, order, np.array([rest_block.get(c.rest, -1) for c in scene.chunks]), BLOCKS))
+    return Folds("time", _rows(seen, order, np.array([rest_block.get(c.rest, -1) for c in scene.chunks]), blocks))
 
 
 def _rows(seen: Observations, movement: Rows, chunk: Rows, units: int) -> list[Rows]:
