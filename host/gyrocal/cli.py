@@ -53,9 +53,11 @@ class LazyGroup(TyperGroup):
     """Called when the command's file has been imported, before the command runs."""
 
     def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands, in the order of the help."""
         return list(command_modules())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of this name, whose module is imported now, or None."""
         modules = command_modules()
         if cmd_name not in modules:
             return None
@@ -67,6 +69,7 @@ class LazyGroup(TyperGroup):
         return command
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the words name. An unknown name fails with the nearest one."""
         modules = command_modules()
         if args[0] not in modules:
             ctx.fail(f"no command {args[0]!r}{did_you_mean(args[0], modules)}; there are {', '.join(modules)}.")
@@ -75,6 +78,7 @@ class LazyGroup(TyperGroup):
         return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of commands to the help."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, about(module)) for name, module in command_modules().items()])
 

@@ -65,10 +65,12 @@ class Calibration:
 
     @property
     def columns(self) -> tuple[Column, ...]:
+        """The columns of a run, then those that the runs share."""
         return self.run_columns + self.shared_columns
 
     @property
     def prior_mean(self) -> Array:
+        """Prior means [columns + 2] in the order of the parameters, with the bias (dps) and the scale last."""
         return np.array([*(c.mean for c in self.columns), self.bias_dps[0], self.scale[0]])
 
     @property

@@ -112,6 +112,7 @@ class Evidence:
 
     @property
     def blocks(self) -> int:
+        """Number of block means of all runs."""
         return sum(face.blocks for face in self.faces)
 
     def with_errors(self, answer: Answer) -> Answer:

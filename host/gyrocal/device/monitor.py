@@ -57,6 +57,7 @@ class Sensor:
     _arrivals: deque[tuple[float, int]] = field(default_factory=deque, repr=False)
 
     def take(self, samples: list[Event]) -> None:
+        """Count ``samples`` that have arrived now, and keep the last one."""
         self.samples += len(samples)
         self.latest = samples[-1]
         self._arrivals.append((time.monotonic(), len(samples)))

@@ -29,15 +29,26 @@ class Outlet(Protocol):
 
     name: str
 
-    def connected(self) -> bool: ...
-    def fd(self) -> int: ...
-    def read(self) -> bytes: ...
-    def write(self, data: bytes) -> int: ...
-    def drained(self) -> bool: ...
-    def close(self) -> None: ...
+    def connected(self) -> bool:
+        """True if a reader has opened the port."""
+
+    def fd(self) -> int:
+        """File descriptor to wait on."""
+
+    def read(self) -> bytes:
+        """The bytes that have arrived, without waiting."""
+
+    def write(self, data: bytes) -> int:
+        """Write as many bytes as there is room for, and return their number."""
+
+    def drained(self) -> bool:
+        """True if the reader has taken all bytes."""
+
+    def close(self) -> None:
+        """Close the port."""
 
 
-class PtyOutlet:
+class PtyOutlet(Outlet):
     """A pseudo terminal. ``symlink`` gives it a fixed name."""
 
     def __init__(self, symlink: Path | None = None) -> None:
@@ -97,7 +108,7 @@ class PtyOutlet:
             self._symlink.unlink()
 
 
-class TcpOutlet:
+class TcpOutlet(Outlet):
     """A TCP port for ``socket://host:port``. Port 0 chooses a free one."""
 
     def __init__(self, address: str) -> None:

@@ -41,12 +41,17 @@ class PortGone(DeviceError):
 class Port(Protocol):
     """A port that carries bytes. ``read`` waits for at most ``POLL_S`` and returns an empty answer if nothing came."""
 
-    def read(self) -> bytes: ...
-    def write(self, data: bytes) -> None: ...
-    def close(self) -> None: ...
+    def read(self) -> bytes:
+        """The bytes that have arrived. Raises DeviceError if the port is gone."""
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes. Raises DeviceError if the port is gone."""
+
+    def close(self) -> None:
+        """Close the port."""
 
 
-class SerialPort:
+class SerialPort(Port):
     """A serial device or a pseudo terminal, through pyserial (its other URLs too)."""
 
     def __init__(self, name: str, baud: int = BAUD) -> None:
@@ -83,7 +88,7 @@ class SerialPort:
             self._serial.close()
 
 
-class SocketPort:
+class SocketPort(Port):
     """``socket://host:port``, as ``gyrocal device --tcp`` serves it. pyserial would read it byte by byte."""
 
     def __init__(self, name: str) -> None:
@@ -182,12 +187,14 @@ class Link:
         self.close()
 
     def close(self) -> None:
+        """Close the port if it is open."""
         if self._port is not None:
             self._port.close()
             self._port = None
 
     @property
     def connected(self) -> bool:
+        """True while the port is open."""
         return self._port is not None
 
     @property

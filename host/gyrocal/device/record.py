@@ -60,6 +60,7 @@ class Report:
         return asdict(self)
 
     def warn(self, code: str, text: str, file: str | None = None) -> None:
+        """Add a warning about ``file``, or about all files if it is None."""
         self.warnings.append(Warning(code, None, file, text))
 
 

@@ -43,6 +43,7 @@ class Setting:
 
     @property
     def has_rate(self) -> bool:
+        """True if the true rate or the net angle of a run is known."""
         return self.table_rate_dps is not None or self.turn_deg is not None
 
 

@@ -76,6 +76,7 @@ class SessionFolder:
 
     @property
     def axis(self) -> str:
+        """The session's axis, x, y or z."""
         return str(self._keys["axis"])
 
     def settle(self, hello: Sentence) -> None:
@@ -151,14 +152,17 @@ class RunWriter:
 
     @property
     def path(self) -> Path:
+        """The file of the run."""
         return self._folder.path / self.run.file
 
     @property
     def settled(self) -> bool:
+        """True once the settings of the run are known."""
         return self._setting is not None
 
     @property
     def is_listed(self) -> bool:
+        """True once session.toml contains the run."""
         return self._listed
 
     def settle(self, setting: Setting) -> None:

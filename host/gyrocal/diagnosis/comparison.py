@@ -85,6 +85,7 @@ class Comparison(Shown):
 
     @property
     def verdict(self) -> str:
+        """``implausible``, ``misfit`` or ``adequate``."""
         if self.implausible:
             return "implausible"
         return "misfit" if self.where else "adequate"

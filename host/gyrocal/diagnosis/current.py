@@ -35,6 +35,7 @@ class Current:
 
     @classmethod
     def of(cls, comparison: Comparison, axis: str) -> Current:
+        """The model of a comparison on one axis."""
         rounded = beside_rounding(comparison.fit, axis)
         return cls(comparison, axis, rounded, changed=rounded is not comparison.fit.axes[axis])
 
@@ -45,6 +46,7 @@ class Current:
 
     @property
     def runs(self) -> list[Run]:
+        """The runs of the fit."""
         return [b.run for b in self.fit.design.blocks]
 
     @property
@@ -54,6 +56,7 @@ class Current:
 
     @cached_property
     def folds(self) -> list[heldout.Fold]:
+        """The parts of the data that are left out in turn."""
         return heldout.folds(self.comparison.fit)
 
     @cached_property

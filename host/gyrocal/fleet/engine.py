@@ -31,10 +31,11 @@ class Engine(Protocol):
 
     dashboard: str | None
 
-    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]: ...
+    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]:
+        """Run ``task`` for each of ``paths``, and yield the results as they are done."""
 
 
-class InProcess:
+class InProcess(Engine):
     """One task after another, in this process."""
 
     dashboard: str | None = None
@@ -43,7 +44,7 @@ class InProcess:
         yield from map(task, paths)
 
 
-class OnDask:
+class OnDask(Engine):
     """Tasks on the workers of a Dask client."""
 
     def __init__(self, client: Any) -> None:

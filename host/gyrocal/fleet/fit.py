@@ -59,6 +59,7 @@ class Fleet:
 
     @property
     def sessions_per_s(self) -> float:
+        """Sessions per second, failed ones included."""
         return (len(self.boards) + len(self.failed)) / max(self.seconds, 1e-9)
 
     def to_json(self) -> dict[str, Any]:

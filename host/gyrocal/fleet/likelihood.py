@@ -21,6 +21,7 @@ Kind = tuple[tuple[str, ...], tuple[int, ...]]
 
 
 def kind_of(one: AxisSummary) -> Kind:
+    """What sessions must have in common for their power cycles to be pooled."""
     return one.columns, one.random
 
 
@@ -32,6 +33,7 @@ class CycleSpreads:
     unit: dict[Kind, list[Array]] = field(default_factory=dict)
 
     def add(self, one: AxisSummary) -> None:
+        """Add the power cycles of one session on one axis."""
         if one.random:
             p = 1 + len(one.columns)
             self.cycles.setdefault((kind_of(one), len(one.cycles)), []).append(one.cycles[:, :p, :p])

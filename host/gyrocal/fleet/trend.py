@@ -27,6 +27,7 @@ class Board:
 
     @property
     def order(self) -> tuple[Any, ...]:
+        """Key that sorts boards by date, then by serial number, whose digits count as numbers."""
         parts = re.split(r"(\d+)", self.serial)
         return (self.made_on or "", [(int(p), "") if p.isdigit() else (-1, p) for p in parts])
 

@@ -42,6 +42,7 @@ class Accelerometer:
 
     @property
     def inverse(self) -> Array:
+        """The inverse of M, shape [3, 3]."""
         return np.asarray(np.linalg.inv(self.matrix))
 
     @property

@@ -50,10 +50,12 @@ class Comparison:
 
     @property
     def implausible(self) -> bool:
+        """True if a blocking warning applies to the session's own axis."""
         return any(w.blocks(self.fit.scene.session.axis) for w in self.warnings)
 
     @property
     def verdict(self) -> str:
+        """``implausible``, ``misfit`` or ``adequate``."""
         if self.implausible:
             return "implausible"
         return "misfit" if self.where else "adequate"

@@ -33,10 +33,12 @@ class Diagnosis:
 
     @property
     def best(self) -> Candidate | None:
+        """The first candidate that may be added, or None."""
         return next((c for c in self.candidates if c.decision == "add"), None)
 
     @property
     def unknown(self) -> dict[str, Any] | None:
+        """Axis, variable, shape and amplitude (deg) of a misfit that no effect explains; None for other verdicts."""
         if self.verdict != "unknown":
             return None
         first = self.comparison.where[0]
@@ -79,6 +81,7 @@ class Added(NamedTuple):
 
     @property
     def model(self) -> Model:
+        """The model with the effect, fitted."""
         return self.after.fit.model
 
 
@@ -149,10 +152,12 @@ class Explanation:
 
     @property
     def verdict(self) -> str:
+        """The verdict on the final model."""
         return self.last.verdict
 
     @property
     def model(self) -> Model:
+        """The final model."""
         return self.last.comparison.fit.model
 
     def to_json(self) -> dict[str, Any]:

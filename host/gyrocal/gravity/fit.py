@@ -117,6 +117,7 @@ class GravityFit:
         return float(np.hypot(se, CLOCK_SE)) if self.parameters[k].term.effect.role is Role.SCALE else se
 
     def value(self, effect_id: str, axis: str, name: str) -> float:
+        """The estimate of one parameter, in the parameter's unit."""
         k = next(i for i, p in enumerate(self.parameters) if p.key == (effect_id, axis, name))
         return float(self.theta[k])
 

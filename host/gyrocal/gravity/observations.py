@@ -43,10 +43,12 @@ class Parameter:
 
     @property
     def axis(self) -> int:
+        """Number of the axis, 0 to 2."""
         return AXES.index(self.term.axis)
 
     @property
     def key(self) -> tuple[str, str, str]:
+        """Effect, axis and name, which identify a parameter."""
         return self.term.effect_id, self.term.axis, self.name
 
 
@@ -85,6 +87,7 @@ class Observations:
 
     @property
     def movement_rows(self) -> int:
+        """Number of the rows of movements, which come first."""
         return 2 * len(self.scene.movements)
 
     def rest_rows(self, axis: int) -> Rows:
@@ -93,6 +96,7 @@ class Observations:
 
     @property
     def movement_of_row(self) -> Rows:
+        """Number of the movement of each row of movements, shape [movement_rows]."""
         return np.repeat(np.arange(len(self.scene.movements)), 2)
 
 

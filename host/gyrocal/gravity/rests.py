@@ -43,6 +43,7 @@ class Rest:
 
     @property
     def rows(self) -> int:
+        """Number of samples."""
         return self.stop - self.start
 
 

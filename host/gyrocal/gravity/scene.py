@@ -35,6 +35,7 @@ class Chunk:
 
     @property
     def rows(self) -> int:
+        """Number of samples."""
         return self.stop - self.start
 
 
@@ -114,6 +115,7 @@ class Scene:
 
     @property
     def cycles(self) -> list[str]:
+        """Names of the power cycles."""
         return self.session.scenarios
 
 

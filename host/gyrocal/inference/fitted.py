@@ -31,6 +31,7 @@ class AxisFit:
 
     @property
     def loglik(self) -> float:
+        """Restricted log-likelihood."""
         return self.solution.loglik
 
     @property
@@ -116,6 +117,7 @@ class Fit:
 
     @property
     def loglik(self) -> float:
+        """Restricted log-likelihood, summed over the axes."""
         return sum(a.loglik for a in self.axes.values())
 
     def on(self, axis: str, fitted: AxisFit | None = None) -> Fit:

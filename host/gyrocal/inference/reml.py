@@ -191,6 +191,7 @@ class SpreadScale:
 
     @staticmethod
     def of(design: Design, grams: Array) -> SpreadScale:
+        """The scale and the bounds of the spreads of one axis's design."""
         layout = design.layout
         information = np.zeros(layout.n_groups + len(layout.scenario))
         diagonal = np.diagonal(grams, axis1=-2, axis2=-1)
@@ -212,6 +213,7 @@ class SpreadScale:
         return np.clip(np.log1p(ratio**2), NO_SPREAD, np.maximum(self.high, NO_SPREAD))
 
     def spreads(self, x: Array) -> Array:
+        """Spreads [k] from coordinates [k]."""
         return self.unit * np.sqrt(np.expm1(x))
 
     def slopes(self, x: Array, of_log_sd: Array) -> Array:
@@ -224,6 +226,7 @@ class SpreadScale:
 
     @property
     def bounds(self) -> list[tuple[float, float]]:
+        """Lower and upper bound of each coordinate."""
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
 
 
@@ -276,6 +279,7 @@ def _random_rms(design: Design) -> tuple[Array, Array]:
 
 
 def unknown_spreads(design: Design) -> Spreads:
+    """Spreads that are all NaN, which means not known yet."""
     layout = design.layout
     return Spreads(np.full(layout.n_groups, np.nan), np.full(len(layout.scenario), np.nan))
 

@@ -42,6 +42,7 @@ class Levels:
 
     @property
     def change(self) -> bool:
+        """True if the level of the noise changes."""
         return self.of_residual is not None
 
     def steadied(self, residuals: Sequence[Array]) -> Sequence[Array]:

@@ -35,6 +35,7 @@ class Mean:
 
     @property
     def rests(self) -> bool:
+        """True for a constant true rate of about zero."""
         return self.slope is None and abs(self.rate_dps) < POLICY.rest_dps
 
 

@@ -51,6 +51,7 @@ class Line:
     scatter_dps: float = 0.0
 
     def of(self, run: Run) -> Slope | None:
+        """The slope of one run, or None if it has none."""
         return next((s for s in self.slopes if s.run is run), None)
 
 

@@ -30,6 +30,7 @@ class Registration:
 
     @property
     def same_clock(self) -> bool:
+        """True if the reference has the clock of the readings."""
         return self.offset_s == 0.0 and self.drift == 0.0
 
     def moment_s(self, t_s: Array) -> Array:

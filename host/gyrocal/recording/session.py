@@ -118,6 +118,7 @@ class Session(Shown):
         return list(dict.fromkeys(run.day for run in self.runs if run.day is not None))
 
     def by_scenario(self) -> Iterator[tuple[str, list[Run]]]:
+        """Each scenario (power cycle) with its runs, in order of first appearance."""
         for name in self.scenarios:
             yield name, [run for run in self.runs if run.scenario == name]
 

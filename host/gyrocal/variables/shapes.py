@@ -103,6 +103,7 @@ class Waves(Columns):
 
 
 def per_turn(order: float) -> str:
+    """An order in words."""
     return "once per turn" if order == 1 else f"{order:.4g} per turn"
 
 
