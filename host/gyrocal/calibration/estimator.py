@@ -75,7 +75,7 @@ class Calibration:
 
     @property
     def prior_information(self) -> Array:
-        """1/sd of each parameter; 0 = flat."""
+        """Reciprocal of the prior standard deviation of each parameter, shape [columns + 2]; 0 if the prior is flat."""
         sd = np.array([*(c.sd for c in self.columns), self.bias_dps[1], self.scale[1]])
         return np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300), 0.0)
 

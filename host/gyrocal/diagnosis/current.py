@@ -85,7 +85,7 @@ class Current:
         return replace(self, fit=finish(fitted), changed=True)
 
     def of_runs(self, kept: Mask) -> Current:
-        """The same model fitted to some of the runs, for an effect whose data the others lack."""
+        """The same model fitted to the runs with True in ``kept`` [runs], for an effect whose data the others lack."""
         whole = self.comparison.fit
         blocks = [b for b, keep in zip(self.fit.design.blocks, kept, strict=True) if keep]
         design = self.fit.design.over(blocks)

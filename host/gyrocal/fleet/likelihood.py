@@ -39,7 +39,7 @@ class CycleSpreads:
             self.cycles.setdefault((kind_of(one), len(one.cycles)), []).append(one.cycles[:, :p, :p])
 
     def fit(self) -> dict[Kind, Array]:
-        """The spreads over power cycles of each kind of board, by the names of :func:`kind_of`."""
+        """Spreads over power cycles [k], in the units of the columns, for each kind of board (see :func:`kind_of`)."""
         kinds = sorted({kind for kind, _ in self.cycles})
         return {kind: self._fit(kind) for kind in kinds}
 

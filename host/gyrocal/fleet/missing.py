@@ -90,17 +90,17 @@ class Share:
         return found
 
     def has(self, c: Array, variance: Array) -> Array:
-        """Probability that each board has the effect."""
+        """Probability [n] that each board has the effect, from sizes [n] with error variances [n]."""
         return self.share * self.ratio(c, variance) / (1 - self.share + self.share * self.ratio(c, variance))
 
     def ratio(self, c: Array, variance: Array) -> Array:
-        """Likelihood of having it over that of not having it, at most 1e300."""
+        """Likelihood ratio [n] of having the effect over not having it, at most 1e300."""
         wide = variance + self.sd**2
         log = 0.5 * (np.log(variance / wide) + c**2 / variance - (c - self.mean) ** 2 / wide)
         return np.asarray(np.exp(np.minimum(log, 690.0)))
 
     def gain(self, c: Array, variance: Array) -> Array:
-        """Log-likelihood of each board over that without the effect."""
+        """Log-likelihood ratio [n] of each board, with this population over without the effect."""
         return np.asarray(np.log(1 - self.share + self.share * self.ratio(c, variance)))
 
     @property

@@ -56,14 +56,14 @@ class AxisFit:
         return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
-        """The solution from some of the runs."""
+        """The solution from the runs with True in ``runs`` [runs]."""
         return solve(
             self.design.layout, self.grams[runs], self.logdet[runs], self.design.scenarios[runs],
             int(self.design.n_blocks[runs].sum()), spreads or self.spreads,
         )  # fmt: skip
 
     def spreads_without(self, held_out: Mask) -> Spreads:
-        """Spreads of what runs have of their own, estimated again from the runs that are not held out.
+        """Spreads over runs, estimated again without the runs with True in ``held_out`` [runs].
 
         The spread of power cycles is noise and stays as fitted, as white noise and drift do: re-estimating
         the spread from the training cycles can underestimate it when these agree by chance.

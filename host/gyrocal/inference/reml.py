@@ -72,7 +72,7 @@ class Integrated:
 
 
 def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:
-    """Integrate out the coefficients ``~ N(0, sd^2)`` of the columns ``index``. The columns ``keep`` remain."""
+    """Integrate the coefficients ``~ N(0, sd^2)`` of the columns ``index`` [k] out of ``gram`` [..., p, p]; ``keep`` remain."""
     b = sd[:, None] * gram[..., index, :][..., keep]
     m = np.eye(index.size) + sd[:, None] * gram[..., index, :][..., index] * sd
     chol = np.linalg.cholesky(m)
@@ -97,7 +97,7 @@ class _Solved:
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
-    """Integrate out the random coefficients and solve for the shared ones."""
+    """Integrate out the random coefficients of ``grams`` [runs, p, p], and solve for the shared ones."""
     return _solve(layout, grams, logdet, _members(scenarios), n, spreads).solution
 
 
@@ -217,11 +217,11 @@ class SpreadScale:
         return self.unit * np.sqrt(np.expm1(x))
 
     def slopes(self, x: Array, of_log_sd: Array) -> Array:
-        """Derivatives by the coordinates, from derivatives by log sd."""
+        """Derivatives [k] by the coordinates, from derivatives by the logarithm of each spread [k]."""
         return of_log_sd / (-2 * np.expm1(-x))
 
     def settled(self, x: Array) -> Array:
-        """The spreads at the end of a search. A vanishing spread is set to zero."""
+        """Spreads [k] at the end of a search. A vanishing spread is set to zero."""
         return np.where(x > 10 * NO_SPREAD, self.spreads(x), 0.0)
 
     @property
@@ -252,7 +252,7 @@ def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: 
 
 
 def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
-    """Estimate only the spreads by REML. Spreads of ``start`` that are NaN are not known yet."""
+    """Estimate only the spreads by REML from ``grams`` [runs, p, p]. Spreads of ``start`` that are NaN are not known yet."""
     k = start.run.size
     if k + start.scenario.size == 0:
         return start
