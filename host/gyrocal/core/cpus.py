@@ -1,7 +1,7 @@
-"""The firmware's C on CPUs that QEMU emulates: cross-compiled, run, its cost counted.
+"""The firmware's C on CPUs that QEMU emulates: it is cross-compiled and run, and its cost is counted.
 
-Programs talk by semihosting: they read this machine's files and print here. The firmware's folder ``emul/`` holds what
-they need for that, and one file for each part whose cost is counted. Compilers and emulators are Debian packages.
+Programs read this machine's files and print here by semihosting. The firmware's folder ``emul/`` contains the sources for
+that, and one file for each part whose cost is counted. Compilers and emulators are Debian packages.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def build(
     """Link C files, one of them with ``int main(int, char **)``, into a program for an emulated CPU, and return its path.
 
     Raises:
-        GyrocalError: no such compiler, or it refused.
+        GyrocalError: the compiler is missing or failed.
     """
     _require(cpu, cpu.tools[0])
     memory = {"flash": cpu.flash, "flash_size": 0x200000, "ram": cpu.ram, "ram_size": 0x400000}
@@ -104,7 +104,7 @@ def run(cpu: Cpu, program: Path, arguments: Sequence[str] = (), timeout_s: float
     Arguments must not contain a space or a comma. Relative paths start from the current folder.
 
     Raises:
-        GyrocalError: no such emulator, or the program failed.
+        GyrocalError: the emulator is missing, or the program failed.
     """
     _require(cpu, cpu.tools[1])
     words = ",".join(f"arg={word}" for word in (program.name, *arguments))

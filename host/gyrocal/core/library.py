@@ -1,7 +1,7 @@
 """The C core on this machine: compiled by the system's ``cc`` into a cache, loaded by ctypes.
 
 The cache is keyed by the sources, headers, flags and compiler, so an edited source or a newly exported header is
-picked up at the next call, and processes that build at the same time do not meet.
+used at the next call, and processes that build at the same time do not disturb each other.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class PtyOutlet(Outlet):
         import tty
 
         self._master, slave = os.openpty()
-        tty.setraw(slave)  # else what the device says would come back to it as commands
+        tty.setraw(slave)  # otherwise the terminal would echo sentences to the device as commands
         self._slave_name = self.name = os.ttyname(slave)
         os.close(slave)
         os.set_blocking(self._master, False)
@@ -81,7 +81,7 @@ class PtyOutlet(Outlet):
     def read(self) -> bytes:
         try:
             return os.read(self._master, CHUNK)
-        except OSError:  # nothing there, or the reader has just gone
+        except OSError:  # there are no bytes, or the reader has just gone
             return b""
 
     def write(self, data: bytes) -> int:
@@ -116,7 +116,7 @@ class TcpOutlet(Outlet):
         try:
             self._server = socket.create_server((host or "127.0.0.1", int(number)))
         except (OSError, ValueError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or "want HOST:PORT, for example 127.0.0.1:5000"
+            reason = getattr(error, "strerror", None) or "write HOST:PORT, for example 127.0.0.1:5000"
             raise InputError(f"--tcp {address}: {reason}") from None
         self._server.setblocking(False)
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)

@@ -1,7 +1,7 @@
 """A device at a port: a serial device, a pseudo terminal or ``socket://host:port``.
 
-:class:`Link` is what the rest uses: sentences come out, commands go in and are answered. Opening a serial port may
-reset the board, so the host waits for its hello before it says anything else.
+The other modules use :class:`Link`, which receives sentences and sends commands. Opening a serial port may reset the board,
+so the host waits for the device's hello before it sends anything else.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class SocketPort(Port):
         except ValueError:
             host, number = None, None
         if not host or not number:
-            raise DeviceError(f"{name}: want socket://HOST:PORT, for example socket://127.0.0.1:5000")
+            raise DeviceError(f"{name}: write socket://HOST:PORT, for example socket://127.0.0.1:5000")
         try:
             self._socket = socket.create_connection((host, number), timeout=ANSWER_S)
         except OSError as error:

@@ -175,7 +175,7 @@ class RunWriter:
         self._list()
 
     def settle_by_gravity(self) -> bool:
-        """Settle a run whose face no sentence told by the mean acceleration along its axis; False if that is not possible."""
+        """Take the face from the mean acceleration along the axis if no sentence gave it. Returns False if it is not clear."""
         settings = self.heard.settings or {}
         axis = settings.get("axis", "")
         along_g = self._acc_sum_g[AXES.index(axis)] / max(self.run.samples, 1) if axis in AXES else 0.0

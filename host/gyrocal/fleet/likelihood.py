@@ -1,7 +1,7 @@
-"""What each board says of every candidate: score and information, with one turn-on spread for the whole fleet.
+"""The likelihood of every candidate from each board: score and information, with one turn-on spread for the whole fleet.
 
-The spread of bias and scale over power cycles is badly known from the three or four cycles of one board, and with it every
-standard error. Boards of one kind share it, so it is estimated from all of them together by restricted maximum likelihood.
+The spread of bias and scale over power cycles is poorly known from the three or four cycles of one board, and every standard
+error depends on it. Boards of one kind share the spread, so it is estimated from all of them by restricted maximum likelihood.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A candidate's size differs from board to board: a share of the boards has it, with a mean and a spread. Two tests see any of
 these: the mean over boards against its standard error (which includes the spreads over boards and rigs), and the mean square of
-the boards' own z values against one. Both are corrected for the number of tests. A candidate is named only if the population
-that other boards have also predicts the boards that were left out better than its absence does.
+the boards' own z values against one. Both are corrected for the number of tests. A candidate is named only if a population with
+the effect, estimated from the other boards, predicts the boards that were left out better than no effect does.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class Share:
 
 @dataclass(frozen=True)
 class _Test:
-    """The sizes of one candidate, and the probability that a fleet without it shows as much."""
+    """The sizes of one candidate, and the probability of such sizes in a fleet without it."""
 
     j: int
     c: Array
@@ -205,7 +205,7 @@ def _upper(excess: float, n: int) -> float:
 
 
 def _heldout_gain(c: Array, variance: Array, board: Labels) -> float:
-    """Log-likelihood of each tenth of the boards, predicted from the others, over that without the effect; summed."""
+    """Log-likelihood ratio of the effect, summed over parts of the boards that are predicted from the other parts."""
     number = np.unique(board, return_inverse=True)[1]
     fold = np.random.default_rng(0).permutation(number.max() + 1)[number] % POLICY.fleet_folds
     total = 0.0
@@ -230,12 +230,12 @@ def _described(evidence: Evidence, passed: _Passed, limit: float, group: list[st
 
 
 def _belongs_to(evidence: Evidence, test: _Test, limit: float) -> str:
-    """Who has the effect, in words: what is common to all boards of one rig may be the rig's."""
+    """The owner of the effect in words. An effect that is common to all boards of one rig may be the rig's."""
     found = test.pooled
     if found.rig_sd is not None and found.rig_sd_se is not None and found.rig_sd > max(2 * found.rig_sd_se, found.sd):
         return "rig: it differs more between rigs than between the boards of one rig"
     if test.p_mean > limit / 2:
-        return "boards: it differs from board to board about zero, which a rig would not do"
+        return "boards: it differs from board to board about zero, which an effect of a rig does not"
     if evidence.rigs_known < 2:
-        return "boards or rig: all boards were on one rig, or no session names its rig, so what is common may be either's"
+        return "boards or rig: all boards were on one rig, or no session names its rig, so a common effect may be of either"
     return "boards: it is the same on every rig"

@@ -15,7 +15,7 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class Outlier:
-    """A session whose board stands off the population in one parameter, by ``z`` standard deviations of what is predicted."""
+    """A session whose board deviates from the population in one parameter, by ``z`` standard deviations of the prediction."""
 
     session: str
     board: str

@@ -1,4 +1,4 @@
-"""A quantity of many boards as one population: its mean, its spread over boards, and that over rigs (crossed random effects).
+"""A quantity of many boards as one population: its mean and its spreads over boards and rigs (crossed random effects).
 
     estimate = mean + rig + board + error
 
@@ -30,10 +30,10 @@ Labels = np.ndarray[Any, np.dtype[np.intp]]
 
 @dataclass(frozen=True)
 class Pooled:
-    """Mean and spread over boards with their standard errors; the same over rigs, which is None where fewer than two are known.
+    """Mean and spread over boards with their standard errors, and the spread over rigs, which is None for fewer than two rigs.
 
-    ``z`` [n] is each estimate's distance from what the others predict for a board on its rig, in standard deviations of that
-    prediction; ``used`` [n] is False for estimates of the weight zero; ``rig_offset`` [rigs] are the rigs' own parts.
+    ``z`` [n] is each estimate's deviation from the prediction for a board on its rig, in standard deviations of the prediction.
+    ``used`` [n] is False for estimates with weight zero. ``rig_offset`` [rigs] are the offsets of the rigs.
     """
 
     mean: float
@@ -54,7 +54,7 @@ class Pooled:
 
 
 def labelled(names: Sequence[str | None]) -> Labels:
-    """Numbers from 0 on for names in sorted order; all that are None are one."""
+    """Numbers from 0 on for names in sorted order. All None have the same number."""
     order = {name: i for i, name in enumerate(sorted({n or "" for n in names}))}
     return np.array([order[n or ""] for n in names], dtype=np.intp)
 
@@ -93,7 +93,7 @@ def furthest(boards: int) -> float:
 
 
 def _medians(y: Array, rig: Labels) -> Array:
-    """The median of each estimate's rig, [n], where the rig has enough boards, else that of all."""
+    """The median of each estimate's rig, [n], or that of all estimates if the rig has too few boards."""
     out = np.full(y.size, float(np.median(y)))
     for r in np.unique(rig):
         if np.count_nonzero(rig == r) >= 2 * POLICY.population_boards:
@@ -150,7 +150,7 @@ class _Reml:
 def spread_error(sd: float, errors: Array) -> float:
     """Standard error of a spread over units whose own values have the standard errors ``errors`` [k], by Fisher's information.
 
-    That of a spread which hardly differs from zero is the size whose square is the standard error of the variance.
+    For a spread near zero it is the size whose square is the standard error of the variance.
     """
     of_variance = 0.5 * float(np.sum(1 / (sd**2 + errors**2) ** 2)) * (1 - 1 / errors.size)
     zero = of_variance**-0.25

@@ -19,7 +19,7 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class Board:
-    """What orders a board: the line on which it was made, the date and the serial number."""
+    """The place of a board in production: its line, its date and its serial number."""
 
     line: str
     made_on: str | None

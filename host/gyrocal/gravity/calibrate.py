@@ -1,4 +1,4 @@
-"""Scale and bias of all three axes from rests and movements, with what speaks against them and where the error comes from."""
+"""Scale and bias of all three axes from rests and movements, with flags and the error budget."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def calibrate(
     session: Session, seconds: Sequence[float] | None = None, methods: Iterable[str] | None = None,
     model: Model | str | Path | None = None,
 ) -> Calibration:  # fmt: skip
-    """Scale and bias of each scenario; of all together (scenario ``all``) where none has enough rests by itself.
+    """Scale and bias of each scenario, or of all together (scenario ``all``) if none has enough rests by itself.
 
-    Raises InputError for methods other than ``model``, and where rests are too few.
+    Raises InputError for methods other than ``model``, and if there are too few rests.
     """
     other = [m for m in (methods or ()) if m != "model"]
     if other:
@@ -98,7 +98,7 @@ def _estimate(fitted: GravityFit, scenario: str, axis: str, warnings: Sequence[W
     flags = _flags(fitted, axis) | warning_flags(warnings, axis, fitted.scene.session.runs)
     if scale_se > POLICY.unseen:
         return Estimate(scenario, "model", seconds, axis, None, None, bias_dps, bias_se_dps, fitted.misfit, ordered(flags))
-    excess = max(1.0, fitted.misfit)  # movements that fit worse than the noise allows tell the scale less well
+    excess = max(1.0, fitted.misfit)  # movements that fit worse than the noise allows determine the scale less well
     if abs(scale) > POLICY.largest_scale or abs(bias_dps) > POLICY.largest_bias_dps:
         flags |= {"direction"} if 1 + scale < -POLICY.opposite else {"implausible"}
     return Estimate(
@@ -107,7 +107,7 @@ def _estimate(fitted: GravityFit, scenario: str, axis: str, warnings: Sequence[W
 
 
 def _flags(fitted: GravityFit, axis: str) -> set[str]:
-    """``misfit``, ``missed`` and ``constant_reading`` of a fit; clipped movements are left out of it."""
+    """The flags ``misfit``, ``missed`` and ``constant_reading`` of a fit, which contains no clipped movements."""
     flags = set()
     _, freedom = fitted.chi2(np.arange(fitted.observations.movement_rows))
     if not fitted.misfit <= 1 + POLICY.movement_misfit_errors / np.sqrt(2 * freedom):
@@ -123,7 +123,7 @@ def _flags(fitted: GravityFit, axis: str) -> set[str]:
 
 
 def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
-    """The off-diagonal elements: ``axis`` reads ``value`` of the rate about ``about``; None where movements do not show it."""
+    """The off-diagonal elements: ``axis`` shows the fraction ``value`` of the rate about ``about``; None if not determined."""
     out = []
     for axis in AXES:
         term = fitted.model.term(CROSS, axis)
@@ -138,7 +138,7 @@ def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
 
 
 def _unseen(fitted: GravityFit) -> list[Warning]:
-    """``no_answer``: axes whose scale no movement determines, with what to do."""
+    """``no_answer``: a warning for each axis whose scale no movement determines, with advice."""
     out = []
     for axis in AXES:
         term = next(t for t in fitted.model.on(axis) if t.effect.role is Role.SCALE)

@@ -1,4 +1,4 @@
-"""Which effect a model lacks, by the angles of movements and the readings at rest; effects added and everything explained."""
+"""Diagnosis by the angles of movements and the readings at rest: the missing effect, adding it, and adding all of them."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def candidate_json(c: Candidate) -> dict[str, Any]:
 
 
 def diagnose(session: Session, model: Model | str | Path | None = None, formulas: Sequence[str] = ()) -> Diagnosis:
-    """Rank every effect of the library and every formula, on every axis. Raises InputError where ``compare`` does."""
+    """Rank every effect of the library and every formula, on every axis. Raises InputError as ``compare`` does."""
     comparison = measure(session, model)
     judged = naming.candidates(comparison.evidence, [effect_or_formula(text) for text in formulas])
     if not comparison.where and not comparison.implausible:
@@ -92,7 +92,7 @@ def over_floor_of(before: Comparison, after: Comparison) -> Comparison:
 
 
 def add(session: Session, model: Model | str | Path | None, effect_id: str) -> Added:
-    """Add an effect where it is proven, or else on the axis with the largest gain. Raises InputError for an unknown id."""
+    """Add an effect on the axes where it is proven, or on that with the largest gain. Raises InputError for an unknown id."""
     start = Model.open(model)
     before = compare(session, start)
     if effect_id in COMPONENTS:
@@ -128,7 +128,7 @@ class Step:
 
     @property
     def matters(self) -> bool:
-        """Does the step remove a noticeable part of the squared error?"""
+        """True if the step removes a noticeable part of the squared error."""
         old, new = self.before.pooled, self.after.pooled
         if old.rms_deg is None or new.rms_deg is None:
             return True
@@ -144,7 +144,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Explanation:
-    """The steps, the candidates that cannot be told apart, and the diagnosis of the final model."""
+    """The steps, the candidates that cannot be distinguished, and the diagnosis of the final model."""
 
     steps: list[Step]
     left: list[Candidate]
@@ -173,7 +173,7 @@ class Explanation:
 def explain(
     session: Session, model: Model | str | Path | None = None, most_steps: int = POLICY.most_steps
 ) -> Explanation:
-    """Add effects as long as one is certain. Raises InputError where ``compare`` does, and for a negative ``most_steps``."""
+    """Add effects as long as one is certain. Raises InputError as ``compare`` does, and for a negative ``most_steps``."""
     if most_steps < 0:
         raise InputError(f"--max is {most_steps}; give the largest number of steps, 0 or more")
     last = diagnose(session, model)

@@ -1,7 +1,7 @@
-"""Held-out movements: how well a fit that has not seen them predicts where gravity ends, and what noise alone would leave.
+"""Prediction of held-out movements: errors of the final direction of gravity, and the errors expected from noise alone.
 
 The observations are linear about the fit to all data, so leaving a unit out is one generalised least squares on the other rows.
-Only a movement's angle counts in rms, floor and excess; the log-likelihood of a unit counts its rests too.
+Rms, floor and excess contain only the angles of movements. The log-likelihood of a unit also contains its rests.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class Folds:
-    """Which rows each unit holds, and what a unit is: ``day``, ``scenario``, ``run`` or ``time``."""
+    """The rows of each unit, and the kind of unit: ``day``, ``scenario``, ``run`` or ``time``."""
 
     unit: str
     rows: list[Rows]
 
 
 def folds(scene: Scene, seen: Observations) -> Folds:
-    """Days if there are two or more, else power cycles if three or more, else runs likewise, else stretches of time."""
+    """The units are days if there are two, otherwise power cycles or runs if there are enough, otherwise stretches of time."""
     runs = scene.session.runs
     of_movement = np.array([m.run for m in scene.movements])
     of_chunk = np.array([c.run for c in scene.chunks])
@@ -57,8 +57,8 @@ def _rows(seen: Observations, movement: Rows, chunk: Rows, units: int) -> list[R
 class HeldOut:
     """Predictions of every row that some unit holds out.
 
-    ``residual`` [rows] and ``variance`` [rows] (rad, deg/s; NaN where a row is in no unit), the standard error of a sum of
-    squares over movements is from ``fourth`` [movements]; ``gains`` [units] are the units' log-likelihoods.
+    ``residual`` [rows] and ``variance`` [rows] are in rad or deg/s and their squares, and NaN for rows in no unit. The standard
+    error of a sum of squares over movements follows from ``fourth`` [movements]. ``likelihood`` [units] is logarithmic.
     """
 
     residual: Array
@@ -68,7 +68,7 @@ class HeldOut:
     movement_rows: int = field(default=0)
 
     def level(self, movements: Rows, floor: HeldOut | None = None) -> Level:
-        """The level of some movements; ``floor``: the prediction whose floor is used, None = this one's."""
+        """The level of some movements, with the floor of ``floor``, or of this prediction if it is None."""
         rows = np.concatenate([2 * movements, 2 * movements + 1]) if movements.size else movements
         rows = rows[np.isfinite(self.residual[rows])]
         of = floor or self
@@ -102,7 +102,7 @@ def held_out(y: Array, x: Array, noise: Array, prior_sd: Sequence[float], cut: F
 
 
 def share_of_range(part: float | None, whole: float | None) -> float | None:
-    """``1 - (part / whole)^2`` for excesses after and before; None where there was none."""
+    """``1 - (part / whole)^2`` for excesses after and before; None if there was no excess before."""
     return None if part is None or not whole else 1 - (part / whole) ** 2
 
 

@@ -21,11 +21,11 @@ from gyrocal.warning import Warning
 WINDOW_S = 0.4
 """Length of the windows whose variance is judged, s. Hands that settle tremble at several hertz."""
 STILLEST = 0.05
-"""The quantile of the windows' variances that is the level of noise: at least this part of a recording must be at rest."""
+"""Quantile of the windows' variances that is the level of noise. At least this part of a recording must be at rest."""
 TRIM_S = 0.15
-"""Cut off from both ends of a rest, s: the part still settles there."""
+"""Time that is cut off from both ends of a rest, where the part still settles, s."""
 CHUNK_S = 10.0
-"""Mean readings are formed over at most this time, s, because the bias wanders during a longer rest."""
+"""Longest time of a mean reading, s. The bias drifts during a longer rest."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Movement:
-    """What happens between two successive rests of one run: rows ``start:stop``, the indices of both rests."""
+    """A movement between two successive rests of one run: rows ``start:stop`` and the indices of both rests."""
 
     run: int
     start: int
@@ -60,7 +60,7 @@ class Movement:
 
 @dataclass(frozen=True)
 class Found:
-    """The rests of a session, the movements between them, and what was left out, as warnings."""
+    """The rests of a session, the movements between them, and warnings about rests and movements that are left out."""
 
     rests: list[Rest]
     movements: list[Movement]
@@ -133,7 +133,7 @@ def _window_variance(values: Array, size: int) -> Array:
 
 
 def _step(values: Array) -> Array:
-    """What the columns of ``values`` [n, 3] step by, shape [3]."""
+    """The smallest step of each column of ``values`` [n, 3], shape [3]."""
     steps = np.abs(np.diff(values, axis=0))
     least = np.min(steps, axis=0, where=steps > 0, initial=np.inf)
     return np.where(np.isfinite(least), least, 0.0)
@@ -158,7 +158,7 @@ def _rest(run: Run, number: int, start: int, stop: int) -> Rest:
 
 
 def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
-    """Rests in which the sensor turned slowly, by their index, with what shows it."""
+    """Rests in which the sensor turned slowly, by their index, with the evidence in words."""
     out: dict[int, str] = {}
     for i, rest in enumerate(rests):
         acc_g = filled_acc_g(session.runs[rest.run])[rest.start : rest.stop]
@@ -182,7 +182,7 @@ def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
 
 
 def _clips(session: Session, movement: Movement) -> bool:
-    """Is a reading of a movement at full scale?"""
+    """True if a reading of a movement is at full scale."""
     if session.full_scale_dps is None:
         return False
     run = session.runs[movement.run]
