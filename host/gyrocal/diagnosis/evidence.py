@@ -101,7 +101,7 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if the sizes of a wave in the runs contradict what it says about its size."""
+    """True if the sizes of a wave in the runs contradict the dependence of its size on the rate."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:

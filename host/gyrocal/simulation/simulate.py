@@ -243,7 +243,7 @@ def _record(campaign: str, seed: int, wanted: set[str], sensor: Sensor, truths: 
 
 def _check_new(out: Path) -> None:
     if out.exists():
-        raise InputError(f"{out}: is there already; choose another name or remove it")
+        raise InputError(f"{out}: exists already; choose another name or remove it")
     _check_replaceable(Path(f"{out}.truth.json"))
 
 
@@ -255,7 +255,7 @@ def _check_replaceable(truth: Path) -> None:
         except (OSError, ValueError, KeyError, TypeError):
             ours = False
         if not ours:
-            raise InputError(f"{truth}: is there already and holds no truth of a simulation; choose another name")
+            raise InputError(f"{truth}: exists already and holds no truth of a simulation; choose another name")
 
 
 def table2_draw(rng: np.random.Generator) -> list[tuple[str, dict[str, float]]]:
