@@ -38,7 +38,7 @@ def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
         for process in started:
             process.terminate()
             process.wait(timeout=60)
-    assert "adequate" in said.splitlines()[-1] or "adequate" in said
+    assert "adequate" in said
 
 
 def _done(words: list[str], folder: Path) -> str:
@@ -85,7 +85,8 @@ def test_the_site_has_no_broken_link_and_every_page_is_in_its_menu(site: ModuleT
 
 def test_a_link_to_nowhere_is_refused(site: ModuleType) -> None:
     places = {"docs/a.md": "a.md", "README.md": "index.md"}
-    turned = site._turned("[b](../README.md#start) ![c](images/d.png) [e](#here) [f](https://f.org)", "docs/a.md", "a.md", places)
+    text = "[b](../README.md#start) ![c](images/d.png) [e](#here) [f](https://f.org)"
+    turned = site._turned(text, "docs/a.md", "a.md", places)
     assert turned == "[b](index.md#start) ![c](images/d.png) [e](#here) [f](https://f.org)"
     with pytest.raises(SystemExit, match=r"docs/a.md: the link b.md leads to no page"):
         site._turned("[b](b.md)", "docs/a.md", "a.md", places)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import itertools
 import re
 import textwrap
 from collections.abc import Iterator
@@ -16,6 +17,8 @@ from typer.main import get_command
 from gyrocal import api
 from gyrocal.cli import about, app, command_modules
 
+QUOTED = re.compile(r"(: |-> )'([^']*)'")
+"""An annotation in a signature, which stands there as a string."""
 ROLE = re.compile(r":(?:func|class|mod|meth|data|attr):(?=`)")
 
 
@@ -43,7 +46,7 @@ def _help(command: click.Command, parent: click.Context, verb: str) -> list[str]
 
 def python() -> str:
     """The signature and docstring of everything in :mod:`gyrocal.api`, with the fields and methods of its classes."""
-    parts = ["# Python, in full", "", "Everything here is imported from `gyrocal.api`. [The Python interface](../api.md) is shorter.", ""]
+    parts = ["# Python, in full", "", "Import it from `gyrocal.api`. [The Python interface](../api.md) is shorter.", ""]
     for name in sorted(api.__all__, key=str.lower):
         thing = getattr(api, name)
         parts += [f"## {name}", "", *_described(name, thing)]
@@ -57,7 +60,7 @@ def _described(name: str, thing: Any, text: str | None = None) -> list[str]:
     """Signature, if there is one to call, and docstring."""
     lines = []
     if callable(thing) and not (inspect.isclass(thing) and issubclass(thing, Exception)):
-        signature = str(inspect.signature(thing)).replace("gyrocal.", "")
+        signature = QUOTED.sub(r"\1\2", str(inspect.signature(thing)).replace("gyrocal.", ""))
         lines += ["```python", *textwrap.wrap(f"{name}{signature}", 110, subsequent_indent="    "), "```", ""]
     doc = text if text is not None else inspect.getdoc(thing) or ""
     return [*lines, *_markdown(doc), ""]
@@ -84,7 +87,7 @@ def _field_docs(kind: type) -> list[tuple[str, str]]:
     body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0].body  # type: ignore[attr-defined]
     return [
         (field.target.id, inspect.cleandoc(text.value.value))
-        for field, text in zip(body, body[1:], strict=False)
+        for field, text in itertools.pairwise(body)
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
     ]
 

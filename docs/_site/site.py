@@ -1,8 +1,9 @@
 """The documentation as a site: ``make docs``, or ``python docs/_site/site.py``.
 
-The pages of ``docs/``, the top level's README and its fellows, a page for each effect, the help of every command and the Python
-interface are gathered in ``build/docs/pages``, with their links turned to the site's layout; mkdocs then writes ``build/docs/site``.
-A link to a page or a heading that is not there ends the build with exit code 1. ``--pages`` gathers the pages alone, without mkdocs.
+The pages of ``docs/``, the top level's README and its fellows, a page for each effect, the help of every command and the
+Python interface are gathered in ``build/docs/pages``, with their links turned to the site's layout; mkdocs then writes
+``build/docs/site``. A link to a page or a heading that is not there ends the build with exit code 1. ``--pages`` gathers the
+pages alone, without mkdocs.
 """
 
 from __future__ import annotations

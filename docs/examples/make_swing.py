@@ -30,8 +30,8 @@ def rows(session: Session) -> list[str]:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         made = f"{folder}/swing"
-        asked = ["--campaign", "swing", "--scenarios", "1", "--seconds", "60", "--effect", "scale_asymmetry:k=0.002", "--seed", "1"]
-        assert main(["simulate", made, *asked]) == 0
+        asked = "--campaign swing --scenarios 1 --seconds 60 --effect scale_asymmetry:k=0.002 --seed 1"
+        assert main(["simulate", made, *asked.split()]) == 0
         text = "\n".join(rows(Session.open(made))) + "\n"
     with OUT.open("wb") as file, gzip.GzipFile(fileobj=file, mode="wb", mtime=0) as packed:
         packed.write(text.encode())
