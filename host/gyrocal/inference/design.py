@@ -53,6 +53,7 @@ class Layout:
 
     @property
     def n_groups(self) -> int:
+        """Number of groups of coefficients that differ from run to run."""
         return max(self.run_group, default=-1) + 1
 
 
@@ -350,10 +351,12 @@ class Design:
 
     @property
     def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:
+        """Number of the power cycle of each run, shape [runs]."""
         return np.array([b.scenario for b in self.blocks], dtype=np.intp)
 
     @property
     def n_blocks(self) -> np.ndarray[Any, np.dtype[np.intp]]:
+        """Number of blocks of each run, shape [runs]."""
         return np.array([b.t_s.size for b in self.blocks], dtype=np.intp)
 
     @cached_property

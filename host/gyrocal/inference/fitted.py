@@ -31,6 +31,7 @@ class AxisFit:
 
     @property
     def loglik(self) -> float:
+        """Restricted log-likelihood."""
         return self.solution.loglik
 
     @property
@@ -55,14 +56,14 @@ class AxisFit:
         return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
-        """The solution from some of the runs."""
+        """The solution from the runs with True in ``runs`` [runs]."""
         return solve(
             self.design.layout, self.grams[runs], self.logdet[runs], self.design.scenarios[runs],
             int(self.design.n_blocks[runs].sum()), spreads or self.spreads,
         )  # fmt: skip
 
     def spreads_without(self, held_out: Mask) -> Spreads:
-        """Spreads of what runs have of their own, estimated again from the runs that are not held out.
+        """Spreads over runs, estimated again without the runs with True in ``held_out`` [runs].
 
         The spread of power cycles is noise and stays as fitted, as white noise and drift do: re-estimating
         the spread from the training cycles can underestimate it when these agree by chance.
@@ -116,6 +117,7 @@ class Fit:
 
     @property
     def loglik(self) -> float:
+        """Restricted log-likelihood, summed over the axes."""
         return sum(a.loglik for a in self.axes.values())
 
     def on(self, axis: str, fitted: AxisFit | None = None) -> Fit:

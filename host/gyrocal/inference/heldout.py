@@ -46,10 +46,12 @@ class Prediction:
 
     @property
     def measured_dps(self) -> Array:
+        """Measured rates of the predicted samples, shape [n], dps."""
         return self.run.gyro_dps[self.rows, self.axis]
 
     @property
     def residual_dps(self) -> Array:
+        """Measured minus predicted rates, shape [n], dps."""
         return self.measured_dps - self.modelled_dps
 
 

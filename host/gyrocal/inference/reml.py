@@ -72,7 +72,7 @@ class Integrated:
 
 
 def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:
-    """Integrate out the coefficients ``~ N(0, sd^2)`` of the columns ``index``. The columns ``keep`` remain."""
+    """Integrate the coefficients ``~ N(0, sd^2)`` of the columns ``index`` [k] out of ``gram`` [..., p, p]; ``keep`` remain."""
     b = sd[:, None] * gram[..., index, :][..., keep]
     m = np.eye(index.size) + sd[:, None] * gram[..., index, :][..., index] * sd
     chol = np.linalg.cholesky(m)
@@ -97,7 +97,7 @@ class _Solved:
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
-    """Integrate out the random coefficients and solve for the shared ones."""
+    """Integrate out the random coefficients of ``grams`` [runs, p, p], and solve for the shared ones."""
     return _solve(layout, grams, logdet, _members(scenarios), n, spreads).solution
 
 
@@ -191,6 +191,7 @@ class SpreadScale:
 
     @staticmethod
     def of(design: Design, grams: Array) -> SpreadScale:
+        """The scale and the bounds of the spreads of one axis's design."""
         layout = design.layout
         information = np.zeros(layout.n_groups + len(layout.scenario))
         diagonal = np.diagonal(grams, axis1=-2, axis2=-1)
@@ -212,18 +213,20 @@ class SpreadScale:
         return np.clip(np.log1p(ratio**2), NO_SPREAD, np.maximum(self.high, NO_SPREAD))
 
     def spreads(self, x: Array) -> Array:
+        """Spreads [k] from coordinates [k]."""
         return self.unit * np.sqrt(np.expm1(x))
 
     def slopes(self, x: Array, of_log_sd: Array) -> Array:
-        """Derivatives by the coordinates, from derivatives by log sd."""
+        """Derivatives [k] by the coordinates, from derivatives by the logarithm of each spread [k]."""
         return of_log_sd / (-2 * np.expm1(-x))
 
     def settled(self, x: Array) -> Array:
-        """The spreads at the end of a search. A vanishing spread is set to zero."""
+        """Spreads [k] at the end of a search. A vanishing spread is set to zero."""
         return np.where(x > 10 * NO_SPREAD, self.spreads(x), 0.0)
 
     @property
     def bounds(self) -> list[tuple[float, float]]:
+        """Lower and upper bound of each coordinate."""
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
 
 
@@ -249,7 +252,7 @@ def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: 
 
 
 def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
-    """Estimate only the spreads by REML. Spreads of ``start`` that are NaN are not known yet."""
+    """Estimate only the spreads by REML from ``grams`` [runs, p, p]. Spreads of ``start`` that are NaN are not known yet."""
     k = start.run.size
     if k + start.scenario.size == 0:
         return start
@@ -276,6 +279,7 @@ def _random_rms(design: Design) -> tuple[Array, Array]:
 
 
 def unknown_spreads(design: Design) -> Spreads:
+    """Spreads that are all NaN, which means not known yet."""
     layout = design.layout
     return Spreads(np.full(layout.n_groups, np.nan), np.full(len(layout.scenario), np.nan))
 
