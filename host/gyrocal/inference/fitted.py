@@ -10,7 +10,7 @@ from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.design import Design, Mask
-from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
+from gyrocal.inference.reml import Equations, Solution, Spreads, fit_spreads
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array, Session
@@ -56,11 +56,14 @@ class AxisFit:
         return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
-        """The solution from the runs with True in ``runs`` [runs]."""
-        return solve(
-            self.design.layout, self.grams[runs], self.logdet[runs], self.design.scenarios[runs],
-            int(self.design.n_blocks[runs].sum()), spreads or self.spreads,
-        )  # fmt: skip
+        """The solution from some of the runs."""
+        return self.equations(runs).solve(spreads or self.spreads)
+
+    def equations(self, runs: Mask | slice = slice(None)) -> Equations:
+        """The normal equations of some of the runs, or of all."""
+        design = self.design
+        n = int(design.n_blocks[runs].sum())
+        return Equations(design.layout, self.grams[runs], self.logdet[runs], design.scenarios[runs], n)
 
     def spreads_without(self, held_out: Mask) -> Spreads:
         """Spreads over runs, estimated again without the runs with True in ``held_out`` [runs].
@@ -70,11 +73,7 @@ class AxisFit:
         """
         if not self.spreads.run.size:
             return self.spreads
-        kept = ~held_out
-        again = fit_spreads(
-            self.design, self.grams[kept], self.logdet[kept], self.design.scenarios[kept],
-            int(self.design.n_blocks[kept].sum()), self.spreads,
-        )  # fmt: skip
+        again = fit_spreads(self.design, self.equations(~held_out), self.spreads)
         return Spreads(again.run, self.spreads.scenario)
 
     def run_coefficients(self, run: int, beta: Array, spreads: Spreads) -> Array:
