@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from gyrocal.policy.diagnosis import Diagnosis
 from gyrocal.policy.inference import Inference
+from gyrocal.policy.planning import Planning
 from gyrocal.policy.plausibility import Plausibility
 from gyrocal.policy.threshold import JUDGEMENT
 
@@ -20,8 +21,8 @@ __all__ = ["JUDGEMENT", "POLICY", "Policy"]
 
 
 @dataclass(frozen=True)
-class Policy(Plausibility, Inference, Diagnosis):
-    """Every threshold of plausibility, of the fit's structure, and of the diagnosis."""
+class Policy(Plausibility, Inference, Diagnosis, Planning):
+    """Every threshold of plausibility, of the fit's structure, of the diagnosis and of plans."""
 
 
 POLICY = Policy()
