@@ -1,8 +1,8 @@
 """Does a plan answer its question as often as it promises? python benchmarks/plan.py [sessions for each truth]
 
 A session with a known effect is simulated and planned for. Then the session and the planned runs are simulated many times, each
-effect in question true in turn at the size that the first session gives it, and diagnosed: the answer is right where the verdict
-is the true effect alone. `again` is the same with the session's own runs in place of the plan.
+effect in question true in turn at the size that the first session gives it, and diagnosed. The answer is right where the verdict
+is the true effect alone, or where the standard error is a tenth of the value.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def answered(session: Session, effect: str, named: bool) -> bool:
     return bool(c.values) and c.se.get(name, float("inf")) <= 0.1 * abs(c.values[name])
 
 
-def planted(planned: Plan, case: Case, number: int) -> list[str]:
+def planted(planned: Plan, case: Case) -> list[str]:
     """The effects in question at the sizes that the planner used, as options of ``simulate``."""
     from gyrocal.diagnosis.diagnose import diagnose as full
 
@@ -98,14 +98,15 @@ def main() -> int:
         first = simulated(case, case.effect, case.seed, None)
         asked = {"between": case.between} if case.between else {"measure": case.effect.split(":")[0]}
         planned = plan(first, of_axis("z"), minutes=case.minutes, chamber_c=case.chamber_c, **asked)  # type: ignore[arg-type]
-        truths = planted(planned, case, sessions)
+        truths = planted(planned, case)
         achieved = rate(case, truths, PlannedRuns(planned.runs, planned.day), sessions)
         words = " or ".join(case.between) if case.between else f"size of {asked['measure']}"
         words += "" if case.chamber_c is None else ", chamber"
         print(
             f"{words[:38]:38s} {planned.minutes:6.1f} {len(planned.runs):5d} {planned.power:11.2f} {achieved:9.2f} "
-            f"{sessions * len(truths):9d}   {planned.runs[0].seconds:g} s, same again {planned.power_same_again:.2f}", flush=True,
-        )  # fmt: skip
+            f"{sessions * len(truths):9d}   {planned.runs[0].seconds:g} s, same again {planned.power_same_again:.2f}",
+            flush=True,
+        )
     return 0
 
 

@@ -37,14 +37,13 @@ class Contest:
 
     ``grams`` [kinds + cycles, p, p] are those of the planned kinds and of the session's cycles, ``random`` [kinds + cycles] is
     what a random part adds, ``plain`` [kinds + cycles, p, p] holds the products without noise. ``size`` [p] holds the true
-    coefficients; ``truth``, ``model`` and ``rival`` [p] are masks of columns.
+    coefficients; ``model`` and ``rival`` [p] are masks of columns.
     """
 
     grams: Array
     random: Array
     plain: Array
     size: Array
-    truth: Mask
     model: Mask
     rival: Mask
     n_new: int
@@ -60,7 +59,7 @@ class Contest:
         none = np.zeros(len(columns.owner), dtype=bool)
         return Contest(
             np.concatenate([grams.new, grams.own]), np.concatenate([grams.new_random, grams.own_random]), plain,
-            columns.coefficients(truth, members[truth]), columns.owner == truth, columns.owner == -1,
+            columns.coefficients(truth, members[truth]), columns.owner == -1,
             none if rival is None else columns.owner == rival, len(grams.new), least,
         )  # fmt: skip
 

@@ -82,7 +82,7 @@ class Expected:
     def blocks(self, pose: Pose, seconds: float, power_on_s: float, air_c: float, scenario: int) -> Blocks:
         """One run, each of whose samples is the mean of a block; the readings are 0."""
         m = max(2, round(seconds / BLOCK_S))
-        t_s: Array = np.arange(m) * BLOCK_S
+        t_s = np.arange(m, dtype=np.float64) * BLOCK_S
         columns = {"t_s": t_s, **{f"g{a}_dps": np.zeros(m) for a in AXES}}
         own = self.session.runs
         if all(run.acc_g is not None for run in own):

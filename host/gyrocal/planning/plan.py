@@ -27,7 +27,7 @@ from gyrocal.shown import Shown
 from gyrocal.threads import one_thread
 
 Progress = Callable[[str], None]
-LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
+LENGTHS = (0.5, 1.0, 2.5, 6.0)
 """Lengths of a run that are tried, as multiples of the session's own."""
 CHAMBER_C = (5.0, 45.0)
 """A usual chamber's range, with which the use of a chamber is estimated, degC."""
