@@ -123,6 +123,8 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(f"next: gyrocal explain {session} --model {target}")
     elif d.verdict == "add" and d.best is not None:
         stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
+    if d.verdict == "ambiguous":
+        stdout.print(f"next: gyrocal plan {session} --out plan.toml")
     if d.verdict == "unknown" and not unproven(d):
         stdout.print(
             f"next: gyrocal keep {session} --model {target} finds a formula for it and keeps it as an effect of your own"
