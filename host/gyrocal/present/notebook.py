@@ -57,7 +57,7 @@ def _comparison_words(found: Comparison) -> str:
         v = found.angles.level()
         levels = f"rms {deg(v.rms_deg)} deg, noise floor {deg(v.floor_deg)} deg, excess {deg(v.excess_deg)} deg"
     where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
-    return "\n".join([f"{found.verdict}; {levels}", headline(found), *where])
+    return "\n".join([f"{found.verdict}; {levels}", headline(found), *where, *([found.note] if found.note else [])])
 
 
 def _comparison_table(found: Comparison) -> pl.DataFrame:
