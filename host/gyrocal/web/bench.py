@@ -26,6 +26,7 @@ from gyrocal.web.decimate import Pyramid
 from gyrocal.web.doubt import doubts
 from gyrocal.web.fall import Levels
 from gyrocal.web.hero import picture
+from gyrocal.web.mend import Mend, apply
 from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
 from gyrocal.web.views import (
@@ -90,6 +91,12 @@ class Bench:
             progress=lambda done, total: progress(f"run {done} of {total}"),
         )  # fmt: skip
         return out
+
+    def mend(self, folder: Path, mend: Mend, out: Path, progress: Progress) -> Path:
+        """Mend a session, in place or as a new one at ``out``. Returns the folder to open."""
+        mended = apply(folder, mend, lambda: out)
+        self._whole = self._used = self._compared = None
+        return mended
 
     def compare(self, recording: Recording, model: str, progress: Progress) -> ModelView:
         """Compare a model (TOML text, or the name of a built-in model) with the session."""

@@ -137,7 +137,7 @@ def title(p: Palette, text: str, top: Any, left: Any = 62) -> Options:
     return {"text": text, "left": left, "top": top, "padding": 0, "textStyle": style}
 
 
-def legend(p: Palette, names: Sequence[str], **more: Any) -> Options:
+def legend(p: Palette, names: Sequence[Any], **more: Any) -> Options:
     return {
         "data": list(names), "textStyle": {"color": p.dim, "fontSize": 11}, "itemWidth": 16, "itemHeight": 8,
         "icon": "roundRect", "inactiveColor": p.line, **more,
@@ -227,13 +227,14 @@ def hero(p: Palette, shown: Picture, left: Sequence[float], curve: Sequence[floa
     through = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, left, strict=True)]
     few = len(shown.centres) < 8
-    ends: Options = {} if few else {"min": shown.edges[0], "max": float(f"{shown.edges[-1]:.5g}")}
+    faint = {"name": names[2], "itemStyle": {"opacity": 0.35}}
+    ends: Options = {} if few else {"min": shown.edges[0], "max": float(f"{shown.edges[-1]:.6g}")}
     return base(
         p, **moved,
         title=[title(p, text, 4 + 17 * k, 12) | ({"textStyle": _heading(p)} if k == 0 else {}) for k, text in enumerate(lines)],
-        legend=legend(p, names, left=54, top=4 + 17 * len(lines)), tooltip=tooltip(p, "mdps", ""),
+        legend=legend(p, [*names[:2], faint], left=54, top=4 + 17 * len(lines)), tooltip=tooltip(p, "mdps", ""),
         grid=grid(left=54, right=16, top=34 + 17 * len(lines), bottom=40),
-        xAxis=axis(p, shown.x_label, nameGap=22, label={":formatter": PLAIN, "showMaxLabel": True}, **ends),
+        xAxis=axis(p, shown.x_label, nameGap=22, label={":formatter": PLAIN}, **ends),
         yAxis=axis(p, "mdps", nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
         series=[
             {**line(names[1], through, p.axes[shown.axis], style={"width": 2.5}), **moved, "showSymbol": few},

@@ -75,7 +75,7 @@ def _best(axis: str, signal: Array, points: Points, there: Any) -> tuple[Panel, 
         use = there & np.isfinite(x)
         if np.count_nonzero(use) < 0.9 * np.count_nonzero(there) or np.count_nonzero(use) < 4 * LEAST or np.ptp(x[use]) == 0:
             continue
-        place = _places(x[use], _edges(x[use]))
+        place = _places(x[use], _edges(x[use], panel))
         s = signal[use]
         count = np.bincount(place)
         seen = count > 0
@@ -91,7 +91,9 @@ def _best(axis: str, signal: Array, points: Points, there: Any) -> tuple[Panel, 
     return panel, part
 
 
-def _edges(x: Array) -> Array:
+def _edges(x: Array, panel: Panel) -> Array:
+    if panel.variable.period is not None:
+        return np.linspace(0, panel.variable.period, BINS + 1)
     low, high = float(x.min()), float(x.max())
     few = np.unique(np.round(x.astype(float), 6))
     if few.size <= BINS // 4:  # as a rate that has a few values
@@ -110,7 +112,7 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     x, y, s = (np.asarray(v[use], dtype=float) for v in (x, y, signal))
     if run is not None:  # the offset of a run is not the effect's
         y, s = y - y.mean(), s - s.mean()
-    edges = _edges(x)
+    edges = _edges(x, panel)
     place = _places(x, edges)
     count = np.bincount(place, minlength=edges.size - 1)
     kept = np.flatnonzero(count >= LEAST)

@@ -18,7 +18,6 @@ from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write
 from gyrocal.web.places import Places
 from gyrocal.web.training import Training
 from gyrocal.web.views import (
-    Bar,
     CalibrationView,
     Card,
     DiagnosisView,
@@ -31,6 +30,7 @@ from gyrocal.web.views import (
 
 if TYPE_CHECKING:
     from gyrocal.web.fall import Fall
+    from gyrocal.web.mend import Mend
     from gyrocal.web.traces import Traces
 
 Topic = Literal["session", "runs", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
@@ -131,6 +131,12 @@ class Workbench:
             self.changed("session")
             await self._show_steps(self.models.of[self.models.current])
 
+    async def open_named(self, name: str) -> None:
+        """Open the session of this name unless it is open already or the name is that of no session."""
+        found = next((folder for folder in self.places.sessions() if self.places.name(folder) == name), None)
+        if found is not None and not self.opening and (self.session is None or self.session.path != found):
+            await self.open(found)
+
     async def simulate(self, effects: list[str], scenarios: int = 6, seconds: float = 40.0) -> None:
         """Simulate a session with a hidden effect, for trying out the workbench."""
         with self._telling():
@@ -221,9 +227,11 @@ class Workbench:
         """Write everything on the screen as one HTML file and return its path; None if it failed."""
         with self._telling():
             if self.session is not None and self.step is not None:
+                fall = self.fall()
+                bars, floor_mdps = ([], 0.0) if fall is None else (fall.bars, fall.floor_mdps)
                 text: str = await self.jobs.run(
                     "Writing the report", "report", self.recording, self.step.source, self.step.view.toml,
-                    self.waterfall(), self.floor_mdps(), self.diagnosed, self.calibration,
+                    bars, floor_mdps, self.diagnosed, self.calibration,
                 )  # fmt: skip
                 return text
         return None
@@ -257,6 +265,17 @@ class Workbench:
             self._remember()
             self.changed("runs")
             await self._show_steps([step.recipe for step in self.steps])
+
+    async def mend(self, mend: Mend) -> None:
+        """Mend the session in a way that the user has confirmed, and open it again."""
+        with self._telling():
+            if self.session is None:
+                return
+            if mend.kind == "leave_out" and mend.file is not None:
+                await self.include(mend.file, False)
+                return
+            out = self.places.free(f"{self.session.path.name}-mended")
+            await self.open(await self.jobs.run(mend.label, "mend", self.session.path, mend, out))
 
     async def branch(self, name: str) -> None:
         """Keep the current model under its name, and go on with a copy under a new one."""
@@ -293,14 +312,6 @@ class Workbench:
         from gyrocal.web.fall import fall  # the engine, which is loaded by now
 
         return fall([(step.label, step.view.levels) for step in self.steps])
-
-    def waterfall(self) -> list[Bar]:
-        found = self.fall()
-        return [] if found is None else found.bars
-
-    def floor_mdps(self) -> float:
-        found = self.fall()
-        return 0.0 if found is None else found.floor_mdps
 
     def named_views(self) -> dict[str, ModelView | None]:
         """The last model of each name; None for one that has not been fitted since the session was opened."""

@@ -122,7 +122,7 @@ class ComparePanel:
                 ui.label(f"{told} Comparing the model with them…").classes("big")
             return
         view = step.view
-        warned.show(view.compared["warnings"])
+        warned.show(view.compared["warnings"], self.bench)
         fits, judged = view.compared["verdict"] == "adequate", view.compared["verdict"] != "implausible"
         tone = "good" if fits else "bad"
         with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):

@@ -69,7 +69,7 @@ class DiagnosePanel:
                     ui.label("Open a session first.").classes("big")
                     ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return
-            warned.show(self.bench.step.view.compared["warnings"])
+            warned.show(self.bench.step.view.compared["warnings"], self.bench)
             if found is None:
                 self._invite()
                 self._added()
