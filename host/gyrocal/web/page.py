@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import Callable
 from importlib import import_module
+from urllib.parse import quote
 
 from nicegui import Event, app, ui
 
@@ -36,6 +37,11 @@ class Tab:
     @property
     def palette(self) -> charts.Palette:
         return charts.palette(self.dark)
+
+    def _query(self) -> str:
+        """The part of the address that names the session, so that the address opens it again."""
+        session = self.bench.session
+        return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
 
     def build(self) -> None:
         self._mode = ui.dark_mode(None)
@@ -70,7 +76,7 @@ class Tab:
         """Show a panel."""
         self.view = view
         if push:
-            ui.navigate.history.push(f"/{view}")
+            ui.navigate.history.push(f"/{view}{self._query()}")
         for name, button in self._buttons.items():
             button.classes(add="on", remove="") if name == view else button.classes(remove="on")
             button.props('aria-current="page"' if name == view else 'aria-current="false"')
@@ -92,6 +98,8 @@ class Tab:
                 ui.notify(bench.message, position="bottom", timeout=9000, close_button="Close", multi_line=True)
         elif topic == "session":
             self._name.text = "" if bench.session is None else bench.places.name(bench.session.path)
+            if bench.session is not None:
+                ui.navigate.history.replace(f"/{self.view}{self._query()}")
         with self._content:
             self._update(topic)
 
@@ -128,8 +136,15 @@ def register() -> None:
 
     ui.page("/")(index)
 
-    def at(view: str) -> Callable[[], None]:
-        return lambda: Tab(view).build()  # with no parameter, for those would be the address's own
+    def at(view: str) -> Callable[[str], None]:
+        def shown(session: str = "") -> None:
+            if session:
+                opening.append(asyncio.create_task(_bench[0].open_named(session)))
+            Tab(view).build()
+
+        return shown
+
+    opening: list[asyncio.Task[None]] = []  # a task that nobody holds may be collected
 
     for view in ("start", *PANELS):
         ui.page(f"/{view}")(at(view))
