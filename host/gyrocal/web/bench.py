@@ -21,6 +21,7 @@ from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.web import intake
 from gyrocal.web.against import panels
 from gyrocal.web.decimate import Pyramid, thinned
 from gyrocal.web.report import page
@@ -91,6 +92,15 @@ class Bench:
     def compare(self, folder: Path, model: str, progress: Progress) -> ModelView:
         """Compare a model (TOML text, or the name of a built-in model) with the session."""
         return self._view(compare(self._opened(folder), self._model(model), progress=progress), progress)
+
+    def look(self, file: Path, asked: intake.Asked, progress: Progress) -> intake.Looked:
+        """Look at a file that may be imported."""
+        return intake.look(file, asked)
+
+    def take(self, file: Path, asked: intake.Asked, out: Path, progress: Progress) -> Path:
+        """Import a file as a new session."""
+        intake.take(file, asked, out)
+        return out
 
     def diagnose(self, folder: Path, model: str, progress: Progress) -> DiagnosisView:
         """Diagnose which effect is missing."""
