@@ -16,27 +16,27 @@ def sensor(state: str, **more: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("status", "second", "stage", "said"),
+    ("status", "stage", "said"),
     [
-        (sensor("idle", waits="sensor"), False, "wait", "The sensor does not answer."),
-        (sensor("idle", waits="start"), False, "wait", "face up and turn the table at 78 deg/s"),
-        (sensor("idle", waits="unsteady"), False, "wait", "Stop the table for a moment."),
-        (sensor("recording", run_s=3.0, face="up"), False, "turn", "Keep the table turning."),
-        (sensor("recording", run_s=6.0, face="up", waits="unsteady"), False, "flip", "Flip now"),
-        (sensor("flip", waits="flip"), True, "flip", "Flip now"),
-        (sensor("recording", run_s=5.9, face="down"), True, "turn", "Keep the table turning."),
-        (sensor("recording", run_s=6.1, face="down"), True, "done", "the answer is complete"),
-        (sensor("done"), False, "done", "Both faces are measured."),
+        (sensor("idle", waits="sensor"), "wait", "The sensor does not answer."),
+        (sensor("idle", waits="start"), "wait", "face up and turn the table at 78 deg/s"),
+        (sensor("idle", waits="unsteady"), "wait", "Stop the table for a moment."),
+        (sensor("recording", run_s=3.0, face="up"), "turn", "Keep the table turning."),
+        (sensor("recording", run_s=6.0, face="up", waits="unsteady"), "flip", "Flip now"),
+        (sensor("flip", waits="flip", second=True), "flip", "Flip now"),
+        (sensor("recording", run_s=5.9, face="down", second=True), "turn", "Keep the table turning."),
+        (sensor("recording", run_s=6.1, face="down", second=True), "done", "the answer is complete"),
+        (sensor("done"), "done", "Both faces are measured."),
     ],
 )
-def test_it_says_what_to_do_now(status: dict[str, Any], second: bool, stage: str, said: str) -> None:
-    found = advice(status, second=second, replays=False, ended=False)
+def test_it_says_what_to_do_now(status: dict[str, Any], stage: str, said: str) -> None:
+    found = advice(status, replays=False, ended=False)
     assert (found.stage, said in found.tell) == (stage, True), found
 
 
 def test_nobody_is_told_to_flip_a_simulated_sensor() -> None:
     for status in (sensor("flip"), sensor("recording", run_s=9.0), sensor("idle")):
-        assert advice(status, second=False, replays=True, ended=False).stage in ("wait", "turn")
+        assert advice(status, replays=True, ended=False).stage in ("wait", "turn")
 
 
 def test_a_run_of_the_device_is_not_called_a_recording() -> None:

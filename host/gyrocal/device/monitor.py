@@ -51,6 +51,8 @@ class Sensor:
     face: str = ""
     waits: str = ""
     """What the device waits for, as its ``$STA`` says; empty if it does not say."""
+    second: bool = False
+    """True while the run in progress is the second one of a pair, or would be."""
     missed: int = 0
     hello: dict[str, str] = field(default_factory=dict)
     samples: int = 0
@@ -180,6 +182,7 @@ class Monitor:
         elif kind == "state":
             sensor.state, sensor.face = fields.get("state", "?"), fields.get("face", "")
             sensor.waits = fields.get("waits", "")
+            sensor.second = sensor.state == "flip" or (sensor.second and sensor.state == "recording")
             missed = parse_real(fields.get("missed", ""))
             sensor.missed = sensor.missed if missed is None else int(missed)
         elif kind == "run":

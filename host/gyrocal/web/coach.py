@@ -38,8 +38,8 @@ class Advice:
     stage: str
 
 
-def advice(sensor: dict[str, Any], *, second: bool, replays: bool, ended: bool) -> Advice:
-    """The advice for a sensor's status; ``second``: its run is the second one of a pair, or would be."""
+def advice(sensor: dict[str, Any], *, replays: bool, ended: bool) -> Advice:
+    """The advice for a sensor's status."""
     hello = sensor.get("hello") or {}
     state, waits, run_s = sensor.get("state"), sensor.get("waits"), sensor.get("run_s", 0.0)
     rate = f"{hello['table_dps']} deg/s" if hello.get("table_dps") else "a constant rate"
@@ -48,7 +48,8 @@ def advice(sensor: dict[str, Any], *, second: bool, replays: bool, ended: bool) 
     if waits == "sensor":
         return Advice("The sensor does not answer.", "Check its wires and its power; the device tries again by itself.", "wait")
     if state == "recording":
-        return _turning(run_s, str(sensor.get("face")), second=second, replays=replays, by_hand=waits == "stop")
+        second, by_hand = bool(sensor.get("second")), waits == "stop"
+        return _turning(run_s, str(sensor.get("face")), second=second, replays=replays, by_hand=by_hand)
     if state == "done":
         return Advice("Both faces are measured.", "Read scale and bias here, or start again with a face up.", "done")
     if replays:
@@ -118,8 +119,6 @@ class Coach:
 
     def __init__(self, live: Live) -> None:
         self._live, self._imu = live, 0
-        self._second: set[int] = set()
-        """Sensors whose run in progress is the second one of a pair."""
         self._was: Advice | None = None
         self._found: list[Result] | None = None
         with ui.element("section").classes("face coach").props('aria-label="what to do"') as self._section:
@@ -144,14 +143,10 @@ class Coach:
 
     def update(self) -> None:
         """Draw what has changed."""
-        live, imu = self._live, self._imu
-        sensor = live.sensor(imu)
+        live = self._live
+        sensor = live.sensor(self._imu)
         self._section.set_visibility(bool(sensor.get("hello")) and bool(live.port))
-        if sensor.get("state") in ("idle", "done"):
-            self._second.discard(imu)
-        elif sensor.get("state") == "flip":
-            self._second.add(imu)
-        now = advice(sensor, second=imu in self._second, replays=bool(live.status.get("replays")), ended=live.ended)
+        now = advice(sensor, replays=bool(live.status.get("replays")), ended=live.ended)
         self._tell.text, self._why.text = now.tell, now.why
         self._state.text = words(sensor)
         measuring = sensor.get("state") == "recording" and not live.ended
@@ -197,7 +192,8 @@ class Coach:
             if tests:
                 with ui.row().classes("tight").style("flex-wrap: nowrap"):
                     ui.element("span").classes(f"light {'bad' if any(map(doubtful, tests)) else 'good'}")
-                    ui.label(verdict(tests)).classes("small")
+                    allows = any(map(doubtful, tests)) and not doubtful(best)
+                    ui.label(verdict(tests) + " The answer above allows for it." * allows).classes("small")
         self._all.content = table(found)
 
 

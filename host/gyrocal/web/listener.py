@@ -215,8 +215,8 @@ class Listener:
 
 def _sensor_status(sensor: Sensor) -> dict[str, Any]:
     return {
-        "state": sensor.state, "face": sensor.face, "waits": sensor.waits, "run_s": sensor.run_s(), "hello": sensor.hello,
-        "rate_hz": sensor.rate_hz(),
+        "state": sensor.state, "face": sensor.face, "waits": sensor.waits, "second": sensor.second,
+        "run_s": sensor.run_s(), "hello": sensor.hello, "rate_hz": sensor.rate_hz(),
         "missed": sensor.missed, "results": list(sensor.results.values()),
     }  # fmt: skip
 

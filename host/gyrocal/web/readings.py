@@ -59,7 +59,7 @@ class Readings:
         with ui.row().classes("tight").style("padding: 0 8px"):
             self._pause = ui.button("Pause", icon="pause", on_click=self._hold, color=None).props("flat dense no-caps size=sm")
             self._window = ui.select(WINDOWS_S, value=SHOWN_S, label="window", on_change=self._again).props("outlined dense")
-            self._window.style("width: 90px")
+            self._window.style("width: 110px")
             self._statistics = ui.checkbox("mean and scatter of the window", on_change=self._again).props("dense")
             with ui.element("details").classes("fold"):
                 with ui.element("summary"):
@@ -126,7 +126,8 @@ class Readings:
         if time.monotonic() - self._read > READ_S:
             self._read = time.monotonic()
             self._numbers(samples.latest(self._window.value)[:, 1:])
-        background_tasks.create(self._send(self._options(frame)))
+        if not self._chart.is_deleted:
+            background_tasks.create(self._send(self._options(frame)))
 
     def _numbers(self, rows: Any) -> None:
         """The latest values, or mean and scatter of the window."""

@@ -245,7 +245,7 @@ class LivePanel:
                     ).props("unelevated no-caps").classes("primary")  # fmt: skip
 
     def _progress(self) -> None:
-        with ui.row().classes("tight"):
+        with ui.row().classes("tight").style("flex-wrap: nowrap"):
             self.lamp = ui.element("span").classes("light")
             self.progress = ui.label("Waiting for a run of the device.").classes("small")
         ui.button("Stop recording", icon="stop", on_click=self.live.stop, color=None).props("outline dense no-caps")
