@@ -67,7 +67,8 @@ def look(file: Path, asked: Asked) -> Looked:
     session = found.session
     seconds = sum(run.duration_s for run in session.runs)
     samples = sum(len(run) for run in session.runs)
-    told = f"{len(session.runs)} runs, {samples:,} samples at {session.sample_rate_hz:g} Hz, {seconds:.1f} s"
+    runs = "1 run" if len(session.runs) == 1 else f"{len(session.runs)} runs"
+    told = f"{runs}, {samples:,} samples at {session.sample_rate_hz:g} Hz, {seconds:.1f} s"
     if found.repaired:
         told += "; repaired: " + ", ".join(f"{count} {what}" for what, count in found.repaired.items())
     warnings = [w.to_json() for w in (*found.warnings, *check(session))]
