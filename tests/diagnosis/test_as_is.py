@@ -13,8 +13,8 @@ from gyrocal.diagnosis.compare import compare
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.gravity.as_is import compare_as_is
-from gyrocal.gravity.compare import compare as compare_gravity
 from gyrocal.gravity.calibrate import calibrate
+from gyrocal.gravity.compare import compare as compare_gravity
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.recording.session import Session

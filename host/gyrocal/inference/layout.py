@@ -26,4 +26,5 @@ class Layout:
 
     @property
     def n_groups(self) -> int:
+        """Number of groups of coefficients that differ from run to run."""
         return max(self.run_group, default=-1) + 1
