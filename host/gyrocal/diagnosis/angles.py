@@ -32,7 +32,7 @@ class Level:
 
     @staticmethod
     def of(squares: float, floor: float, error: float, noise: float, count: int) -> Level:
-        """The level from mean squares of angles, their expectation and its standard error (deg^2), and the noise of one angle."""
+        """The level from mean squares of angles, their expectation with standard error, and the noise of an angle, deg^2."""
         if not count:
             return Level(None, None)
         excess, se = excess_of(squares - floor, error, noise / count)

@@ -28,6 +28,7 @@ def _volume(runs: Sequence[Run], apart: int) -> float:
 class SamplingFault(ReadingFault):
     id = "sampling_fault"
     title = "Repeated or lost samples"
+    offered_as = "repeated samples"
     cause = (
         "The host reads before the chip has a new sample and gets the old one again on all axes, or it reads "
         "too late and loses one. A busy bus or a blocked task has the same result. The noise of neighbours is then "

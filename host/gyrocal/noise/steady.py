@@ -84,12 +84,8 @@ def _variance(residuals: Sequence[Array], window: int) -> float:
 
     It is ``2 / window * sum of rho^2`` with the autocorrelation rho of the differences, which a low-pass filter lengthens.
     """
-    total, square = 0.0, np.zeros(window // 2)
-    for r in residuals:
-        d = np.diff(r[:ENOUGH])
-        if d.size > 2 * window:
-            spectrum = np.abs(np.fft.rfft(d, 2 * ENOUGH)) ** 2
-            square += np.fft.irfft(spectrum)[: square.size]
-            total += 1
-    rho = square / max(square[0], 1e-300) if total else np.eye(1, square.size)[0]
+    lags = range(window // 2)
+    long = [d for d in (np.diff(r[:ENOUGH]) for r in residuals) if d.size > 2 * window]
+    square = np.array([sum(float(d[: d.size - lag] @ d[lag:]) for d in long) for lag in lags])
+    rho = square / max(square[0], 1e-300) if long else np.eye(1, square.size)[0]
     return float(2 / window * (1 + 2 * float(rho[1:] @ rho[1:])))

@@ -221,7 +221,8 @@ def _mapped(path: Path, options: Options) -> _Mapped:
         return _Mapped(mappings, source)
     if set(REQUIRED) <= set(source.frame.columns):
         return _Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
-    guessed = tuple(guess(source, scaling))
+    stated = options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
+    guessed = tuple(guess(source, scaling, reference=not stated))
     return _Mapped([ColumnMap.parse(g.map, scaling) for g in guessed], source, guessed)
 
 

@@ -124,7 +124,7 @@ class Run:
     @cached_property
     def gyro_dps(self) -> Array:
         """Measured rates, shape [n, 3], deg/s."""
-        return self.table.select("gx_dps", "gy_dps", "gz_dps").to_numpy()
+        return np.stack([self.table[name].to_numpy() for name in ("gx_dps", "gy_dps", "gz_dps")]).T
 
     @cached_property
     def step_dps(self) -> Array:
