@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -29,6 +30,15 @@ RIDGE = 1e-10
 
 Chosen = Sequence[tuple[int, float]]
 """Kinds of power cycles with their numbers. Kinds from ``Contest.n_new`` on are the session's own power cycles."""
+
+
+class Strengths(NamedTuple):
+    """Number, sum and sum of squares of the lambdas, and the cosine of the shapes, [candidates] each."""
+
+    n: Array
+    first: Array
+    second: Array
+    cosine: Array
 
 
 @dataclass(frozen=True)
@@ -52,6 +62,7 @@ class Contest:
 
     @staticmethod
     def of(columns: Columns, members: Sequence[Member], truth: int, rival: int | None, least: float) -> Contest:
+        """The contest of member ``truth`` against member ``rival``, or against none."""
         grams = columns.grams(truth, members[truth], rival)
         own, new = columns.plain()
         cycles = len(grams.own)
@@ -63,11 +74,8 @@ class Contest:
             none if rival is None else columns.owner == rival, len(grams.new), least,
         )  # fmt: skip
 
-    def strengths(self, chosen: Chosen, candidates: Chosen = ((0, 0.0),)) -> tuple[Array, Array, Array, Array]:
-        """For a plan with each candidate added: number, sum and sum of squares of the lambdas, and the cosine of the shapes.
-
-        All are [candidates]. The session's own power cycles are part of each.
-        """
+    def strengths(self, chosen: Chosen, candidates: Chosen = ((0, 0.0),)) -> Strengths:
+        """Strengths of a plan with each candidate added. The session's own power cycles are part of each."""
         own = np.arange(self.n_new, len(self.grams))
         kinds = np.concatenate([own, [k for k, _ in chosen]]).astype(int)
         times = np.concatenate([np.ones(own.size), [n for _, n in chosen]])
@@ -79,7 +87,7 @@ class Contest:
         last = np.einsum("cij,ci,cj->c", self.grams[extra], mismatch, mismatch, optimize=True) + self.random[extra]
         lambdas, last = np.maximum(lambdas, 0.0), np.maximum(last, 0.0)
         plain = np.tensordot(times, self.plain[kinds], 1) + number[:, None, None] * self.plain[extra]
-        return (
+        return Strengths(
             times.sum() + number, lambdas @ times + number * last, lambdas**2 @ times + number * last**2,
             self._cosine(plain, mismatch),
         )  # fmt: skip

@@ -33,6 +33,7 @@ def saved(session: Session, out: str | Path, record: Mapping[str, Any], parquet:
 
 
 def check_new(out: Path) -> None:
+    """Raise InputError if the session exists already, or if a file that is no truth has the truth's name."""
     if out.exists():
         raise InputError(f"{out}: exists already; choose another name or remove it")
     _check_replaceable(Path(f"{out}.truth.json"))
