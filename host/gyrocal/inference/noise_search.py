@@ -105,6 +105,7 @@ class NoiseScale:
 
     @staticmethod
     def of(design: Design) -> NoiseScale:
+        """The coordinates and bounds of the search for one axis's design."""
         white0 = white_start(design)
         longest_s, block_s = design.extent_s
         samples = max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks]))))
@@ -119,6 +120,7 @@ class NoiseScale:
 
     @property
     def drift(self) -> bool:
+        """True if the search includes a drift."""
         return len(self.bounds) > 1
 
     def coordinates(self, noise: Noise) -> Array:

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Role
-from gyrocal.inference.design import Design, Layout
+from gyrocal.inference.design import Design
+from gyrocal.inference.layout import Layout
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -266,6 +267,7 @@ class SpreadScale:
 
     @staticmethod
     def of(design: Design, grams: Array) -> SpreadScale:
+        """The scale and the bounds of the spreads of one axis's design."""
         layout = design.layout
         information = np.zeros(layout.n_groups + len(layout.scenario))
         diagonal = np.diagonal(grams, axis1=-2, axis2=-1)
@@ -287,18 +289,20 @@ class SpreadScale:
         return np.clip(np.log1p(ratio**2), NO_SPREAD, np.maximum(self.high, NO_SPREAD))
 
     def spreads(self, x: Array) -> Array:
+        """Spreads [k] from coordinates [k]."""
         return self.unit * np.sqrt(np.expm1(x))
 
     def slopes(self, x: Array, of_log_sd: Array) -> Array:
-        """Derivatives by the coordinates, from derivatives by log sd."""
+        """Derivatives [k] by the coordinates, from derivatives by the logarithm of each spread [k]."""
         return of_log_sd / (-2 * np.expm1(-x))
 
     def settled(self, x: Array) -> Array:
-        """The spreads at the end of a search. A vanishing spread is set to zero."""
+        """Spreads [k] at the end of a search. A vanishing spread is set to zero."""
         return np.where(x > 10 * NO_SPREAD, self.spreads(x), 0.0)
 
     @property
     def bounds(self) -> list[tuple[float, float]]:
+        """Lower and upper bound of each coordinate."""
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
 
 
@@ -352,6 +356,7 @@ def _random_rms(design: Design) -> tuple[Array, Array]:
 
 
 def unknown_spreads(design: Design) -> Spreads:
+    """Spreads that are all NaN, which means not known yet."""
     layout = design.layout
     return Spreads(np.full(layout.n_groups, np.nan), np.full(len(layout.scenario), np.nan))
 

@@ -42,17 +42,21 @@ class Levels:
 
     @property
     def change(self) -> bool:
+        """True if the level of the noise changes."""
         return self.of_residual is not None
 
     def steadied(self, residuals: Sequence[Array]) -> Sequence[Array]:
-        """The residuals, each sample divided by the relative level of its time."""
+        """The residuals [n] of each run, each sample divided by the relative level at its time."""
         if self.of_residual is None:
             return residuals
         return [r / level for r, level in zip(residuals, self.of_residual, strict=True)]
 
 
 def relative_levels(residuals: Sequence[Array], window: int = WINDOW) -> Levels:
-    """The relative level of the noise over time, from the scatter of neighbours in windows. Its geometric mean is one."""
+    """The relative level of the noise of residuals [n] over time, from the differences of neighbours in windows.
+
+    Its geometric mean is one.
+    """
     counts = [max(0, (r.size - 1) // window) for r in residuals]
     if sum(counts) < LEAST_WINDOWS:
         return Levels(None)

@@ -72,10 +72,12 @@ class Run:
 
     @property
     def axis_index(self) -> int:
+        """Number of the run's axis, 0 to 2."""
         return AXES.index(self.axis)
 
     @property
     def face_sign(self) -> float:
+        """1 for the face up, -1 for down."""
         return 1.0 if self.face == "up" else -1.0
 
     @cached_property
