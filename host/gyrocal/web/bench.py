@@ -21,6 +21,7 @@ from gyrocal.inference.blocks import known_dps
 from gyrocal.policy import POLICY
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
+from gyrocal.web import intake
 from gyrocal.web.against import panels
 from gyrocal.web.decimate import Pyramid
 from gyrocal.web.doubt import doubts
@@ -97,6 +98,15 @@ class Bench:
         mended = apply(folder, mend, lambda: out)
         self._whole = self._used = self._compared = None
         return mended
+
+    def look(self, file: Path, asked: intake.Asked, progress: Progress) -> intake.Looked:
+        """Look at a file that may be imported."""
+        return intake.look(file, asked)
+
+    def take(self, file: Path, asked: intake.Asked, out: Path, progress: Progress) -> Path:
+        """Import a file as a new session."""
+        intake.take(file, asked, out)
+        return out
 
     def compare(self, recording: Recording, model: str, progress: Progress) -> ModelView:
         """Compare a model (TOML text, or the name of a built-in model) with the session."""

@@ -145,6 +145,12 @@ class Workbench:
             await self.jobs.run("Simulating a recording", "simulate", out, effects, seed, scenarios, seconds)
             await self.open(out)
 
+    async def ask(self, title: str, method: str, *args: Any) -> Any:
+        """The answer of a method of the worker; None if it failed, which the user is told."""
+        with self._telling():
+            return await self.jobs.run(title, method, *args)
+        return None
+
     async def diagnose(self) -> None:
         with self._telling():
             if self.session is not None and self.step is not None:
