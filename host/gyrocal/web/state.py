@@ -20,6 +20,7 @@ from gyrocal.web.training import Training
 from gyrocal.web.views import Bar, CalibrationView, DiagnosisView, ExportView, ModelView, SessionView, TrainedView
 
 if TYPE_CHECKING:
+    from gyrocal.web.by_gravity import GravityView
     from gyrocal.web.traces import Traces
 
 Topic = Literal["session", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
@@ -54,6 +55,8 @@ class Workbench:
         self.opening = False
         self.session: SessionView | None = None
         self.traces: Traces | None = None
+        self.gravity: GravityView | None = None
+        """The open session if its reference is gravity; :attr:`session` is None then."""
         self.steps: list[Step] = []
         self.undone: list[Step] = []
         self.diagnosed: DiagnosisView | None = None
@@ -110,6 +113,11 @@ class Workbench:
             path = self.places.session(folder)
             self.jobs.cancel()
             self._forget()
+            if self.places.is_by_gravity(path):
+                title = f"Opening {self.places.name(path)}, a session by gravity"
+                self.gravity = await self.jobs.run(title, "look_by_gravity", path)
+                self.changed("session")
+                return
             self.opening = True
             try:
                 self.session = await self.jobs.run(f"Opening {self.places.name(path)}", "open", path)
@@ -249,7 +257,7 @@ class Workbench:
     # How it comes about.
 
     def _forget(self) -> None:
-        self.session = self.traces = self.diagnosed = self.before = self.exported = None
+        self.session = self.traces = self.gravity = self.diagnosed = self.before = self.exported = None
         self._diagnoses, self._calibrations = {}, {}
         self.steps, self.undone = [], []
         for room in self.scratch.glob("[0-9]*"):  # traces of the last session
