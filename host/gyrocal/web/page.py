@@ -54,7 +54,7 @@ class Tab:
 
     def _query(self) -> str:
         """The part of the address that names the session, so that the address opens it again."""
-        session = self.bench.session
+        session = self.bench.session or self.bench.gravity
         return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
 
     def build(self) -> None:
