@@ -69,7 +69,7 @@ class Comparison(Shown):
     @property
     def ids(self) -> list[str]:
         """Ids of the model's effects and noise components, and of what was estimated about the recording's reference."""
-        of_recording = dict.fromkeys(effect for effect, _, _, _ in self.fit.session.registration_parameters)
+        of_recording = dict.fromkeys(p.effect for p in self.fit.session.registration_parameters)
         return [*self.fit.model.ids, *of_recording]
 
     @property
@@ -85,6 +85,7 @@ class Comparison(Shown):
 
     @property
     def verdict(self) -> str:
+        """``implausible``, ``misfit`` or ``adequate``."""
         if self.implausible:
             return "implausible"
         return "misfit" if self.where else "adequate"
@@ -110,8 +111,8 @@ class Comparison(Shown):
                 for line in self.fit.model.lines()
                 for name, value in line.values.items()
             ] + [
-                {"effect": effect, "axis": None, "name": name, "value": value, "se": se}
-                for effect, name, value, se in self.fit.session.registration_parameters
+                {"effect": p.effect, "axis": None, "name": p.name, "value": p.value, "se": p.se}
+                for p in self.fit.session.registration_parameters
             ],
             "warnings": [w.to_json() for w in self.warnings],
         }

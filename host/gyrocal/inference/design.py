@@ -53,6 +53,7 @@ class Layout:
 
     @property
     def n_groups(self) -> int:
+        """Number of groups of coefficients that differ from run to run."""
         return max(self.run_group, default=-1) + 1
 
 
@@ -348,12 +349,14 @@ class Design:
         wanted = {(i, self.terms[t].effect.stands_for) for t in self.levels for i in np.flatnonzero(self.lacking[t]).tolist()}
         return sorted((i, roles[role]) for i, role in wanted if role in roles)
 
-    @property
+    @cached_property
     def scenarios(self) -> np.ndarray[Any, np.dtype[np.intp]]:
+        """Number of the power cycle of each run, shape [runs]."""
         return np.array([b.scenario for b in self.blocks], dtype=np.intp)
 
-    @property
+    @cached_property
     def n_blocks(self) -> np.ndarray[Any, np.dtype[np.intp]]:
+        """Number of blocks of each run, shape [runs]."""
         return np.array([b.t_s.size for b in self.blocks], dtype=np.intp)
 
     @cached_property

@@ -24,6 +24,7 @@ from gyrocal.recording.session import Session
 def show_calibration(
     session: Session, seconds: Sequence[float] | None, methods: Sequence[str] | None, model: str | None, as_json: bool
 ) -> None:
+    """Calibrate a session by gravity and print the result, as JSON if asked."""
     found = calibration.calibrate(session, seconds, methods, model)
     emit(found.to_json()) if as_json else print_calibration(found)
 
@@ -44,6 +45,7 @@ def show_compare(session: Session, model: str | None, residuals: Path | None, pa
 
 
 def show_diagnose(session: Session, path: Path, model: str | None, formulas: Sequence[str], as_json: bool) -> None:
+    """Diagnose a session by gravity and print the result, as JSON if asked."""
     found = diagnosis.diagnose(session, model, formulas)
     emit(found.to_json()) if as_json else print_diagnosis(found, path, model)
 

@@ -72,6 +72,7 @@ ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
 
 
 def deg(value: float | None) -> str:
+    """An angle in deg with four decimals, ``-`` for None."""
     return "-" if value is None else f"{value:.4f}"
 
 
@@ -81,6 +82,7 @@ def angle_row(name: str, v: angles.Level) -> list[str]:
 
 
 def print_comparison(c: Comparison) -> None:
+    """Print the levels, findings and parameters of a comparison."""
     print_warnings(c.warnings)
     if c.angles is None:
         table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
@@ -96,6 +98,7 @@ def print_comparison(c: Comparison) -> None:
 
 
 def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
+    """Print the candidates and the verdict of a diagnosis. ``session`` and ``model`` stand in the next command."""
     print_warnings(d.comparison.warnings)
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
@@ -171,6 +174,7 @@ def sizes(c: Candidate) -> str:
 
 
 def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
+    """Print the levels before and after an effect was added, and the file of the new model."""
     print_warnings(before.warnings)
     if before.note:
         stdout.print(before.note, style="bold")
@@ -212,6 +216,7 @@ def write_page(path: Path, c: Comparison) -> None:
 
 
 def parameter_rows(c: Comparison) -> list[list[Any]]:
+    """Rows of effect, axis, parameter, value, standard error and unit."""
     rows = []
     for listed in c.fit.model.lines():
         units = {p.name: p.unit for p in listed.kind.parameters}
