@@ -12,7 +12,7 @@ import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import NoiseScale
-from gyrocal.inference.reml import solve_with_slopes
+from gyrocal.inference.reml import Equations
 from gyrocal.recording.session import Array
 
 STEP = 0.2
@@ -37,7 +37,8 @@ def drift_factor(current: AxisFit, scenario_se: Array) -> Array:
         design = current.design
         grams, logdet = design.grams(scale.noise(np.clip(x + step, *np.transpose(scale.bounds))))
         n = int(design.n_blocks.sum())
-        solution, slopes = solve_with_slopes(design.layout, grams, logdet, design.scenarios, n, current.spreads)
+        equations = Equations(design.layout, grams, logdet, design.scenarios, n)
+        solution, slopes = equations.solve_with_slopes(current.spreads)
         return solution.loglik, slopes[current.spreads.run.size :]
 
     here, size = current.loglik, steps.max(axis=1)
