@@ -9,7 +9,7 @@ a fast motion is left as it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -124,7 +124,7 @@ def smoothed_temperature(temp_c: Array, t_s: Array, stated_sd_c: float | None = 
     of_means = smoothed(mean_c, None if stated_sd_c is None else stated_sd_c / typical**0.5)
     return Smoothed(
         _line(t_s, at_s, of_means.values), np.interp(t_s, at_s, of_means.error),
-        NoiseLevel(of_means.noise.sd * typical**0.5, of_means.noise.relative_se, of_means.noise.estimated),
+        replace(of_means.noise, sd=of_means.noise.sd * typical**0.5),
     )  # fmt: skip
 
 
