@@ -108,6 +108,71 @@ def test_single_readings_without_a_carry_are_told_from_other_outliers(make_run: 
     assert single_power([swinging(make_run, np.round(spikes / LSB_DPS) * LSB_DPS, w_dps)], 2) is None
 
 
+def torn(make_run: MakeRun, bit: int) -> Run:
+    """Noise of a count and more, and now and then the upper part of the sample before."""
+    rng = np.random.default_rng(6)
+    codes = np.rint(2.0 + rng.normal(0, 1.4, 60_000)).astype(np.int64)
+    before = np.concatenate([codes[:1], codes[:-1]])
+    part = 1 << bit
+    wrong = np.where(rng.random(codes.size) < 0.04, before - before % part + codes % part, codes)
+    return swinging(make_run, wrong * LSB_DPS, np.zeros(codes.size))
+
+
+def test_low_bits_show_a_torn_reading_whose_step_is_few_times_the_noise(make_run: MakeRun) -> None:
+    """The step of bit 4 is eleven times the noise. Such readings were called outliers of a jumping bias."""
+    assert (single_power([torn(make_run, 4)], 2) or (None,))[0] == 4
+    rng = np.random.default_rng(7)
+    spikes = rng.normal(0, 1.4, 40_000) + rng.choice([0.0, -16.0, 16.0], 40_000, p=[0.999, 0.0005, 0.0005])
+    assert single_power([swinging(make_run, np.rint(spikes) * LSB_DPS, np.zeros(40_000))], 2) is None
+
+
+def polled(chip: Array, every: float, repeats: float, rng: np.random.Generator) -> Array:
+    """What a host reads that takes the newest of the chip's samples [m, 3] at each poll, in counts of 0.00875 dps."""
+    newest = np.floor(np.arange(int(len(chip) / every)) * every).astype(np.intp)
+    again = rng.random(newest.size) < repeats
+    again[0] = False
+    newest = newest[np.maximum.accumulate(np.where(again, 0, np.arange(newest.size)))]
+    return np.asarray(np.rint(chip[newest] / LSB_DPS) * LSB_DPS)
+
+
+def test_neighbours_that_chance_makes_equal_are_no_repeated_samples(make_run: MakeRun) -> None:
+    """Polls at 0.6 of the chip's rate are one or two smooth samples apart, in turn, and the counts are coarse."""
+    rng = np.random.default_rng(8)
+    smooth = np.apply_along_axis(np.convolve, 0, rng.normal(0, 1.0, (100_000, 3)), np.hanning(9), "same")
+    chip = 2.0 * LSB_DPS * smooth / smooth.std()
+    fault = effect("sampling_fault").fault
+    assert fault is not None
+    for repeats, found in ((0.0, False), (0.02, True)):
+        gyro = polled(chip, 1.666, repeats, np.random.default_rng(9))
+        run = make_run(np.arange(len(gyro)) / 1000, gyro, table_rate_dps=0.0)
+        assert (fault.detect([run], 0) is not None) is found
+
+
+def test_a_narrow_dead_band_shows_in_turns_by_hand(make_run: MakeRun) -> None:
+    """Steps of the readings from sample to sample are mostly motion, which was taken for noise."""
+    rng = np.random.default_rng(10)
+    w_dps = 70 * np.sin(2 * np.pi * 0.3 * np.arange(6000) / 100)
+    noisy = w_dps + rng.normal(0, 0.0125, w_dps.size)
+    lost = np.where(np.abs(w_dps) < 0.6, noisy - w_dps, noisy)
+    assert effect("dead_band").shows([swinging(make_run, lost, w_dps)], 2, 1.0)
+    assert not effect("dead_band").shows([swinging(make_run, noisy, w_dps)], 2, 1.0)
+
+
+def test_a_dead_band_takes_small_rates_away_and_not_a_part_of_them() -> None:
+    assert effect("dead_band").contradicted({"width_dps": 12.0, "depth": 0.008})
+    assert not effect("dead_band").contradicted({"width_dps": 0.6, "depth": 0.8})
+
+
+def test_a_small_tone_of_a_ripples_own_order_is_what_the_ripple_left(make_run: MakeRun) -> None:
+    """Readings are later than the table's angle, so that a ripple keeps a small part where the table reverses."""
+    run = make_run(np.arange(2000) / 100, rate_ref_dps=150 * np.sign(np.sin(np.arange(2000) / 300)))
+    ripple = [(effect("table_ripple"), {"amplitude_3": 0.0016, "phase_3_deg": 20.0})]
+    tone = effect("order_tone")
+    assert tone.repeats({"order": 2.996, "A_dps": 0.008}, [run], 2, ripple)
+    assert not tone.repeats({"order": 2.996, "A_dps": 0.2}, [run], 2, ripple)
+    assert not tone.repeats({"order": 5.0, "A_dps": 0.008}, [run], 2, ripple)
+
+
 def test_readings_that_keep_the_carry_which_their_neighbours_lack_are_of_the_same_fault(make_run: MakeRun) -> None:
     """Just below the border a few readings lack the carry. Just above it most of them do, and the few others stand out."""
     border_dps = 2**7 * LSB_DPS

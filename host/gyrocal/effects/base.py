@@ -159,6 +159,14 @@ class Effect(Described):
         """The part of a nonlinear parameter's standard error that comes from the spacing of the samples, even without noise."""
         return 0.0
 
+    def contradicted(self, values: Values) -> bool:
+        """True if the fitted ``values`` contradict what the effect is, although the fit is good."""
+        return False
+
+    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
+        """True if the fitted ``values`` describe what an imperfect fit of an effect among the ``known`` ones leaves over."""
+        return False
+
     @property
     def fault(self) -> ReadingFault | None:
         """The fault of the reading with the same id; None if there is none."""

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.effects.base import Case, Law, Parameter, Values, elapsed_s, table_angle_rad
-from gyrocal.effects.quantities import TURNING_AT_ALL
-from gyrocal.effects.wave import ONE_RATE, Tone, size_over_rate
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
+from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
 from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
@@ -17,6 +17,10 @@ from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
 PEAKS = 2
+NEAR_WHOLE = 0.05
+"""Difference in periods per turn from a whole number within which a fitted order is that number."""
+LEFT_OF_RIPPLE = 0.2
+"""Amplitude of a tone, as a fraction of a ripple of the same order, below which it may be what a delay leaves of the ripple."""
 HARMONIC = 0.3
 """Amplitude of a harmonic, as a fraction of the strongest line's, from which on the wave is no tone."""
 
@@ -127,6 +131,21 @@ class OrderTone(Tone):
     def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
         turning = np.array([_turns(r) for r in runs])
         return super().holds(runs, sizes[turning]) and (size_over_rate(runs, sizes) or 0.0) < 1.0 / POLICY.one_size
+
+    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
+        """A ripple leaves a small tone of its own order where a table of known angle reverses, because readings are late."""
+        order = round(values["order"])
+        if abs(values["order"] - order) > NEAR_WHOLE:
+            return False
+        largest_dps = max((float(np.abs(rate_about(r, axis)).max()) for r in runs), default=0.0)
+        sizes = [
+            of[name] * largest_dps
+            for effect, of in known
+            if isinstance(effect, TableWave)
+            for name, k in zip(effect.linear, effect.orders, strict=True)
+            if k == order and name in of
+        ]
+        return values["A_dps"] < LEFT_OF_RIPPLE * max(sizes, default=0.0)
 
     def periods(self, run: Run, values: Mapping[str, float]) -> Array:
         return values["order"] * turned_turn(run)
