@@ -6,6 +6,7 @@ import pytest
 from gyrocal.effects.base import effect
 from gyrocal.effects.byte_fault import carried, lost_carry, single_power
 from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
 from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.recording.session import Run
 
@@ -159,8 +160,15 @@ def test_a_narrow_dead_band_shows_in_turns_by_hand(make_run: MakeRun) -> None:
 
 
 def test_a_dead_band_takes_small_rates_away_and_not_a_part_of_them() -> None:
-    assert effect("dead_band").contradicted({"width_dps": 12.0, "depth": 0.008})
-    assert not effect("dead_band").contradicted({"width_dps": 0.6, "depth": 0.8})
+    assert effect("dead_band").contradicted({"width_dps": 12.0, "depth": 0.008}, 1.0)
+    assert not effect("dead_band").contradicted({"width_dps": 0.6, "depth": 0.8}, 1.0)
+
+
+def test_a_reading_that_leads_is_no_lag_unless_that_is_the_main_cause() -> None:
+    """A reading cannot precede the rate. A late reference looks like that, and then explains nearly all of the error."""
+    assert effect("lag").contradicted({"tau_s": -3e-4, "order": 0.0}, None)
+    assert not effect("lag").contradicted({"tau_s": -3e-3, "order": 0.0}, 0.95)
+    assert not effect("lag").contradicted({"tau_s": 3e-4, "order": 0.0}, None)
 
 
 def test_a_small_tone_of_a_ripples_own_order_is_what_the_ripple_left(make_run: MakeRun) -> None:
@@ -195,3 +203,36 @@ def test_a_motion_that_nobody_recorded_is_no_lost_carry(make_run: MakeRun) -> No
 def test_carries_are_counted_from_zero_up() -> None:
     codes = np.array([0, 63, 64, 127, 128, -1, -128]) * LSB_DPS
     assert carried(codes, LSB_DPS, 7, 0.5).tolist() == [True, True, False, False, True, False, True]
+
+
+def test_a_line_of_the_vibration_is_in_its_square(make_run: MakeRun) -> None:
+    """The gyroscope's low-pass weakens the line, so that the fit leaves a part of it, which is of no other cause."""
+    t_s = np.arange(4000) / 100
+    shaken = 0.3 * np.sin(2 * np.pi * 8.0 * t_s) * (1 + 0.5 * np.sin(2 * np.pi * 0.05 * t_s))
+    noise = np.random.default_rng(11).normal(0, 1e-3, (3, t_s.size))
+    run = make_run(t_s, table_rate_dps=0.0, ax_g=noise[0], ay_g=1 + shaken + noise[1], az_g=noise[2])
+    g2 = effect("g2_sensitivity")
+    assert g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 8.01)
+    assert not g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 11.0)
+
+
+@pytest.mark.parametrize(("rate", "told"), [(np.sign, True), (np.ones_like, False)])
+def test_a_table_that_turns_back_tells_an_order_from_a_frequency(make_run: MakeRun, rate, told: bool) -> None:  # type: ignore[no-untyped-def]
+    t_s = np.arange(4000) / 100
+    w_dps = 150 * rate(np.sin(2 * np.pi * 0.025 * t_s) + 1e-6)
+    run = make_run(t_s, rate_ref_dps=w_dps, table_angle_deg=np.cumsum(w_dps) / 100)
+    assert told_from_frequency([run]) is told
+
+
+def test_rests_do_not_hide_a_tone_of_an_order(make_run: MakeRun) -> None:
+    """All samples at rest have one angle. What they leave there spreads over all orders."""
+    rng = np.random.default_rng(12)
+    t_s = np.arange(5000) / 50
+    w_dps = 150.0 * np.repeat([0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0], 500)
+    angle_deg = np.cumsum(w_dps) / 50
+    reading = w_dps + 0.03 * (w_dps == 0) + 0.03 * np.sin(np.deg2rad(4.25 * angle_deg)) + rng.normal(0, 0.03, t_s.size)
+    gyro = np.column_stack([np.zeros((t_s.size, 2)), reading])
+    run = make_run(t_s, gyro, rate_ref_dps=w_dps, table_angle_deg=angle_deg)
+    (peak, *_) = spectrum_over_turns([run], 2).peaks(1)
+    assert peak.order == pytest.approx(4.25, abs=0.1)
+    assert peak.chance < 1e-6

@@ -86,7 +86,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         gain = gain_se = None
     excess = Explained(None, False) if gain is None else explained(current, fitted, signal, chance)
     partial = isinstance(effect, Wave) and _contradicted(fitted, effect)
-    partial = partial or (effect.common_mean and _without_mean(term)) or effect.contradicted(term.values)
+    partial = partial or (effect.common_mean and _without_mean(term)) or effect.contradicted(term.values, excess.part)
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,

@@ -63,7 +63,7 @@ class DeadBand(Effect):
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
         return float(_scores(runs, axis).max()) > FIRST_SIGHT
 
-    def contradicted(self, values: Values) -> bool:
+    def contradicted(self, values: Values, explained: float | None) -> bool:
         """True if small rates are not lost for the most part: the rate's error in this range is another effect's."""
         return values["depth"] < LEAST_DEPTH
 
