@@ -146,7 +146,7 @@ REPEAT = "record the same runs again in another power cycle; no run of this sess
 
 
 def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
-    """The best suggestion on each axis with a finding, if it has rivals or if nothing of the session can be held out."""
+    """The best suggestion on each axis with a finding, if nothing can be held out that would prove it, and its rivals."""
     nothing_held_out = diagnosis.comparison.held_out == "none"
     named = {c.axis for c in diagnosis.candidates if c.decision == "add"}
     for axis in dict.fromkeys(f.axis for f in diagnosis.comparison.where):
@@ -154,10 +154,8 @@ def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
         best = min(suggested, key=lambda c: c.chance, default=None)
         if best is None or axis in named:
             continue
-        if nothing_held_out:
-            yield Open(best.group or (best.effect.id,), axis, REPEAT)
-        elif best.group:
-            yield Open(best.group, axis, best.next_measurement)
+        if nothing_held_out or best.gain is None:
+            yield Open(best.group or (best.effect.id,), axis, REPEAT if nothing_held_out else best.next_measurement)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
-PEAKS = 2
+PEAKS = 4
 NEAR_WHOLE = 0.05
 """Difference in periods per turn from a whole number within which a fitted order is that number."""
 LEFT_OF_RIPPLE = 0.2
