@@ -262,3 +262,8 @@ class Plausibility:
         larger="degrees Fahrenheit and kelvin pass", smaller="hot parts are reported",
         chosen_by="the usual -40 to 125 degC with a margin; pytest tests/plausibility/test_columns.py",
     )  # fmt: skip
+    told_attenuation: float = threshold(
+        1e-3, "attenuation by the unknown noise of a measured column, as a fraction, from which on its bound is told",
+        larger="an attenuated scale is not told", smaller="a bound without meaning is told of fast motions",
+        chosen_by="half of what smoothing may change; chosen by judgement",
+    )  # fmt: skip

@@ -84,8 +84,9 @@ def _as_float(column: pl.Series) -> pl.Series:
 
 
 def _finite(column: pl.Series) -> Array:
-    values = column.to_numpy().astype(np.float64)
-    return np.where(np.isfinite(values), values, np.nan)
+    values = column.to_numpy().astype(np.float64, copy=False)
+    finite = np.isfinite(values)
+    return values if finite.all() else np.where(finite, values, np.nan)
 
 
 def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: bool = False) -> Source:
