@@ -1,9 +1,7 @@
 """Noise as sensors have it raises no alarm, and effects in such noise are still found (`benchmarks/null_noise.py`)."""
 
-import importlib.util
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -18,18 +16,12 @@ from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate
-
-BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "null_noise.py"
+from study import study
 
 
 @pytest.fixture(scope="module")
 def null() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("null_noise", BENCHMARK)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return study("null_noise")
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,6 @@ matrix is of a frame of its own. The rotation Q of ``A = L Q`` (A the published 
 triangular) takes it to the frame whose x axis the accelerometer keeps, so a gyroscope's matrix G becomes ``G Q^T``.
 """
 
-import os
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -15,15 +13,7 @@ import pytest
 from by_hand import lower_triangular, matrix_of, session_of
 from gyrocal.gravity.calibrate import calibrate
 from gyrocal.recording.session import AXES, Session
-
-REALDATA = Path(os.environ.get("GYROCAL_REALDATA") or Path(__file__).parents[3] / "shared" / "realdata")
-
-
-def recording(folder: str, file: str) -> Path:
-    path = REALDATA / folder / file
-    if not path.exists():
-        pytest.skip(f"{path} is not there; GYROCAL_REALDATA names the folder of real recordings")
-    return path
+from real_recordings import recording
 
 
 def by_hand(t_s: np.ndarray, gyro_dps: np.ndarray, acc_g: np.ndarray) -> Session:

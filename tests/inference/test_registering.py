@@ -1,8 +1,5 @@
 """Frame and clock of a reference, estimated with the model: against scipy's least squares, and errors as large as stated."""
 
-import importlib.util
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,18 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
-
-
-def study() -> Any:
-    """`benchmarks/references.py`, whose sessions are made without the library's own rotations."""
-    path = Path(__file__).parents[2] / "benchmarks/references.py"
-    spec = importlib.util.spec_from_file_location("references", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["references"] = module
-    spec.loader.exec_module(module)
-    return module
+from study import study
 
 
 def with_misalignment() -> Model:
@@ -35,7 +21,7 @@ def with_misalignment() -> Model:
 
 
 def test_registration_scale_and_misalignment_are_scipys() -> None:
-    references = study()
+    references = study("references")
     rng = np.random.default_rng(4)
     planted = references.Planted(
         np.array([40.0, -70.0, 110.0]), -0.83, 4e-5, np.eye(3) + 0.004 * np.array([[2, 1, -1], [1, -1, 0.5], [-1, 0.5, 1]]),
@@ -70,6 +56,6 @@ def test_registration_scale_and_misalignment_are_scipys() -> None:
 
 
 def test_errors_of_planted_registrations_are_as_large_as_stated() -> None:
-    z = np.concatenate(list(study().spreads(range(900, 904)).values()))
+    z = np.concatenate(list(study("references").spreads(range(900, 904)).values()))
     assert np.abs(z).max() < 4.5
     assert 0.7 < z.std() < 1.4

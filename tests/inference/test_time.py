@@ -1,10 +1,6 @@
 """Delays, low-passes and clock errors of any size in the joint fit, against planted truth and against scipy's least squares."""
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -17,19 +13,9 @@ from gyrocal.inference.fit import fit
 from gyrocal.inference.heldout import fitted as in_sample
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
+from study import study
 
-
-def benchmark() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("time_errors", Path(__file__).parents[2] / "benchmarks/time_errors.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["time_errors"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-BENCHMARK = benchmark()
+BENCHMARK = study("time_errors")
 CELLS = {c.name: c for c in BENCHMARK.CELLS}
 
 

@@ -3,7 +3,6 @@
 They lie in `shared/realdata` beside the repository (`GYROCAL_REALDATA` names another place); where not, this skips.
 """
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -28,15 +27,7 @@ from gyrocal.recording.session import AXES, Session
 from gyrocal.recording.stamps import regression
 from gyrocal.recording.timing import smoothing_spline
 from make_runs import make_run, make_session
-
-REALDATA = Path(os.environ.get("GYROCAL_REALDATA") or Path(__file__).parents[3] / "shared" / "realdata")
-
-
-def recording(folder: str, file: str) -> Path:
-    path = REALDATA / folder / file
-    if not path.exists():
-        pytest.skip(f"{path} is not there; GYROCAL_REALDATA names the folder of real recordings")
-    return path
+from real_recordings import recording
 
 
 def maps(*mappings: str) -> list[str]:
