@@ -36,6 +36,7 @@ class Precision:
 
     @staticmethod
     def of(columns: Columns, member: Member) -> Precision:
+        """The precision of the size of one effect."""
         grams = columns.grams(0, member, None)
         sizes = columns.coefficients(0, member)
         own, new = columns.plain()
