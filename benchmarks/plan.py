@@ -1,8 +1,8 @@
 """Does a plan answer its question as often as it promises? python benchmarks/plan.py [sessions for each truth]
 
 A session with a known effect is simulated and planned for. Then the planned runs are added many times, on other days with other
-noise and rooms, each effect in question true in turn at the size that the session gives it. The whole is diagnosed. The answer is right where the verdict
-is the true effect alone, or where the standard error is a tenth of the value.
+noise and rooms, each effect in question true in turn at the size that the session gives it, and the whole is diagnosed. The
+answer is right if the verdict is only the true effect, or if the standard error is a tenth of the value.
 """
 
 from __future__ import annotations

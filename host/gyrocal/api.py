@@ -1,4 +1,4 @@
-"""The Python interface: what the command line does, in a few lines.
+"""The Python interface, which does in a few lines what the command line does.
 
     from gyrocal.api import Model, Session, compare, diagnose
 
@@ -9,7 +9,7 @@
         model = model.add(best.effect.id, best.axis)
     print(compare(session, model).summary())
 
-A session's folder may stand for it everywhere. Sessions, models and results have ``summary()``, ``to_dataframe()`` (polars)
+A session may be given as its folder everywhere. Sessions, models and results have ``summary()``, ``to_dataframe()`` (polars)
 and ``plot()`` (matplotlib), and show themselves in a notebook. More pictures: :mod:`gyrocal.present.pictures`. See docs/api.md.
 """
 
@@ -76,7 +76,7 @@ def _in_python(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _of_folder(function: Callable[Concatenate[Session, P], R]) -> Callable[Concatenate[Session | str | Path, P], R]:
-    """The function with a session's folder allowed in the place of the session."""
+    """The function, which also takes a session's folder instead of the session."""
 
     @functools.wraps(function)
     def called(session: Session | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:

@@ -1,4 +1,4 @@
-"""Quantised ONNX -> ``weights.h``, the table that the C kernel reads."""
+"""``weights.h``, the table that the C kernel reads, from quantised ONNX."""
 
 from __future__ import annotations
 
@@ -154,6 +154,7 @@ def _layer(name: str, code: NDArray[np.int8], step: NDArray[Any], bias: NDArray[
 
 
 def array(kind: str, name: str, values: list[str]) -> str:
+    """The lines of a C array of ``kind`` that holds ``values``."""
     lines, line = [], "   "
     for value in values:
         if len(line) + len(value) > 116:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -20,9 +21,17 @@ from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import paper_windows
 
 SIMULATED_SECONDS = 6.0
-RECORDED_SECONDS = 50.0  # what follows is for the labels alone
+RECORDED_SECONDS = 50.0  # later samples are used only for the labels
 GRID = 32  # values that stand for a nonlinear parameter that differs from run to run
-STRIDE = 0.6  # of a window, between windows of a recorded run
+STRIDE = 0.6  # distance between windows of a recorded run, as a fraction of a window
+
+
+class Pairs(NamedTuple):
+    """The images of both faces [m, 1, 2, window] and the labels [m, 2] (scale, bias in dps), one row for each window."""
+
+    up: Tensor
+    down: Tensor
+    label: Tensor
 
 
 @dataclass(frozen=True)
@@ -40,14 +49,14 @@ class Windows:
     table_dps: float
     rate_hz: float
 
-    def pairs(self) -> tuple[Tensor, Tensor, Tensor]:
-        """The images of both faces [m, 1, 2, window] and the labels [m, 2], one row for each window."""
+    def pairs(self) -> Pairs:
+        """The windows as a network takes them."""
         per_run, window = self.up.shape[1:]
         images = [
             torch.from_numpy(image(x.reshape(-1, window).numpy(), w))
             for x, w in ((self.up, self.table_dps), (self.down, -self.table_dps))
         ]
-        return images[0], images[1], self.label.repeat_interleave(per_run, 0)
+        return Pairs(images[0], images[1], self.label.repeat_interleave(per_run, 0))
 
     def largest_dps(self) -> float:
         """The training range: the largest |measured - true rate| in dps."""

@@ -1,4 +1,4 @@
-"""From a device's port onto the screen: state, samples, results, and what was lost on the way."""
+"""The monitor of a device: state, samples, results and losses on the screen."""
 
 from __future__ import annotations
 
@@ -49,6 +49,10 @@ class Sensor:
 
     state: str = "?"
     face: str = ""
+    waits: str = ""
+    """What the device waits for, as its ``$STA`` says; empty if it does not say."""
+    second: bool = False
+    """True while the run in progress is the second one of a pair, or would be."""
     missed: int = 0
     hello: dict[str, str] = field(default_factory=dict)
     samples: int = 0
@@ -57,9 +61,16 @@ class Sensor:
     _arrivals: deque[tuple[float, int]] = field(default_factory=deque, repr=False)
 
     def take(self, samples: list[Event]) -> None:
+        """Count ``samples`` that have arrived now, and keep the last one."""
         self.samples += len(samples)
         self.latest = samples[-1]
         self._arrivals.append((time.monotonic(), len(samples)))
+
+    def run_s(self) -> float:
+        """The length of the device's run in progress so far in s; 0 between runs."""
+        rate_hz = parse_real(self.hello.get("rate_hz", ""))
+        number = -1 if self.latest is None else self.latest["n"]
+        return 0.0 if self.state != "recording" or not rate_hz else (number + 1) / rate_hz
 
     def rate_hz(self) -> float:
         """The mean number of samples per second over the last two seconds of this machine's time."""
@@ -94,7 +105,7 @@ class Monitor:
         deadline = np.inf if seconds is None else time.monotonic() + seconds
         reason = "the time is over"
         connected = True
-        with contextlib.suppress(PortGone):  # what it said before it went is kept
+        with contextlib.suppress(PortGone):  # the sentences before the device went away are kept
             self.link.greet()
             self._ask()
         while time.monotonic() < deadline:
@@ -115,12 +126,16 @@ class Monitor:
         r = self.link.reader
         return {"good": r.good, "lost": r.lost, "bad": r.bad + r.overlong, "restarts": r.restarts}
 
+    def ask_state(self) -> None:
+        """Ask the device for its state, which the next ``$STA`` tells."""
+        self._tell("status")
+
     def _ask(self) -> None:
         self.link.send("stream raw")
         self.link.send("status")
 
     def _tell(self, command: str) -> None:
-        with contextlib.suppress(PortGone):  # the next read will say so, once what it said is read
+        with contextlib.suppress(PortGone):  # the next read raises the error, after the pending sentences
             self.link.send(command)
 
     def _digest(self, sentences: list[Sentence]) -> list[Event]:
@@ -163,17 +178,20 @@ class Monitor:
             values["state"] = fields["state"]
         if kind == "hello":
             sensor.hello = fields
-            if not self.link.answered:  # it has just started: its settings may still be on their way
+            if not self.link.answered:  # the device has just started, and its settings may still follow
                 self._tell("hello")
         elif kind == "state":
             sensor.state, sensor.face = fields.get("state", "?"), fields.get("face", "")
+            sensor.waits = fields.get("waits", "")
+            sensor.second = sensor.state == "flip" or (sensor.second and sensor.state == "recording")
             missed = parse_real(fields.get("missed", ""))
             sensor.missed = sensor.missed if missed is None else int(missed)
         elif kind == "run":
             sensor.face = fields.get("face", "")
             sensor.state = "recording" if fields.get("state") == "start" else "idle"
+            sensor.waits = ""
             if sensor.state == "idle":
-                self._tell("status")  # it may be waiting for a flip, or be done
+                self._tell("status")  # the device may be waiting for a flip, or be done
         elif kind == "result":
             sensor.results[values.get("axis"), values.get("method"), values.get("seconds")] = values
         elif kind == "error":

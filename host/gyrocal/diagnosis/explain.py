@@ -160,7 +160,7 @@ def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What the sets of one axis say: effects to add to the model, effects to remove from it, and ids that stay open."""
+    """The result of the sets of one axis: effects to add to the model, effects to remove from it, and ids that stay open."""
 
     lead: Candidate
     new: tuple[Effect, ...]

@@ -132,7 +132,7 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]
         if f.band_hz is None:
             return False
         low, high = f.band_hz
-        if high > WIDE * low:  # power in a wide band says nothing beside a wave that the model lacks
+        if high > WIDE * low:  # a wave that the model lacks causes power in a wide band too
             return any(other.strength > f.strength for other in waves_found)
         waves = ((abs(o * float(np.mean(r.rate_dps)) / 360), 2 / r.duration_s) for r in runs for o in orders)
         return any(low - width <= hz <= high + width for hz, width in waves if hz > 0)

@@ -28,6 +28,7 @@ def _volume(runs: Sequence[Run], apart: int) -> float:
 class SamplingFault(ReadingFault):
     id = "sampling_fault"
     title = "Repeated or lost samples"
+    offered_as = "repeated samples"
     cause = (
         "The host reads before the chip has a new sample and gets the old one again on all axes, or it reads "
         "too late and loses one. A busy bus or a blocked task has the same result. The noise of neighbours is then "
@@ -63,7 +64,7 @@ class SamplingFault(ReadingFault):
         return Detected({"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance)
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        """A stale reading equals the previous reading including its noise."""
+        """Readings [n], deg/s. A stale reading equals the previous reading including its noise."""
         out = modelled_dps.copy()
         old = np.flatnonzero(stale(run))
         out[old + 1] = run.gyro_dps[old, axis]

@@ -1,4 +1,4 @@
-"""How a reference's frame and clock lie relative to the sensor's, estimated together with the model and the noise.
+"""The frame and clock of a reference relative to the sensor's, estimated together with the model and the noise.
 
 The readings of each axis are fitted with the model and, beside it, the true rates about the other axes and the derivatives by
 the clock's offset and drift. The three fits are combined by their information: offset and drift are common, and the map
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,20 +23,20 @@ from gyrocal.inference.blocks import reduce_session
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.recording.register import registered
-from gyrocal.recording.registration import Registration, RegistrationFit, nearest_rotation, rotation_deg
+from gyrocal.recording.registration import ReferenceParameter, Registration, RegistrationFit, nearest_rotation, rotation_deg
 from gyrocal.recording.session import AXES, Array, Run, Session
 
 STEPS = 4
 SETTLED = 0.05
 """The registration has settled if a step moves each of its parameters by less than this fraction of its standard error."""
 TIMES = ("offset_s", "e")
-"""Of the clock, after the nine elements of the map."""
+"""Names of the clock's parameters, which follow the nine elements of the map."""
 DIFFERENCE_DEG = 1e-4
 """Step of the derivative of the rotation vector, deg."""
 
 
 class _Map(Effect):
-    """What a registration may still move: the rates about the other axes, and derivatives by offset and drift."""
+    """The columns that correct a registration: the rates about the other axes, and derivatives by offset and drift."""
 
     id = "registration"
     title = equation = cause = looks_like = measure_next = ""
@@ -127,10 +128,10 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
         term = Term.of(_Map(), axis, dict.fromkeys([*others, *names], 0.0))
         noise = model.noise_on(axis) if model.on(axis) else AxisNoise()
         current = fit_axis([b.about(axis) for b in reduced], i, [*kept, term], noise)
-        places, values, cov = _of_axis(current, i, axis)
-        weight = np.linalg.inv(cov)
-        information[np.ix_(places, places)] += weight
-        score[places] += weight @ values
+        own = _of_axis(current, i, axis)
+        weight = np.linalg.inv(own.cov)
+        information[np.ix_(own.places, own.places)] += weight
+        score[own.places] += weight @ own.values
     seen = np.flatnonzero(np.diag(information) > 0)
     cov = np.diag(np.where(np.diag(information) > 0, 0.0, np.inf))
     cov[np.ix_(seen, seen)] = np.linalg.inv(information[np.ix_(seen, seen)])
@@ -139,8 +140,15 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
     return _Step(found[:9].reshape(3, 3), found[9:], cov)
 
 
-def _of_axis(current: AxisFit, i: int, axis: str) -> tuple[list[int], Array, Array]:
-    """Places [p] among the eleven parameters of what one axis's fit says of them, with its estimate and covariance."""
+class _AxisEstimate(NamedTuple):
+    """An axis's estimate of some of the eleven parameters: their places [p], values [p] and covariance [p, p]."""
+
+    places: list[int]
+    values: Array
+    cov: Array
+
+
+def _of_axis(current: AxisFit, i: int, axis: str) -> _AxisEstimate:
     places, columns = [], []
     for j, (t, k) in enumerate(current.design.layout.fixed):
         effect = current.design.terms[t].effect
@@ -150,10 +158,10 @@ def _of_axis(current: AxisFit, i: int, axis: str) -> tuple[list[int], Array, Arr
         if name:
             places.append(9 + TIMES.index(name) if name in TIMES else 3 * i + AXES.index(name))
             columns.append(j)
-    return places, current.solution.beta[columns], current.solution.cov[np.ix_(columns, columns)]
+    return _AxisEstimate(places, current.solution.beta[columns], current.solution.cov[np.ix_(columns, columns)])
 
 
-def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[tuple[str, str, float, float | None], ...]:
+def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[ReferenceParameter, ...]:
     """The parameters by name, as those of the first estimate, with their standard errors (None if nothing shows one)."""
     jacobian = np.zeros((3, 3))
     for k in range(3):
@@ -164,11 +172,11 @@ def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tup
     values = dict(zip(("rx_deg", "ry_deg", "rz_deg"), zip(found.rotation_deg, np.sqrt(np.diag(cov)), strict=True), strict=True))
     values |= {"offset_s": (found.offset_s, np.sqrt(step.cov[9, 9])), "e": (found.drift, np.sqrt(step.cov[10, 10]))}
     errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
-    return tuple((effect, name, float(values[name][0]), errors[name]) for effect, name, _, _ in start.parameters)
+    return tuple(ReferenceParameter(p.effect, p.name, float(values[p.name][0]), errors[p.name]) for p in start.parameters)
 
 
 def _nearest(vector_deg: Array, found: Registration) -> Array:
-    """Of the two rotation vectors of one rotation near half a turn, the one nearer to that which was found."""
+    """The rotation vector, of the two of one rotation near half a turn, that is nearer to the registration's."""
     size = float(np.linalg.norm(vector_deg))
     other = vector_deg * (1 - 360 / size) if size > 0 else vector_deg
     return min((vector_deg, other), key=lambda v: float(np.linalg.norm(v - np.array(found.rotation_deg))))

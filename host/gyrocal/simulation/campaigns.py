@@ -1,4 +1,4 @@
-"""Campaigns: which runs are recorded, in which order. ``paper`` and ``full`` are pinned; the others show what these cannot."""
+"""Campaigns: the runs that are recorded, in order. ``paper`` and ``full`` never change; the others show further effects."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gyrocal.recording.session import AXES
 
 TABLE_RATE_DPS = 78.0
 RIPPLE, TRANSIENT = "table_ripple", "spin_up"
-"""What each run of the campaign ``table2`` has. The first is also the effect that a demonstration hides by default."""
+"""The effects in each run of the campaign ``table2``. The first is also the effect that a demonstration hides by default."""
 OFF_S = 10.0
-"""Without power between power cycles."""
+"""Time without power between power cycles, s."""
 PAUSE_S = 600.0
 PAUSE_EVERY = 5
-"""Power cycles from one pause to the next."""
+"""Number of power cycles from one pause to the next."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def hands_plan(poses: int | None, seconds: float | None) -> list[Planned]:
 
 CAMPAIGNS = {
     "paper": Campaign("48 power cycles of three days, face up and down at 78 deg/s", paper_plan),
-    "table2": Campaign("paper with what makes it err as the paper's Table 2", paper_plan),
+    "table2": Campaign("paper with effects that give the errors of the paper's Table 2", paper_plan),
     "full": Campaign("rest and three rates, both directions and faces", full_plan),
     "swing": Campaign("the table swings, with an encoder", swing_plan),
     "bench": Campaign("six positions in a chamber at 25 +- 20 degC", bench_plan, chamber_c=20.0),
@@ -173,5 +173,5 @@ def _at_least_one(count: int) -> int:
 
 
 def _hand(rng: np.random.Generator, least_s: float) -> float:
-    """Until somebody has pressed the button."""
+    """Time until somebody has pressed the button, s."""
     return round(least_s + float(rng.uniform(0.0, 9.0)), 1)

@@ -55,7 +55,7 @@ SCALE_LIMIT, BIAS_LIMIT_DPS = 0.03, 10.0
 SCALE_MEAN, BIAS_MEAN_DPS = 0.004, -0.05
 """Mean scale and bias of the paper's sensors (its Fig. 4), which the campaign ``table2`` has instead."""
 SCALE_SD, BIAS_SD_DPS = 0.0005, 0.04
-"""How scale and bias differ between the paper's scenarios."""
+"""Standard deviations of scale and bias between the paper's scenarios."""
 
 # The campaign whose baseline errs as the paper's Table 2 does (bias, and 78 deg/s times scale, within 30 % of 55, 35 and
 # 30 mdps at 2, 4 and 6 s): what each run draws. Measured by `gyrocal benchmark paper`.
@@ -69,21 +69,21 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Sensor:
-    """What every simulated part has: how its scale and bias are spread, its turn-on bias and its drift."""
+    """A simulated sensor: the distribution of its scale and bias, its turn-on bias and its drift."""
 
     turn_on_bias: TurnOnBias
     drift: Drift
     mean_scale: Array
     mean_bias_dps: Array
-    """Of the axes, [3]."""
+    """Standard deviations of the axes, [3]."""
     given: Mapping[base.Role, float] = field(default_factory=dict)
-    """Scale (fraction) and bias (deg/s), where they are not drawn."""
+    """Scale (fraction) and bias (deg/s) that are given rather than drawn."""
 
     @staticmethod
     def of(
         wanted: Sequence[tuple[str, base.Values]], turn_on_sd_dps: float, means: tuple[Array, Array], rng: np.random.Generator
     ) -> tuple[Sensor, list[tuple[str, base.Values]]]:
-        """The sensor that the wanted effects ask for, and the effects that are left to plant.
+        """The sensor with the properties that the wanted effects give it, and the other effects, which are planted.
 
         ``means``: scale and bias (deg/s) of the axes, [3] each.
         """
@@ -121,7 +121,7 @@ def part(campaign: str, number: int) -> tuple[Array, Array]:
 
 
 def _kind(effect_id: str) -> Described:
-    """What goes by an id: a noise or an effect."""
+    """The noise or the effect of an id."""
     return COMPONENTS.get(effect_id) or base.effect(effect_id)
 
 
@@ -206,9 +206,10 @@ def _by_hand(
     """:func:`simulate` for the campaign ``hands``."""
     own, planted = Sensor.of(wanted, TURN_ON_SD_DPS, part(HANDS, number), np.random.default_rng(seed))
     scale, bias_dps = own.draw(np.random.default_rng((seed, 3)))
-    session, told, more = hands.simulate(planted, (scale, bias_dps), seed, round(plan[0].seconds))
-    truth = RunTruth(session.runs[0].file, scale.tolist(), bias_dps.tolist(), told)
-    record = {**_record(HANDS, seed, {i for i, _ in wanted}, own, [truth]), **more}
+    by_hand = hands.simulate(planted, (scale, bias_dps), seed, round(plan[0].seconds))
+    session = by_hand.session
+    truth = RunTruth(session.runs[0].file, scale.tolist(), bias_dps.tolist(), by_hand.planted)
+    record = {**_record(HANDS, seed, {i for i, _ in wanted}, own, [truth]), **by_hand.truth}
     record["noise"] = {
         "white_sd_dps": hands.WHITE_SD_DPS, "ou_sd_dps": hands.DRIFT.sd_dps, "ou_tau_s": hands.DRIFT.tau_s,
         "turn_on_sd_dps": 0.0,
@@ -226,7 +227,7 @@ def _check(campaign: str, seconds: float | None, plan: PlannedRuns | None, add_t
 
 
 def _record(campaign: str, seed: int, wanted: set[str], sensor: Sensor, truths: Sequence[RunTruth]) -> dict[str, Any]:
-    """What ``out.truth.json`` holds."""
+    """The content of ``out.truth.json``."""
     return {
         "format": TRUTH_FORMAT, "campaign": campaign, "seed": seed,
         "effects": sorted({e["id"] for t in truths for e in t.effects} | wanted),
@@ -259,9 +260,9 @@ def simulate_run(
     several: bool,
     rng: np.random.Generator,
 ) -> Run:
-    """One run; ``truth.effects`` is filled with what was planted, ``shared`` with what is the same in all runs.
+    """One run. The planted effects are added to ``truth.effects``, and those that are the same in all runs to ``shared``.
 
-    Where the table turns about ``several`` axes, an effect is on all of them, else on the table's.
+    An effect acts on all axes if the table turns about ``several``, otherwise only on the table's axis.
     """
     frame = _surroundings(planned, day, rng)
     n, axis = frame.height, AXES.index(planned.axis)
@@ -283,7 +284,7 @@ def simulate_run(
             shared[effect_id] = values
         drawn.append((kind, values))
         timing = kind.set(timing, values) if isinstance(kind, TimingEffect) else timing
-    seen = bare.timed(timing)  # every other effect is one of the rate that the reading shows
+    seen = bare.timed(timing)  # all other effects change the rate that is read
     rate_dps = np.zeros((n, 3))
     rate_dps[:, axis] = seen.rate_dps
     y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
@@ -309,7 +310,7 @@ def simulate_run(
 
 
 def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.DataFrame:
-    """The table of a run but for its rates, which are 0: time, acceleration, temperature, and a swinging table's encoder."""
+    """The table of a run with rates of zero: time, acceleration, temperature, and the encoder of a swinging table."""
     n = round(planned.seconds * RATE_HZ)
     t_s = np.round(np.arange(n) / RATE_HZ, 6)
     sign = 1.0 if planned.face == "up" else -1.0
@@ -324,7 +325,7 @@ def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.Da
 
 
 def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]:
-    """What the encoder of a swinging table says: ``rate_ref_dps`` in the sensor's sign, ``table_angle_deg`` [n] each."""
+    """The encoder of a swinging table: ``rate_ref_dps`` in the sensor's sign and ``table_angle_deg``, [n] each."""
     sweep_hz_s = (swing.to_hz - swing.from_hz) / t_s[-1]
     rate_dps = swing.peak_dps * np.sin(2 * np.pi * (swing.from_hz + sweep_hz_s * t_s / 2) * t_s)
     steps = np.diff(t_s) * (rate_dps[1:] + rate_dps[:-1]) / 2
@@ -338,7 +339,7 @@ def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]
 def paper_windows(
     n_scenarios: int, seed: int, seconds: float = 6.0, *, effects: float = 1.0, phase_deg: tuple[float, float] | None = None
 ) -> dict[str, Any]:
-    """The first seconds of many scenarios of the campaign ``table2``, z axis: fast, and by the same equations.
+    """The first seconds of many scenarios of the campaign ``table2``, z axis, computed fast by the same equations.
 
     Ripple and transient are ``effects`` times the campaign's; the ripple's phase is drawn from ``phase_deg``, by default from a
     whole turn.
