@@ -21,7 +21,7 @@ from gyrocal.inference.blocks import known_dps
 from gyrocal.policy import POLICY
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
-from gyrocal.web import intake
+from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
 from gyrocal.web.decimate import Pyramid
 from gyrocal.web.doubt import doubts
@@ -102,6 +102,14 @@ class Bench:
     def look(self, file: Path, asked: intake.Asked, progress: Progress) -> intake.Looked:
         """Look at a file that may be imported."""
         return intake.look(file, asked)
+
+    def look_by_gravity(self, folder: Path, progress: Progress) -> by_gravity.GravityView:
+        """Compare the default model with a session by gravity."""
+        return by_gravity.look(folder, progress)
+
+    def missing_by_gravity(self, folder: Path, progress: Progress) -> tuple[str, list[list[str]]]:
+        """Diagnose a session by gravity."""
+        return by_gravity.missing(folder)
 
     def take(self, file: Path, asked: intake.Asked, out: Path, progress: Progress) -> Path:
         """Import a file as a new session."""

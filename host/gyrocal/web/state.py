@@ -29,6 +29,7 @@ from gyrocal.web.views import (
 )
 
 if TYPE_CHECKING:
+    from gyrocal.web.by_gravity import GravityView
     from gyrocal.web.fall import Fall
     from gyrocal.web.mend import Mend
     from gyrocal.web.traces import Traces
@@ -53,6 +54,8 @@ class Workbench:
         self.excluded: frozenset[str] = frozenset()
         """The files of the runs that are left out of every fit."""
         self.models = Models()
+        self.gravity: GravityView | None = None
+        """The open session if its reference is gravity; :attr:`session` is None then."""
         self.steps: list[Step] = []
         self.undone: list[Step] = []
         self._views: dict[str, ModelView] = {}
@@ -117,6 +120,11 @@ class Workbench:
             path = self.places.session(folder)
             self.jobs.cancel()
             self._forget()
+            if self.places.is_by_gravity(path):
+                title = f"Opening {self.places.name(path)}, a session by gravity"
+                self.gravity = await self.jobs.run(title, "look_by_gravity", path)
+                self.changed("session")
+                return
             self.opening = True
             try:
                 self.session = await self.jobs.run(f"Opening {self.places.name(path)}", "open", path)
@@ -329,7 +337,7 @@ class Workbench:
     # How it comes about.
 
     def _forget(self) -> None:
-        self.session = self.traces = self.diagnosed = self.before = self.exported = None
+        self.session = self.traces = self.gravity = self.diagnosed = self.before = self.exported = None
         self._diagnoses, self._calibrations = {}, {}
         self.steps, self.undone, self._views = [], [], {}
         self.excluded, self.models = frozenset(), Models()
