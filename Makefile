@@ -16,8 +16,8 @@ test: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/pytest -n auto --dist loadfile
 
-docs: $(VENV)/.installed
-	$(BIN)/python -m gyrocal.present.effect_pages build/docs/effects
+docs: $(VENV)/.installed-dev
+	$(BIN)/python docs/_site/site.py
 
 coverage: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/core_coverage.py

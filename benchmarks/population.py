@@ -22,7 +22,7 @@ from gyrocal.calibration.estimator import Answer, Calibration
 from gyrocal.calibration.limit import PROTOCOL
 from gyrocal.calibration.network import FaceNetwork
 from gyrocal.calibration.scenarios import answers
-from gyrocal.calibration.trust import DISAGREES, LARGEST_BIAS_DPS, LARGEST_SCALE, disagreement, widened
+from gyrocal.calibration.trust import disagreement, widened
 from gyrocal.calibration.uncertainty import (
     DRIFT_SD_DPS,
     DRIFT_TAU_S,
@@ -37,6 +37,7 @@ from gyrocal.calibration.uncertainty import (
 from gyrocal.effects import base
 from gyrocal.noise.drift import ou_noise
 from gyrocal.noise.whitening import Noise
+from gyrocal.policy import POLICY
 from gyrocal.present.output import stdout, table
 from gyrocal.recording.session import Array
 from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, TABLE_RATE_DPS, WHITE_SD_DPS
@@ -148,7 +149,7 @@ def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Ar
     every, limit = Combined.of(faces, W_DPS), misfit_limit(sum(f.blocks for f in faces))
 
     def plausible(scale: Array, bias_dps: Array) -> Array:
-        found: Array = (np.abs(scale) <= LARGEST_SCALE) & (np.abs(bias_dps) <= LARGEST_BIAS_DPS)
+        found: Array = (np.abs(scale) <= POLICY.largest_scale) & (np.abs(bias_dps) <= POLICY.largest_bias_dps)
         return found
 
     means = [y.mean(1) for y in readings]
@@ -165,7 +166,7 @@ def judged(population: Population, seconds: float) -> dict[str, tuple[Answer, Ar
     y = net.estimate(*(face[:, : net.samples(stage)] for face in population.faces), stage, *W_DPS)
     answer = Answer(y[:, 0], y[:, 2], y[:, 1], y[:, 3], None)  # type: ignore[arg-type]
     fits = misfit_of(faces, [answer.bias_dps + answer.scale * w for w in W_DPS]) <= limit  # type: ignore[misc]
-    agrees = disagreement(every, answer) <= DISAGREES
+    agrees = disagreement(every, answer) <= POLICY.network_disagrees
     scale_se, bias_se_dps = widened(every, answer)
     answer = replace(answer, scale_se=scale_se, bias_se_dps=bias_se_dps)  # type: ignore[arg-type]
     found["cnn"] = answer, fits & agrees & plausible(y[:, 0], y[:, 1])

@@ -1,4 +1,4 @@
-"""The Python interface: what the command line does, in a few lines.
+"""The Python interface, which does in a few lines what the command line does.
 
     from gyrocal.api import Model, Session, compare, diagnose
 
@@ -9,7 +9,7 @@
         model = model.add(best.effect.id, best.axis)
     print(compare(session, model).summary())
 
-A session's folder may stand for it everywhere. Sessions, models and results have ``summary()``, ``to_dataframe()`` (polars)
+A session may be given as its folder everywhere. Sessions, models and results have ``summary()``, ``to_dataframe()`` (polars)
 and ``plot()`` (matplotlib), and show themselves in a notebook. More pictures: :mod:`gyrocal.present.pictures`. See docs/api.md.
 """
 
@@ -39,6 +39,8 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.inference import fit as _fit
 from gyrocal.inference.fitted import Fit
+from gyrocal.planning import plan as _plan
+from gyrocal.planning.plan import Plan
 from gyrocal.plausibility import check
 from gyrocal.present import notebook
 from gyrocal.recording.importer import import_recording as _import_recording
@@ -48,8 +50,8 @@ from gyrocal.warning import Warning
 
 __all__ = [
     "Calibration", "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Explanation", "Fit", "FormulaEffect",
-    "GyrocalError", "InputError", "Model", "Run", "Session", "Term", "Warning", "add", "apply", "calibrate", "check", "compare",
-    "diagnose", "explain", "fit", "import_recording", "notebook", "residual_table", "simulate",
+    "GyrocalError", "InputError", "Model", "Plan", "Run", "Session", "Term", "Warning", "add", "apply", "calibrate", "check",
+    "compare", "diagnose", "explain", "fit", "import_recording", "notebook", "plan", "residual_table", "simulate",
 ]  # fmt: skip
 
 P = ParamSpec("P")
@@ -74,7 +76,7 @@ def _in_python(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _of_folder(function: Callable[Concatenate[Session, P], R]) -> Callable[Concatenate[Session | str | Path, P], R]:
-    """The function with a session's folder allowed in the place of the session."""
+    """The function, which also takes a session's folder instead of the session."""
 
     @functools.wraps(function)
     def called(session: Session | str | Path, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -95,6 +97,7 @@ compare = _of_folder(_compare.compare)
 diagnose = _of_folder(_diagnose.diagnose)
 explain = _of_folder(_explain.explain)
 fit = _of_folder(_fit.fit)
+plan = _of_folder(_plan.plan)
 apply = _in_python(_apply)
 import_recording = _in_python(_import_recording)
 simulate = _in_python(_simulate)

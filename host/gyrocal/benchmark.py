@@ -1,4 +1,4 @@
-"""Benchmarks run from a checkout: their cases are tests, which a wheel does not carry."""
+"""Benchmarks, which run from a checkout: their cases are tests, which a wheel does not contain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: finds one file a command, turns errors into one line and an exit code."""
+"""The command line. Each command is one file; errors become one line and an exit code."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def command_modules() -> dict[str, str]:
 
 
 def about(module: str) -> str:
-    """What a command does: the first paragraph of its ``run``'s docstring, read without importing the command."""
+    """The help of a command: the first paragraph of the docstring of its ``run``, read without importing the command."""
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:
         return ""
@@ -53,9 +53,11 @@ class LazyGroup(TyperGroup):
     """Called when the command's file has been imported, before the command runs."""
 
     def list_commands(self, ctx: Any) -> list[str]:
+        """Names of the commands, in the order of the help."""
         return list(command_modules())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of this name, whose module is imported now, or None."""
         modules = command_modules()
         if cmd_name not in modules:
             return None
@@ -67,6 +69,7 @@ class LazyGroup(TyperGroup):
         return command
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the words name. An unknown name fails with the nearest one."""
         modules = command_modules()
         if args[0] not in modules:
             ctx.fail(f"no command {args[0]!r}{did_you_mean(args[0], modules)}; there are {', '.join(modules)}.")
@@ -75,6 +78,7 @@ class LazyGroup(TyperGroup):
         return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of commands to the help."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, about(module)) for name, module in command_modules().items()])
 
@@ -138,12 +142,12 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
 
 
 def _verb(arguments: list[str]) -> str:
-    """The command that was asked for, with a blank; empty where there is none of that name."""
+    """The command of the arguments, followed by a blank; empty if there is no command of that name."""
     return f"{arguments[0]} " if arguments and arguments[0] in command_modules() else ""
 
 
 def _discard_output() -> None:
-    """Let the interpreter's last flush of stdout go nowhere: what could not be written has been told."""
+    """Discard the interpreter's last flush of stdout, because the failure to write has been reported."""
     with open(os.devnull, "w") as nowhere:
         os.dup2(nowhere.fileno(), 1)
 

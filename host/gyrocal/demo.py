@@ -1,8 +1,8 @@
-"""The whole story with no hardware: a hidden effect is seen, named, added, and the device's error falls.
+"""A demonstration without hardware: a hidden effect is detected, named and added, and the device's error falls.
 
-A campaign is recorded from the simulated device through its virtual serial port. Its turntable ripples, which the device's
-calibration does not know. The recording is compared with the model, the effect is named and added, new headers are written, and
-the device, built anew with them, calibrates fresh scenarios that nothing was fitted on.
+A campaign is recorded from the simulated device through its virtual serial port. Its turntable has a ripple that is missing in
+the device's calibration. The recording is compared with the model, the effect is named and added, and new headers are written.
+The device is built again with them, and calibrates new scenarios on which nothing was fitted.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Errors = dict[str, dict[float, tuple[float, float]]]
 
 @dataclass(frozen=True)
 class Answers:
-    """What the device said of fresh scenarios, and its mean errors against the truth."""
+    """The device's answers for new scenarios, and their mean errors against the truth."""
 
     estimates: list[Estimate]
     errors: Errors
@@ -118,7 +118,7 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
     progress("building the firmware's core as a simulated device, recording from its port")
     recorded = record_from_port(hidden, folder / "recorded")
 
-    progress("what the device answers with the model it has: eq. (4)")
+    progress("asking the device for answers with its present model: eq. (4)")
     before = _answers(replay(fresh, stream="off"), fresh, truths)
 
     explanation = explain(recorded, progress=progress)
@@ -143,10 +143,10 @@ def demo(folder: Path, seed: int = 1, progress: Progress = lambda _: None) -> St
 
 
 def _fresh_folder(folder: Path) -> None:
-    """An empty folder; an earlier demo's is replaced, anything else is not touched."""
+    """An empty folder. The folder of an earlier demo is replaced, any other folder is an error."""
     if folder.exists():
         if not (folder / MARK).is_file():
-            raise InputError(f"{folder}: is there already and is no demo's; choose another with --out")
+            raise InputError(f"{folder}: exists already and was not written by a demo; choose another folder with --out")
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
     (folder / MARK).write_text("This folder is made anew by each `gyrocal demo`.\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Files and folders that come whole or not at all, beside what is there already."""
+"""Files and folders that are written as a whole or not at all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What results show of themselves in Python and in a notebook. ``gyrocal.present.notebook`` says how each kind is shown."""
+"""The display of results in Python and in a notebook. ``gyrocal.present.notebook`` defines it for each kind of result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class View:
-    """How one kind of result is shown: in words (the first line says the most), as a table, and as a picture."""
+    """The display of one kind of result: words (the first line is the summary), a table, and a picture."""
 
     summary: Callable[[Any], str]
     table: Callable[[Any], pl.DataFrame]
@@ -22,12 +22,12 @@ class View:
 
 
 VIEWS: dict[type, View] = {}
-"""By the class of the result; filled when ``gyrocal.api`` is imported."""
+"""The display by class of result; filled when ``gyrocal.api`` is imported."""
 HTML_ROWS = 20
 
 
 class Shown:
-    """A result that can be looked at: ``summary()``, ``to_dataframe()`` (polars), ``plot()`` (matplotlib)."""
+    """A result with ``summary()``, ``to_dataframe()`` (polars) and ``plot()`` (matplotlib)."""
 
     def _view(self) -> View | None:
         return next((VIEWS[kind] for kind in type(self).__mro__ if kind in VIEWS), None)

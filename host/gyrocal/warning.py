@@ -1,4 +1,4 @@
-"""What a command warns of: a contradiction in a recording. It is reported beside the answer and does not replace it."""
+"""Warnings: contradictions in a recording, which are reported beside the answer and do not replace it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Warning:
-    """One warning. ``axis`` and ``file`` are None where it holds for all of them.
+    """One warning. ``axis`` and ``file`` are None if it applies to all of them.
 
-    ``text`` says what is contradicted, by how much, and what to change. A ``blocking`` warning keeps its axis out of every
-    judgement until the session is mended or the warning accepted.
+    ``text`` says what is contradicted, by how much, and what to change. A ``blocking`` warning excludes its axis from every
+    judgement until the session is corrected or the warning is accepted.
     """
 
     code: str
@@ -25,7 +25,7 @@ class Warning:
         return asdict(self)
 
     def blocks(self, axis: str) -> bool:
-        """True if the warning keeps this axis out of the judgement."""
+        """True if the warning excludes this axis from the judgement."""
         return self.blocking and self.axis in (None, axis)
 
 

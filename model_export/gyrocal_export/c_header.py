@@ -154,6 +154,7 @@ def _layer(name: str, code: NDArray[np.int8], step: NDArray[Any], bias: NDArray[
 
 
 def array(kind: str, name: str, values: list[str]) -> str:
+    """The lines of a C array of ``kind`` that holds ``values``."""
     lines, line = [], "   "
     for value in values:
         if len(line) + len(value) > 116:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -25,6 +26,14 @@ GRID = 32  # values that stand for a nonlinear parameter that differs from run t
 STRIDE = 0.6  # of a window, between windows of a recorded run
 
 
+class Pairs(NamedTuple):
+    """The images of both faces [m, 1, 2, window] and the labels [m, 2] (scale, bias in dps), one row for each window."""
+
+    up: Tensor
+    down: Tensor
+    label: Tensor
+
+
 @dataclass(frozen=True)
 class Windows:
     """Windows of the two runs of each scenario, and the labels that a network should estimate from them.
@@ -40,14 +49,14 @@ class Windows:
     table_dps: float
     rate_hz: float
 
-    def pairs(self) -> tuple[Tensor, Tensor, Tensor]:
-        """The images of both faces [m, 1, 2, window] and the labels [m, 2], one row for each window."""
+    def pairs(self) -> Pairs:
+        """The windows as a network takes them."""
         per_run, window = self.up.shape[1:]
         images = [
             torch.from_numpy(image(x.reshape(-1, window).numpy(), w))
             for x, w in ((self.up, self.table_dps), (self.down, -self.table_dps))
         ]
-        return images[0], images[1], self.label.repeat_interleave(per_run, 0)
+        return Pairs(images[0], images[1], self.label.repeat_interleave(per_run, 0))
 
     def largest_dps(self) -> float:
         """The training range: the largest |measured - true rate| in dps."""

@@ -32,6 +32,7 @@ def write_all(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON with an indent of two and a final newline."""
     path.write_text(json.dumps(content, indent=2) + "\n")
 
 

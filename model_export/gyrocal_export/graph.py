@@ -53,6 +53,7 @@ class Graph:
         return cls(model, str(path))
 
     def error(self, reason: str) -> InputError:
+        """An InputError that names the file and the node."""
         return InputError(f"{self.source}: not the graph of network paper: {reason}; write one with `gyrocal export`")
 
     def chain(self, start: str, ops: Sequence[str]) -> list[onnx.NodeProto]:

@@ -75,14 +75,17 @@ class Writer:
         self.constants: list[TensorProto] = []
 
     def node(self, op: str, inputs: list[str], output: str, **attributes: Any) -> str:
+        """Append a node, and return the name of its output."""
         self.nodes.append(helper.make_node(op, inputs, [output], name=output, **attributes))
         return output
 
     def constant(self, name: str, value: NDArray[Any]) -> str:
+        """Append a constant tensor, and return its name."""
         self.constants.append(numpy_helper.from_array(np.ascontiguousarray(value), name))
         return name
 
     def weight(self, name: str, code: NDArray[np.int8], step: NDArray[np.float32]) -> str:
+        """Append an int8 weight with the step of each channel, and return the name of the dequantized weight."""
         parts = [self.constant(f"{name}.code", code), self.constant(f"{name}.step", step)]
         return self.node("DequantizeLinear", parts, f"{name}.weight", axis=0)
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gyrocal.errors import InputError
 from gyrocal_export import run_folder
-from gyrocal_export.data import Windows, recorded, simulated, split
+from gyrocal_export.data import Pairs, Windows, recorded, simulated, split
 from gyrocal_export.files import two_digits_up
 from gyrocal_export.nets.paper import PaperNet, Shape, loss
 from gyrocal_export.run_folder import Report, Training
@@ -74,7 +74,7 @@ def train(config: Config, out: Path, report: Report) -> dict[str, Any]:
     best = run_folder.keep_best(
         out, config,
         train=lambda epoch: _epoch(net, epoch_data(epoch).pairs(), config.batch, optimiser, schedule),
-        check=lambda: float(loss(predict(net, *checks[:2]), checks[2])),
+        check=lambda: float(loss(predict(net, checks.up, checks.down), checks.label)),
         save=lambda: save(net, out / "net.pt", validation),
         report=report, patience=config.patience,
     )  # fmt: skip
@@ -91,13 +91,12 @@ def train(config: Config, out: Path, report: Report) -> dict[str, Any]:
     return metrics
 
 
-def _epoch(net: PaperNet, data: tuple[Tensor, Tensor, Tensor], batch: int, optimiser: Any, schedule: Any) -> float:
+def _epoch(net: PaperNet, data: Pairs, batch: int, optimiser: Any, schedule: Any) -> float:
     net.train()
     total = 0.0
-    up, down, label = data
-    batches = torch.randperm(len(label)).split(batch)
+    batches = torch.randperm(len(data.label)).split(batch)
     for rows in batches:
-        value = loss(net(up[rows], down[rows]), label[rows])
+        value = loss(net(data.up[rows], data.down[rows]), data.label[rows])
         optimiser.zero_grad()
         value.backward()
         optimiser.step()
@@ -118,9 +117,9 @@ def evaluate(net: PaperNet, training: Windows, validation: Windows) -> dict[str,
 
     The network is compared with the mean of the training labels and with the baseline, eq. (9)-(10).
     """
-    up, down, _ = validation.pairs()
+    windows = validation.pairs()
     n, per_run, _ = validation.up.shape
-    answers = predict(net, up, down).reshape(n, per_run, 2)
+    answers = predict(net, windows.up, windows.down).reshape(n, per_run, 2)
     means = validation.up.mean(2), validation.down.mean(2)
     baseline = torch.stack([(means[0] - means[1]) / (2 * validation.table_dps), (means[0] + means[1]) / 2], dim=2)
     rows = []

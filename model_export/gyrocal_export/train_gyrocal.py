@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -152,13 +152,21 @@ def _least_squares(net: GyrocalNet, columns: Float32) -> None:
             net.straight[k, : x.shape[1]] = torch.from_numpy(weight.astype(np.float32))
 
 
-def _answers(net: GyrocalNet, columns: Float32) -> list[tuple[Tensor, Tensor, Tensor]]:
-    """Correction, log precision and truth of each stage, in units."""
+class _StageAnswer(NamedTuple):
+    """The network's correction [n] and its log precision [n] at one stage, and the true correction [n], in the net's units."""
+
+    correction: Tensor
+    log_precision: Tensor
+    truth: Tensor
+
+
+def _answers(net: GyrocalNet, columns: Float32) -> list[_StageAnswer]:
+    """The answer of each stage for the same faces [n, columns]."""
     unit = net.sizes.unit_dps
     answers = []
     for k, stage in enumerate(_stages(net.shape, columns)):
         x, truth = (torch.from_numpy((values / unit).astype(np.float32)) for values in stage)
-        answers.append((*net.of_columns(x, k), truth))
+        answers.append(_StageAnswer(*net.of_columns(x, k), truth))
     return answers
 
 

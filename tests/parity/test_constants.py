@@ -9,6 +9,7 @@ import pytest
 
 from gyrocal.calibration import calibrate, estimator, header, network, trust, uncertainty
 from gyrocal.device import monitor, port, rows, wire
+from gyrocal.policy import POLICY
 from gyrocal.recording import session
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware/gyrocal_firmware"
@@ -47,7 +48,7 @@ CONSTANTS = {
     "arguments of an effect": (header.ARGUMENTS, ("GC_EFFECT_ARGS",)),
     "a gap, in periods": (session.GAP_PERIODS, ("GC_GAP_PERIODS",)),
     "a steady rate, of the rate": (calibrate.STEADY, ("STEADY_FRACTION", "STAY_FRACTION")),
-    "rates that the network takes, of the table's": (network.RATE_TOLERANCE, ("RATE_TOLERANCE",)),
+    "rates that the network takes, of the table's": (POLICY.network_table_rate, ("RATE_TOLERANCE",)),
     "ripple, of the rate": (uncertainty.RIPPLE, ("RIPPLE",)),
     "warm-up, dps": (uncertainty.WARMUP_DPS, ("WARMUP_DPS",)),
     "drift, dps": (uncertainty.DRIFT_SD_DPS, ("DRIFT_SD_DPS",)),
@@ -56,11 +57,11 @@ CONSTANTS = {
     "least noise, dps": (uncertainty.SMALLEST_SD_DPS, ("SMALLEST_SD_DPS",)),
     "means that show noise at long times, Hz": (uncertainty.SHORT_HZ, ("SHORT_HZ",)),
     "noise is correlated, standard errors": (uncertainty.CORRELATED, ("CORRELATED",)),
-    "an answer disagrees, of its standard error": (trust.DISAGREES, ("DISAGREES",)),
-    "largest plausible scale": (trust.LARGEST_SCALE, ("LARGEST_SCALE",)),
-    "largest plausible bias, dps": (trust.LARGEST_BIAS_DPS, ("LARGEST_BIAS_DPS",)),
-    "a reading stands still, us": (1e6 * trust.STILL_S, ("STILL_US",)),
-    "a reading stands still, samples": (trust.STILL_SAMPLES, ("STILL_SAMPLES",)),
+    "an answer disagrees, of its standard error": (POLICY.network_disagrees, ("DISAGREES",)),
+    "largest plausible scale": (POLICY.largest_scale, ("LARGEST_SCALE",)),
+    "largest plausible bias, dps": (POLICY.largest_bias_dps, ("LARGEST_BIAS_DPS",)),
+    "a reading stands still, us": (1e6 * POLICY.frozen_s, ("STILL_US",)),
+    "a reading stands still, samples": (POLICY.frozen_samples, ("STILL_SAMPLES",)),
     "noise of the sensor, dps": (trust.EXPECTED_SD_DPS, ("GC_LSM6DSO_NOISE_DPS", "noise_dps")),
     "checkpoints": (len(network.STAGES_S), ("GC_CHECKPOINTS",)),
     "protocol": (wire.PROTOCOL, ("GC_WIRE_PROTOCOL",)),

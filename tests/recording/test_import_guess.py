@@ -51,6 +51,28 @@ def test_columns_and_units(table: pl.DataFrame, units: list[str]) -> None:
     assert {g.map for g in guess(Source("a.csv", table), Scaling())} == expected
 
 
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("stage_rad_s", "rate_ref_dps=stage_rad_s:rad/s"),
+        ("Table rate (deg/s)", "rate_ref_dps=Table rate (deg/s):dps"),
+        ("encoder_speed", "rate_ref_dps=encoder_speed:rad/s"),
+        ("encoder_angle_deg", "ref_angle_deg=encoder_angle_deg:deg"),
+        ("stage.position (rad)", "ref_angle_deg=stage.position (rad):rad"),
+        ("encoder", None),
+        ("table", None),
+        ("truth", None),
+        ("position", None),
+        ("turntable_temp", None),
+    ],
+)
+def test_the_true_rate_is_recognized_by_name_and_unit(name: str, expected: str | None) -> None:
+    table = columns(["t", "w_x [rad/s]", "w_y [rad/s]", "w_z [rad/s]"], 3, 1, 1).with_columns(pl.lit(0.5).alias(name))
+    maps = [g.map for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith(("rate_ref", "ref_"))]
+    assert maps == ([] if expected is None else [expected])
+    assert all(not g.map.startswith(("rate_ref", "ref_")) for g in guess(Source("a.csv", table), Scaling(), reference=False))
+
+
 def test_raw_counts_are_not_guessed() -> None:
     table = columns(["t", "gx", "gy", "gz"], 9000, 1, 1).with_columns(pl.col("gx", "gy", "gz").round())
     with pytest.raises(InputError, match=r"raw counts up to 9000.*gx_dps=gx/131"):

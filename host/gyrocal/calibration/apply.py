@@ -87,7 +87,7 @@ def _summary(results: list[Applied]) -> Applied:
 
 
 class _Biases:
-    """The bias of each power cycle, by axis, as ``--bias`` asks for it."""
+    """The bias of each power cycle by axis, deg/s, from the source that ``--bias`` names."""
 
     def __init__(self, model: Model, runs: tuple[Run, ...], bias: str) -> None:
         self.known: Mapping[str, dict[str, float]] = {}

@@ -32,12 +32,12 @@ POOLED = "all"
 NAMED = 5
 """Scenarios without an estimate that are named; if there are more, only their number is reported."""
 STEADY = 0.03
-"""Of the rate: what a rate may vary and still be one rate; the device has the same."""
+"""Largest relative variation of a rate that counts as constant. The device has the same limit."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One answer; what the method does not give is None: all of it where a network has no answer."""
+    """One answer. Values that the method does not give are None; a network without an answer gives none at all."""
 
     scenario: str
     method: str
@@ -49,11 +49,11 @@ class Estimate:
     bias_se_dps: float | None
     misfit: float | None = None
     flags: tuple[str, ...] = ()
-    """What speaks against it (:data:`gyrocal.calibration.flags.FLAGS`)."""
+    """The flags that were raised against it (:data:`gyrocal.calibration.flags.FLAGS`)."""
 
     @property
     def trusted(self) -> bool:
-        """Does nothing speak against it?"""
+        """True if no flag was raised against it."""
         return not self.flags
 
     def to_json(self) -> dict[str, Any]:
@@ -62,7 +62,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class _Task:
-    """What all estimates of a session share: the session, the model for the model method, and the session's warnings."""
+    """The data that all estimates of a session share: the session, the model of the model method, and the warnings."""
 
     session: Session
     model: Model | str | Path | None
@@ -75,12 +75,12 @@ def calibrate(
 ) -> list[Estimate]:  # fmt: skip
     """Scale and bias of every scenario, from the first ``seconds`` of each run.
 
-    ``seconds`` None: 2, 4 and 6 where there are up/down pairs, else whole runs. Baseline and network need a pair, two runs of
-    opposite true rate about one axis. The model method takes whatever fixes both terms (runs at rest and known turns, say), and
-    where no power cycle does so by itself, all of them together (scenario ``all``).
-    ``methods`` None: those that the session allows, ``model`` if a model is given or there is no pair, ``cnn`` if the network
-    suits some pair. ``warnings`` None: those of :func:`gyrocal.plausibility.check`; an estimate that a blocking one concerns
-    is not trusted. Raises InputError where there is no answer at all.
+    Without ``seconds``, sessions with up/down pairs are calibrated from 2, 4 and 6 s, others from whole runs. Baseline and
+    network need a pair, which is two runs of opposite true rate about one axis. The model method uses any runs that determine
+    both terms, for example runs at rest and known turns. If no power cycle does so by itself, it uses all of them together
+    (scenario ``all``). Without ``methods``, those that the session allows are used: ``model`` if a model is given or there is
+    no pair, ``cnn`` if the network suits a pair. Without ``warnings``, they are those of :func:`gyrocal.plausibility.check`.
+    An estimate that a blocking warning concerns is not trusted. Raises InputError if there is no answer at all.
     """
     session = registered(session)
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
@@ -115,7 +115,7 @@ def calibrate(
 
 
 def unanswered(session: Session, found: Sequence[Estimate]) -> list[Warning]:
-    """``no_answer``: names the scenarios that have no estimate, where others have one."""
+    """``no_answer``: a warning that names the scenarios without an estimate, if others have one."""
     answered = {e.scenario for e in found}
     left = [(scenario, runs) for scenario, runs in session.by_scenario() if scenario not in answered]
     if not left or answered == {POOLED}:
@@ -137,7 +137,7 @@ def _why_nothing(task: _Task, spans: Sequence[float | None], methods: Sequence[s
     """Why scale and bias cannot be determined, and what to do."""
     session = task.session
     for warning in task.warnings:
-        if warning.code == "sample_rate":  # times that are wrong, such as milliseconds, leave no seconds to cut
+        if warning.code == "sample_rate":  # wrong times, for example in milliseconds, can leave no samples
             return warning.text
     longest_s = max(run.duration_s for run in session.runs)
     asked = [span for span in spans if span is not None]
@@ -171,7 +171,7 @@ def pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
 
 
 def _steady(run: Run) -> bool:
-    """Does the run turn at one known rate all the time?"""
+    """True if the run turns at one known rate all the time."""
     rate_dps = run.rate_dps
     return not run.rate_is_mean and rate_dps[0] != 0 and bool(np.ptp(rate_dps) <= STEADY * abs(rate_dps[0]))
 
@@ -204,7 +204,7 @@ def _estimate(
     task: _Task, scenario: str, method: str, seconds: float, axis: str, used: Sequence[Run], answer: Answer | None,
     flags: set[str],
 ) -> Estimate:  # fmt: skip
-    """An answer with what speaks against it; None: the method has none."""
+    """An answer with its flags; None if the method gives no answer."""
     flags = flags | reading_flags(used, axis, task.session.full_scale_dps) | warning_flags(task.warnings, axis, used)
     if answer is None:
         return Estimate(scenario, method, float(seconds), axis, None, None, None, None, None, ordered(flags))
@@ -218,7 +218,7 @@ def _estimate(
 
 
 def _pooled(task: _Task, span: float | None) -> list[Estimate]:
-    """One answer from all power cycles together, where none fixes both terms by itself: scenario ``all``."""
+    """One answer from all power cycles together (scenario ``all``), if none determines both terms by itself."""
     from gyrocal.inference.fit import fit
 
     session = task.session
@@ -239,17 +239,17 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
 
 
 def _informed(runs: Sequence[Run], axis: str) -> bool:
-    """Do these runs fix both scale and bias of an axis: two true rates about it at least, one of them not zero?"""
+    """True if these runs have two true rates about an axis, one of them not zero, which determine its scale and bias."""
     views = [r.about(axis) for r in runs]
     ends = [(float(r.rate_dps.min()), float(r.rate_dps.max())) if r.axis == axis else (0.0, 0.0) for r in views]
     return bool(ends) and max(high for _, high in ends) - min(low for low, _ in ends) > 1e-6
 
 
 def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
-    """White noise of one sample as successive differences show it, pooled over runs."""
+    """White noise of one sample, dps, from successive differences, pooled over runs."""
     i = AXES.index(axis)
     total = sum(float(np.sum(np.diff(r.gyro_dps[:, i]) ** 2)) for r in runs)
-    # motion by hand is no noise: only runs whose true rate is known at each sample count, if there are any
+    # differences of a motion by hand are no noise, so runs with a known true rate are preferred
     steady = [r for r in runs if not r.rate_is_mean]
     if steady:
         total = sum(
@@ -262,7 +262,7 @@ def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
 def _by_model(runs: Sequence[Run], model: Model) -> list[Found]:
     found: list[Found] = []
     for axis in AXES:
-        # turned by hand about another axis, a run says more of misalignment than of this axis
+        # a run turned by hand about another axis shows misalignment more than this axis
         mine = [r.about(axis) for r in runs if r.axis == axis or not r.rate_is_mean]
         if not model.on(axis) or not _informed(mine, axis):
             continue
@@ -294,7 +294,7 @@ def baseline(up: Run, down: Run) -> Answer:
 
 
 def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]:
-    """The network's answer and what speaks against it; nothing where the runs are too short for it, or samples are missing."""
+    """The network's answer with its flags; no answer if the runs are too short or samples are missing."""
     from gyrocal.calibration.network import STAGES_S
 
     stage = network_stage(up, down, seconds)
@@ -322,8 +322,8 @@ def network_stage(up: Run, down: Run, seconds: float) -> int | None:
 def network(up: Run, down: Run, stage: int, prior: Prior | None = None) -> Answer | None:
     """The shipped network `gyrocal` on the first 2, 4 or 6 s (``stage`` 0, 1 or 2), by default with flat priors.
 
-    None where it cannot be believed: at a sample rate or a true rate that it was not trained for, or where the readings, less
-    their mean, lie beyond its training data.
+    None if the sample rate or the true rate is not that of its training, or if the readings less their mean exceed the range
+    of its training data.
     """
     from gyrocal.calibration.network import FLAT, FaceNetwork, merge
 
@@ -338,7 +338,7 @@ def network(up: Run, down: Run, stage: int, prior: Prior | None = None) -> Answe
 
 
 def network_prior(model: Model | str | Path | None, axis: str) -> Prior:
-    """What a model says of scale and bias before anything is measured: flat without a model."""
+    """The prior of scale and bias that a model gives; flat without a model."""
     from gyrocal.calibration.network import FLAT, Prior
 
     opened = None if model is None else Model.open(model)
@@ -349,13 +349,13 @@ def network_prior(model: Model | str | Path | None, axis: str) -> Prior:
 
 
 def consecutive(run: Run) -> int:
-    """How many samples there are, from the first one on, before one is missing."""
+    """Number of samples before the first missing one."""
     late = np.flatnonzero(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS)
     return int(late[0]) + 1 if late.size else len(run)
 
 
 def _suits_network(run: Run) -> bool:
-    """Is the run at the sample rate and the table rate that the shipped network was trained for?"""
+    """True if the run has the sample rate and the table rate for which the shipped network was trained."""
     from gyrocal.calibration.network import FaceNetwork
 
     return FaceNetwork.shipped().suits(run.sample_rate_hz, float(run.rate_dps[0]))

@@ -1,7 +1,8 @@
 """Scale and bias of one calibration by the model: the host's twin of ``gc_estimator``.
 
-The same blocks of 0.25 s, the same noise, the same priors as the device (ARCHITECTURE.md): a model fitted to a campaign becomes
-a :class:`Calibration`, Gaussian priors and effect columns, and a few seconds of two runs become scale and bias.
+It uses the blocks of 0.25 s, the noise and the priors of the device (ARCHITECTURE.md). A model that was fitted to a campaign
+becomes a :class:`Calibration`, which holds Gaussian priors and effect columns. From it and a few seconds of two runs follow
+scale and bias.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from gyrocal.recording.session import AXES, Array, Run
 
 BLOCK_US = 250_000
 MAX_COLUMNS = 8
-"""Effect columns that the device holds."""
+"""Largest number of effect columns on the device."""
 MOST_ALTERNATIVES = 8
 MOST_HYPOTHESES = 4096
-"""Combinations of the runs' alternatives that are weighed; of more, the least likely ones of each run are left out."""
+"""Largest number of combinations of the runs' alternatives. Above it, the least likely alternatives of each run are dropped."""
 TIGHTEST = 1e-6
-"""No prior is tighter than this fraction of a typical size: what a fit cannot spread it has not proven constant."""
+"""Smallest prior standard deviation, as a fraction of the typical size. A spread of zero in a fit does not prove a constant."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One effect column: which of the effect's columns, and its prior (sd infinite = flat)."""
+    """One effect column: its number within the effect, and its prior (flat if the sd is infinite)."""
 
     effect: Effect
     values: Values = field(repr=False)
@@ -45,10 +46,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a device knows before it measures. Parameters in the order [run columns, shared columns, bias, scale].
+    """The priors of a device. The parameters are in the order [run columns, shared columns, bias, scale].
 
-    The last ``alternatives`` run columns exclude each other: one of them acts in a run, each as likely as another before it is
-    measured. So a nonlinear parameter that differs from run to run (a time constant) is chosen from a few values.
+    The last ``alternatives`` run columns exclude each other: exactly one of them acts in a run, each with the same prior
+    probability. They represent a nonlinear parameter that differs from run to run (a time constant) by a few values.
     """
 
     name: str
@@ -57,23 +58,25 @@ class Calibration:
     shared_columns: tuple[Column, ...]
     bias_dps: tuple[float, float]
     scale: tuple[float, float]
-    """(mean, sd) of the priors; sd infinite = flat."""
+    """(mean, sd) of the priors, flat if the sd is infinite."""
     noise: Noise
     alternatives: int = 0
     faults: tuple[tuple[ReadingFault, Values], ...] = ()
-    """Faults of the reading: what they leave of a block no longer says what the sensor felt."""
+    """Faults of the reading. Blocks with these faults are not used."""
 
     @property
     def columns(self) -> tuple[Column, ...]:
+        """The columns of a run, then those that the runs share."""
         return self.run_columns + self.shared_columns
 
     @property
     def prior_mean(self) -> Array:
+        """Prior means [columns + 2] in the order of the parameters, with the bias (dps) and the scale last."""
         return np.array([*(c.mean for c in self.columns), self.bias_dps[0], self.scale[0]])
 
     @property
     def prior_information(self) -> Array:
-        """1/sd of each parameter; 0 = flat."""
+        """Reciprocal of the prior standard deviation of each parameter, shape [columns + 2]; 0 if the prior is flat."""
         sd = np.array([*(c.sd for c in self.columns), self.bias_dps[1], self.scale[1]])
         return np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300), 0.0)
 
@@ -94,9 +97,10 @@ def calibration_of(
 ) -> Calibration:  # fmt: skip
     """The priors that a fitted model gives for its axis.
 
-    The spread of a random effect over the campaign is the prior's; to it add the standard errors of mean and spread. A model
-    that has not been fitted, or on too few power cycles to know their spread, leaves scale and bias flat. ``alternatives``
-    values stand for a nonlinear parameter that differs from run to run, by default as many as the device has room for.
+    The prior's variance is the sum of the effect's variance over the campaign and of the squared standard errors of its mean
+    and spread. Scale and bias have flat priors if the model was not fitted, or on too few power cycles to know their spread.
+    A nonlinear parameter that differs from run to run is represented by ``alternatives`` values, by default as many as the
+    device can hold.
     """
     run_columns: list[Column] = []
     shared_columns: list[Column] = []
@@ -151,7 +155,7 @@ def calibration_of(
 
 
 def spread_parameter(term: Term) -> str | None:
-    """The parameter that differs from run to run, where the model knows its spread (``NAME_sd``)."""
+    """The parameter that differs from run to run, if the model contains its spread (``NAME_sd``)."""
     name = term.spreadable
     return name if name is not None and term.values.get(f"{name}_sd", 0.0) > 0 else None
 
@@ -170,13 +174,13 @@ def _se(kind: Effect, values: Values, se: Values) -> Array:
 
 
 def _prior_of_bias(model: Model, axis: str) -> tuple[float, float]:
-    """Mean and sd, deg/s: the spread over power cycles and the errors of both; flat where the spread is not known."""
+    """Mean and sd of the bias, deg/s, from its spread over power cycles and both standard errors; flat without a spread."""
     turn_on = model.noise_on(axis).turn_on_bias or TurnOnBias()
     return _prior(model, axis, Role.BIAS, turn_on.sd_dps, turn_on.se.get("sd_dps"))
 
 
 def _prior_of_scale(model: Model, axis: str) -> tuple[float, float]:
-    """The same of the scale, a fraction."""
+    """Mean and sd of the scale, a fraction, in the same way."""
     turn_on = model.noise_on(axis).turn_on_scale
     return (0.0, np.inf) if turn_on is None else _prior(model, axis, Role.SCALE, turn_on.sd, turn_on.se)
 
@@ -186,7 +190,7 @@ def _prior(model: Model, axis: str, role: Role, spread: float | None, spread_se:
     name = "" if term is None else term.effect.linear[0]
     if term is None or name not in term.values or spread is None:
         return 0.0, np.inf
-    boards = f"{name}_sd"  # of a population, whose boards differ by more than the power cycles of one
+    boards = f"{name}_sd"  # the spread over a population exceeds that over the power cycles of one board
     parts = [spread, spread_se or 0.0, term.se.get(name, 0.0), term.values.get(boards, 0.0), term.se.get(boards, 0.0)]
     return term.values[name], float(np.sqrt(np.sum(np.square(parts))) + TIGHTEST)
 
@@ -223,9 +227,9 @@ def run_blocks(run: Run, calibration: Calibration) -> RunBlocks:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Answers for many calibrations at once, arrays [n]; NaN where the runs do not fix both scale and bias.
+    """Answers of many calibrations, arrays [n]; NaN where the runs do not determine both scale and bias.
 
-    ``log_evidence`` is the log-likelihood of the data up to a constant of the noise and of what is flat.
+    ``log_evidence`` is the log-likelihood of the data up to a constant that depends on the noise and the flat priors.
     """
 
     scale: Array
@@ -237,10 +241,10 @@ class Posterior:
 
 
 def _hypotheses(calibration: Calibration, gram: Array) -> tuple[Array, Array]:
-    """What one run says of [shared, bias, scale, y - w] under each of its alternatives.
+    """The normal equations of [shared, bias, scale, y - w] from one run under each of its alternatives.
 
-    ``gram`` [n, q, q] as :func:`run_equations` gives it. Returns equations [n, K, r, r] and the logarithm [n, K] of the
-    determinant that integrating the run's own coefficients leaves.
+    ``gram`` [n, q, q] is that of :func:`run_equations`. Returns equations [n, K, r, r] and the log-determinant [n, K] from the
+    integration over the run's own coefficients.
     """
     k, a = len(calibration.run_columns), calibration.alternatives
     plain = k - a
@@ -278,7 +282,7 @@ def _log_positive(x: Array) -> Array:
 def posterior(calibration: Calibration, grams: Sequence[Array]) -> Posterior:
     """The exact posterior of scale and bias, from the equations [n, q, q] of each run that shares them.
 
-    Linear terms are integrated out in closed form; combinations of the runs' alternatives are weighed by their evidence.
+    Linear terms are integrated out in closed form. Combinations of the runs' alternatives are weighted by their evidence.
     """
     s = len(calibration.shared_columns)
     n = s + 2
@@ -334,7 +338,7 @@ def _likeliest(equations: Array, logdet: Array, most: int, prior: Array) -> tupl
 
 
 def estimate(calibration: Calibration, runs: Sequence[Run]) -> Answer | None:
-    """Scale and bias from runs that share them; None where the runs do not fix both."""
+    """Scale and bias from runs that share them; None if the runs do not determine both."""
     k, a = len(calibration.run_columns), calibration.alternatives
     blocks = [b for b in (run_blocks(run, calibration) for run in runs) if b.samples.size]
     if not blocks:

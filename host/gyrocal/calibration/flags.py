@@ -1,4 +1,4 @@
-"""What speaks against an answer: the names and meanings of the flags, read from the core's ``gc_flags.h``."""
+"""Names and meanings of the flags that are raised against an answer, read from the core's ``gc_flags.h``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fitted model -> ``calibration.h``: the tables that the device's estimator takes."""
+"""The tables of ``calibration.h`` for the device's estimator, from a fitted model."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ TEMPLATE = """\
 
 
 def render(model: Model, axis: str = "z", rate_hz: float = 145.0, table_dps: float = 78.0) -> str:
-    """The header's text. InputError where the device cannot hold the model, with the reason."""
+    """The header's text. Raises InputError with the reason if the device cannot hold the model."""
     return render_calibration(calibration_of(model, axis), rate_hz, table_dps)
 
 

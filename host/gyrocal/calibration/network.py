@@ -1,5 +1,5 @@
-"""The networks on this machine, by onnxruntime: `paper`, scale and bias from two windows of rate, and `gyrocal`, the same
-with standard deviations from the readings of 2, 4 or 6 s."""
+"""The networks on this machine, run by onnxruntime. `paper` gives scale and bias from two windows of rate; `gyrocal` gives
+them with standard deviations from the readings of 2, 4 or 6 s."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-RATE_TOLERANCE = 0.03  # of the table's rate; gc_cnn.c has the same
-RATE_HZ_TOLERANCE = 1e-3
 """Of the sample rate; the device has the same."""
 
 
@@ -31,23 +30,23 @@ def _session(path: str | Path) -> Any:
         raise InputError(f"{path}: no such file; write a network with `gyrocal export`")
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors share no base class of their own
+    except Exception as error:  # onnxruntime's errors have no base class in common
         reason = str(error).splitlines()[0][:120]
         raise InputError(f"{path}: not an ONNX network ({reason}); write one with `gyrocal export`") from error
 
 
 class OnnxNetwork:
-    """What both networks are: an ONNX graph as ``gyrocal export`` writes it, that answers with ``y``.
+    """An ONNX graph as ``gyrocal export`` writes it, with the output ``y``: the base of both networks.
 
     Attributes:
-        name: of the network.
-        rate_hz, table_dps: sample rate and speed of the table that it was trained at.
+        name: the name of the network.
+        rate_hz, table_dps: the sample rate and the table rate of its training.
     """
 
     FILE: ClassVar[str]
-    """The graph that ships."""
+    """The shipped graph."""
     LACKS: ClassVar[str]
-    """What is said of a graph whose metadata are not this network's."""
+    """The end of the error message for a graph whose metadata are not those of this network."""
 
     def __init__(self, session: Any, source: str) -> None:
         self.source = source
@@ -58,7 +57,7 @@ class OnnxNetwork:
             raise InputError(f"{source}: {self.LACKS}") from error
 
     def _read(self, shapes: Mapping[str, list[Any]], metadata: Mapping[str, str]) -> None:
-        """Takes what is known of the graph. InputError where the ``shapes`` of its inputs are not this network's."""
+        """Read the graph's metadata. Raises InputError if the ``shapes`` of its inputs are not those of this network."""
         self.name: str = metadata["name"]
         self.rate_hz, self.table_dps = float(metadata["rate_hz"]), float(metadata["table_dps"])
 
@@ -74,7 +73,7 @@ class OnnxNetwork:
     @classmethod
     @cache
     def shipped(cls) -> Self:
-        """The quantised network that ships: the one whose numbers the device gives."""
+        """The shipped quantised network, whose numbers the device gives."""
         with as_file(files("gyrocal") / "data" / cls.FILE) as path:
             return cls.open(path)
 
@@ -84,7 +83,7 @@ class OnnxNetwork:
 
 
 class Network(OnnxNetwork):
-    """Network `paper`: windows of both faces -> scale and bias.
+    """Network `paper`, which estimates scale and bias from windows of both faces.
 
     Attributes:
         window: samples of each run.
@@ -118,7 +117,7 @@ class Network(OnnxNetwork):
         if up.shape != down.shape or up.shape[1:] != (self.window,):
             raise InputError(f"network {self.name} takes two [n, {self.window}] windows, not {up.shape} and {down.shape}")
         off = (w_up_dps - self.table_dps, w_down_dps + self.table_dps)
-        if not all(abs(x) <= RATE_TOLERANCE * self.table_dps for x in off):
+        if not all(abs(x) <= POLICY.network_table_rate * self.table_dps for x in off):
             raise InputError(
                 f"network {self.name} was trained at true rates {self.table_dps:g} and {-self.table_dps:g} dps, "
                 f"not {w_up_dps:g} and {w_down_dps:g}; train one for this table"
@@ -129,7 +128,7 @@ class Network(OnnxNetwork):
 
 
 def image(residual_dps: NDArray[np.float32], w_dps: float) -> NDArray[np.float32]:
-    """The network's input: [n, 1, 2, window], row 0 measured - true rate, row 1 true rate (dps)."""
+    """The network's input [n, 1, 2, window], dps. Row 0 is the measured minus the true rate, row 1 the true rate."""
     return np.stack([residual_dps, np.full_like(residual_dps, w_dps)], axis=1)[:, None]
 
 
@@ -138,14 +137,14 @@ STAGES_S = (2.0, 4.0, 6.0)
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of scale and bias before anything is measured: (mean, sd) each; sd infinite = nothing."""
+    """Priors of scale and bias, each as (mean, sd). The prior is flat if the sd is infinite."""
 
     scale: tuple[float, float] = (0.0, np.inf)
     bias_dps: tuple[float, float] = (0.0, np.inf)
 
     @property
     def is_known(self) -> bool:
-        """Does it say anything: is it a campaign's?"""
+        """True unless both priors are flat."""
         return bool(np.isfinite(self.scale[1]) or np.isfinite(self.bias_dps[1]))
 
 
@@ -154,11 +153,11 @@ FLAT = Prior()
 
 @dataclass(frozen=True)
 class FaceAnswers:
-    """What readings of one face at true rate ``w_dps`` say of u = w·scale + bias; arrays [n].
+    """Estimates of u = w·scale + bias from one face at true rate ``w_dps``; arrays [n].
 
     Attributes:
         u_dps, precision: mean, and 1/variance (1/dps^2).
-        in_range: were the readings, less their mean, like the training data? What is said of others is worth nothing.
+        in_range: True if the readings less their mean are in the range of the training data. Other estimates are meaningless.
     """
 
     w_dps: float
@@ -170,7 +169,7 @@ class FaceAnswers:
 def merge(up: FaceAnswers, down: FaceAnswers, prior: Prior = FLAT) -> Array:
     """Scale, bias (dps) and their standard deviations, [n, 4]; NaN where a face is out of range.
 
-    Two measurements of one line and a Gaussian prior, in closed form; ``gc_convnet_merge`` is the same.
+    Two points of a line are combined with a Gaussian prior in closed form, as ``gc_convnet_merge`` does.
     """
     of_scale, of_bias = (0.0 if np.isinf(sd) else 1 / sd**2 for _, sd in (prior.scale, prior.bias_dps))
     p_up, p_down, w_up, w_down = up.precision, down.precision, up.w_dps, down.w_dps
@@ -185,13 +184,13 @@ def merge(up: FaceAnswers, down: FaceAnswers, prior: Prior = FLAT) -> Array:
 
 
 class FaceNetwork(OnnxNetwork):
-    """Network `gyrocal`: the readings of one face -> w·scale + bias, and how sure that is.
+    """Network `gyrocal`, which estimates w·scale + bias and its precision from the readings of one face.
 
     Attributes:
-        unit_dps: of the graph's answer.
-        column_range_dps, sample_range_dps: how far a mean over a fifth of a second may be from the mean of all readings, and a
-            reading from that mean over a fifth of a second.
-        pool: samples of such a mean, a column.
+        unit_dps: the unit of the graph's answer.
+        column_range_dps: the largest deviation of a column (the mean of ``pool`` samples) from the mean of all readings.
+        sample_range_dps: the largest deviation of a reading from its column.
+        pool: the number of samples in a column.
     """
 
     FILE = "gyrocal.int8.onnx"
@@ -211,22 +210,22 @@ class FaceNetwork(OnnxNetwork):
         self._samples = int(of_one["readings"][1])
 
     def samples(self, stage: int) -> int:
-        """Samples of each run that stage 0, 1 or 2 takes: those of the first 2, 4 or 6 s."""
+        """Number of samples of each run that stage 0, 1 or 2 takes, which are those of the first 2, 4 or 6 s."""
         return self._samples // len(STAGES_S) * (stage + 1)
 
     def suits(self, rate_hz: float, w_dps: float) -> bool:
-        """Was it trained at this sample rate, and at this true rate or its opposite?"""
-        near = abs(abs(w_dps) - self.table_dps) <= RATE_TOLERANCE * self.table_dps
-        return near and abs(rate_hz - self.rate_hz) <= RATE_HZ_TOLERANCE * self.rate_hz
+        """True if the network was trained at this sample rate, and at this true rate or its opposite."""
+        near = abs(abs(w_dps) - self.table_dps) <= POLICY.network_table_rate * self.table_dps
+        return near and abs(rate_hz - self.rate_hz) <= POLICY.network_sample_rate * self.rate_hz
 
     def face(self, residual_dps: ArrayLike, stage: int, w_dps: float) -> FaceAnswers:
-        """What one face's readings say.
+        """Estimate u = w·scale + bias from the readings of one face.
 
         Args:
-            residual_dps: measured - true rate, [n, samples(stage)] consecutive samples from the run's first one on. A reading
-                that is no number is out of range.
-            stage: 0, 1 or 2: of 2, 4 or 6 s.
-            w_dps: the true rate about the sensed axis: +table_dps or -table_dps within 3 %.
+            residual_dps: measured minus true rate, [n, samples(stage)], of consecutive samples from the first one of the run.
+                A reading that is not a number is out of range.
+            stage: 0, 1 or 2 for the answer after 2, 4 or 6 s.
+            w_dps: the true rate about the sensed axis, +table_dps or -table_dps within 3 %.
 
         Raises:
             InputError: a wrong shape or true rate.
@@ -238,9 +237,10 @@ class FaceNetwork(OnnxNetwork):
         return FaceAnswers(w_dps, u_dps, np.exp(answer[:, 1]) / self.unit_dps**2, np.isfinite(answer[:, 0]))
 
     def infer(self, residual_dps: ArrayLike, stage: int, w_dps: float) -> Array:
-        """The graph's own answer to :meth:`face`, [n, 2]: u less the mean, turned, and the logarithm of its precision.
+        """The graph's own output for :meth:`face`, [n, 2], in the network's units.
 
-        Both are in units; NaN where the readings are out of range.
+        It is the correction of the mean in the direction of the true rate, and the logarithm of its precision. Both are NaN if
+        the readings are out of range.
         """
         y = np.atleast_2d(np.asarray(residual_dps, float))
         if y.shape[1:] != (self.samples(stage),):
@@ -265,7 +265,7 @@ class FaceNetwork(OnnxNetwork):
     def estimate(
         self, up_dps: ArrayLike, down_dps: ArrayLike, stage: int, w_up_dps: float, w_down_dps: float, prior: Prior = FLAT
     ) -> Array:
-        """Scale, bias (dps) and their standard deviations, [n, 4]: :meth:`face` of both, and :func:`merge`."""
+        """Scale, bias (dps) and their standard deviations, [n, 4], from :meth:`face` of both faces and :func:`merge`."""
         up, down = self.face(up_dps, stage, w_up_dps), self.face(down_dps, stage, w_down_dps)
         if np.sign(w_up_dps) == np.sign(w_down_dps):
             said = f"true rates of {w_up_dps:g} and {w_down_dps:g} dps"

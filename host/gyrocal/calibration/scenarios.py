@@ -1,4 +1,4 @@
-"""Many calibrations at once, as arrays: their equations for the estimator, and scenarios drawn from what a model knows."""
+"""Many calibrations as arrays: their equations for the estimator, and scenarios drawn from the priors of a model."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Protocol:
-    """How a scenario is measured: a turntable at one speed, ``seconds`` face up, then face down."""
+    """The protocol of a scenario: a turntable at one speed, first face up, then face down."""
 
     rate_hz: float = 145.0
     table_dps: float = 78.0
     power_on_s: tuple[float, float] = (3.0, 85.0)
-    """Of each face's first sample; the second is what 70 s and a flip leave."""
+    """Time since power-on of each face's first sample. The second face begins after 70 s and a flip."""
 
     def runs(self, seconds: float, axis: str = "z", temp_c: float = 25.0) -> tuple[Run, Run]:
-        """Both faces' runs with everything but a reading: the true rate, time, gravity, temperature."""
+        """The runs of both faces without readings: the true rate, time, gravity and temperature."""
         n = round(seconds * self.rate_hz)
         made = []
         for index, (face, power_on_s) in enumerate(zip(FACES, self.power_on_s, strict=True)):
@@ -55,7 +55,7 @@ def regressors(calibration: Calibration, run: Run) -> Array:
 
 
 def blocks_of(run: Run) -> tuple[Array, Array]:
-    """Number of each block of 0.25 s and its samples; a block with fewer than half of them is left out."""
+    """Number of each block of 0.25 s and its number of samples. Blocks with fewer than half their samples are left out."""
     number, count = np.unique(run.t_us // BLOCK_US, return_counts=True)
     full = 2e6 * count >= run.sample_rate_hz * BLOCK_US
     return number[full].astype(float), count[full].astype(float)
@@ -72,10 +72,10 @@ def block_means(values: Array, run: Run) -> Array:
 def equations(
     calibration: Calibration, run: Run, residual_dps: Array, *, by_sample: bool = False, blocks: bool = False
 ) -> Array:  # fmt: skip
-    """The whitened normal equations of many runs alike but for their readings, shape [n, q, q].
+    """The whitened normal equations of many runs that differ only in their readings, shape [n, q, q].
 
-    ``residual_dps`` [n, samples] is measured - true rate; with ``blocks`` [n, blocks], its block means. As on the device the
-    equations are of block means, unless ``by_sample``.
+    ``residual_dps`` [n, samples] is the measured minus the true rate, ``blocks`` [n, blocks] its block means. The equations are
+    those of block means as on the device, or of samples with ``by_sample``.
     """
     x, y = regressors(calibration, run), np.asarray(residual_dps, float)
     if by_sample:
@@ -102,7 +102,8 @@ def answers(
 ) -> Posterior:  # fmt: skip
     """Scale and bias of many scenarios from the first ``seconds`` of each face.
 
-    ``up_dps`` and ``down_dps`` [n, samples]: measured - true rate, at least so many samples; or the ``blocks`` themselves.
+    ``up_dps`` and ``down_dps`` [n, samples] are measured minus true rates of at least this duration. ``blocks`` holds their
+    block means instead.
     """
     runs = protocol.runs(seconds, calibration.axis)
     grams = [
@@ -124,9 +125,9 @@ class Drawn(NamedTuple):
 
 
 class Simulation:
-    """Scenarios drawn from what a calibration knows: its effects with their spreads, scale, bias and noise.
+    """Scenarios drawn from the priors of a calibration: its effects with their spreads, scale, bias and noise.
 
-    By block means of 0.25 s, or by sample where ``by_sample``.
+    They are block means of 0.25 s, or samples with ``by_sample``.
     """
 
     def __init__(self, calibration: Calibration, protocol: Protocol, seconds: float, *, by_sample: bool = False) -> None:
@@ -167,11 +168,10 @@ class Simulation:
 
 
 class Faces:
-    """Faces drawn from what a calibration knows of effects and noise, without scale and bias; the true rate is positive.
+    """Faces drawn from the effects and the noise of a calibration, without scale and bias, at a positive true rate.
 
-    By means of ``pool`` samples each, ``n_columns`` of them, as if read at ``protocol.rate_hz``; drift stands still within one.
-    With ``spread`` each effect of a face is as many times as large as an even draw on a logarithmic scale from 1/spread to
-    spread says.
+    A face has ``n_columns`` means of ``pool`` samples each at the rate ``protocol.rate_hz``. Drift is constant within a mean.
+    Each effect of a face is multiplied by a factor that is drawn evenly on a logarithmic scale from 1/spread to spread.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class Faces:
         self._apart_s = pool / protocol.rate_hz
 
     def draw(self, n: int, rng: np.random.Generator) -> Float32:
-        """Measured - true rate [n, n_columns], float32: the first half up, the second half down and turned."""
+        """Measured minus true rate [n, n_columns], float32, dps. The second half are faces down with their sign turned."""
         return np.concatenate([self._face(m, x, rng) for m, x in zip((n - n // 2, n // 2), self._effects, strict=True)])
 
     def _face(self, n: int, effects: Float32, rng: np.random.Generator) -> Float32:
@@ -213,7 +213,7 @@ class Faces:
 
 
 def drift(noise: Noise, apart_s: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:
-    """Ornstein-Uhlenbeck drift [n, m] at m times so far apart."""
+    """Ornstein-Uhlenbeck drift [n, m] at m equally spaced times."""
     from scipy.signal import lfilter
 
     if noise.ou_sd_dps <= 0:

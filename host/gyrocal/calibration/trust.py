@@ -26,19 +26,8 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
 from gyrocal.warning import Warning
 
-LARGEST_SCALE, LARGEST_BIAS_DPS = POLICY.largest_scale, POLICY.largest_bias_dps
-OPPOSITE, OPPOSITE_ERRORS = 0.1, 5.0
-"""A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The
-response of an axis across the table's is within this, of either sign: misalignment."""
-STILL_S, STILL_SAMPLES = 0.5, 40
-"""A reading that does not change for so long, and for so many samples, stands still."""
 EXPECTED_SD_DPS = 0.0448
-"""Noise of a sample where the readings show none: the LSM6DSO's (datasheet, table 3)."""
-DISAGREES = 4.5
-"""The root of an answer's expected squared error, by a fit that holds the effects, over the standard error that it claims. Of
-2000 sound sensors none is above; a smaller one flags more of the tables that a network was trained for (`gyrocal benchmark
-population`)."""
-
+"""Standard deviation of a sample's noise that is assumed if the readings show none: the LSM6DSO's (datasheet, table 3)."""
 
 FLAG_OF_CODE = {"sign_flipped": "direction", "face_wrong": "direction", "constant_reading": "constant_reading"}
 """The flag that a blocking warning puts on the estimates that it concerns; that of any other code is ``implausible``."""
@@ -51,7 +40,7 @@ def warning_flags(warnings: Iterable[Warning], axis: str, runs: Sequence[Run]) -
 
 
 def reading_flags(runs: Sequence[Run], axis: str, full_scale_dps: float | None) -> set[str]:
-    """What the readings of these runs show by themselves: clipped, constant_reading, missed."""
+    """The flags that the readings of these runs raise: clipped, constant_reading, missed."""
     column = AXES.index(axis)
     flags = set()
     white_sd_dps = 0.0
@@ -77,20 +66,20 @@ def whole_steps(full_scale_dps: float, step_dps: float) -> float:
 
 
 def stands_still(y: Array, t_us: Index) -> bool:
-    """Are the readings [n] all the same, or the same for ``STILL_S`` and ``STILL_SAMPLES``?"""
+    """True if all readings [n] are equal, or ``POLICY.frozen_samples`` successive ones over ``POLICY.frozen_s``."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
     first, last = edges[:-1], edges[1:] - 1
-    long = (t_us[last] - t_us[first] >= 1e6 * STILL_S) & (last - first + 1 >= STILL_SAMPLES)
+    long = (t_us[last] - t_us[first] >= 1e6 * POLICY.frozen_s) & (last - first + 1 >= POLICY.frozen_samples)
     return edges.size == 2 or bool(long.any())
 
 
 def answer_flags(answer: Answer, blocks: int) -> set[str]:
-    """What an answer from ``blocks`` block means shows by itself: direction, implausible, misfit (also one that is NaN)."""
+    """The flags that an answer from ``blocks`` block means raises: direction, implausible, misfit (also if it is NaN)."""
     flags = set()
     follows = 1.0 + answer.scale
-    if follows < -OPPOSITE and not follows >= -OPPOSITE_ERRORS * answer.scale_se:
+    if follows < -POLICY.opposite and not follows >= -POLICY.opposite_errors * answer.scale_se:
         flags.add("direction")
-    if not (abs(answer.scale) <= LARGEST_SCALE and abs(answer.bias_dps) <= LARGEST_BIAS_DPS):
+    if not (abs(answer.scale) <= POLICY.largest_scale and abs(answer.bias_dps) <= POLICY.largest_bias_dps):
         flags.add("implausible")
     if answer.misfit is not None and not answer.misfit <= misfit_limit(blocks):
         flags.add("misfit")
@@ -103,7 +92,7 @@ def _sums(run: Run) -> FaceSums:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What runs at a constant true rate each, two of them different, say of scale and bias, and of an answer."""
+    """Scale and bias from runs at constant true rates, at least two of them different, and checks of other answers by them."""
 
     runs: Sequence[Run]
     faces: Sequence[FacePosterior]
@@ -111,7 +100,7 @@ class Evidence:
 
     @staticmethod
     def of(runs: Sequence[Run]) -> Evidence | None:
-        """Of runs about one axis, all of the same sample rate; None where one holds no whole block."""
+        """The evidence of runs about one axis with one sample rate; None if a run contains no whole block."""
         sums = [_sums(run) for run in runs]
         if min(s.first_n.sum() for s in sums) == 0:
             return None
@@ -123,12 +112,13 @@ class Evidence:
 
     @property
     def blocks(self) -> int:
+        """Number of block means of all runs."""
         return sum(face.blocks for face in self.faces)
 
     def with_errors(self, answer: Answer) -> Answer:
-        """An answer that knows of no effects, with the standard errors and the misfit that the data earn.
+        """The answer of a method without effects, with standard errors and misfit that allow for typical effects.
 
-        The misfit is NaN where each run holds one block.
+        The misfit is NaN if each run has only one block.
         """
         scale_se, bias_se_dps = Combined.of(self.faces, self.w_dps).errors_of(
             np.array([answer.scale]), np.array([answer.bias_dps])
@@ -139,7 +129,7 @@ class Evidence:
         )  # fmt: skip
 
     def misfit_of(self, answer: Answer) -> float:
-        """What the network's answer leaves unexplained."""
+        """The misfit of the network's answer."""
         u_dps = [np.array([answer.bias_dps + answer.scale * w]) for w in self.w_dps]
         return float(misfit_of(self.faces, u_dps)[0])
 
@@ -149,21 +139,21 @@ class Evidence:
         return replace(answer, scale_se=float(scale_se[0]), bias_se_dps=float(bias_se_dps[0]))
 
     def disagrees(self, answer: Answer) -> bool:
-        """Does a fit that holds the same effects expect more of an error than the network's answer claims?"""
-        return bool(disagreement(Combined.of(self.faces, self.w_dps), answer)[0] > DISAGREES)
+        """True if a fit with the same effects expects a much larger error than the network's answer states."""
+        return bool(disagreement(Combined.of(self.faces, self.w_dps), answer)[0] > POLICY.network_disagrees)
 
 
 def disagreement(fit: Combined, answer: Answer) -> Array:
-    """The larger one [N] of scale's and bias's expected errors over their standard errors; an answer's fields may be arrays."""
+    """The larger ratio [N] of expected to stated error of scale and bias. The fields of ``answer`` may be arrays."""
     scale_se, bias_se_dps = fit.errors_of(np.atleast_1d(answer.scale), np.atleast_1d(answer.bias_dps))
     return np.maximum(scale_se / answer.scale_se, bias_se_dps / answer.bias_se_dps)
 
 
 def widened(fit: Combined, answer: Answer) -> tuple[Array, Array]:
-    """Standard errors [N] of a network's scale and bias on a table that may not be like those of its training.
+    """Standard errors [N] of a network's scale and bias on a table that may differ from those of its training.
 
-    Such a table's effects may be larger, slower or of another kind. The error is at least that of a fit that holds typical
-    effects, and at least the distance from it; an answer's fields may be arrays.
+    The effects of such a table may be larger, slower or of another kind. The standard error is therefore at least that of a
+    fit with typical effects, and at least the distance from that fit. The fields of ``answer`` may be arrays.
     """
     scale_off, bias_off_dps = np.abs(answer.scale - fit.scale), np.abs(answer.bias_dps - fit.bias_dps)
     return (
@@ -173,5 +163,5 @@ def widened(fit: Combined, answer: Answer) -> tuple[Array, Array]:
 
 
 def with_table(scale_se: float, runs: Sequence[Run]) -> float:
-    """Adds what is not known of the table's rate: one error of one table, so it does not average out over the faces."""
+    """Adds the standard error of the table's rate, which is common to both faces and does not average out."""
     return float(np.hypot(scale_se, max(run.relative_rate_se for run in runs)))

@@ -1,10 +1,10 @@
-"""How far off a face's answer may be: noise, drift, and effects of typical size that a few seconds cannot exclude.
+"""The error of a face's answer from noise, drift, and effects of typical size that a few seconds cannot exclude.
 
-A face at true rate w says ``u = bias + scale * w``. Its means over blocks of 0.25 s are
+A face at true rate w measures ``u = bias + scale * w``. Its means over blocks of 0.25 s are
 ``y_b - w = u + sum_j c_j x_j(t_b) + o_b + e_b``: white noise e (its level at long times, so that a low-pass's correlation
 counts), an Ornstein-Uhlenbeck drift o, and effects c, ripple of the table and a transient. Whether an effect acts is not known.
-44 hypotheses (ripple once and twice a turn, and a transient of some size and time constant or none) are weighed by their
-evidence: Bayesian model averaging. Given one of them, c is Gaussian of typical size and everything is in closed form.
+Bayesian model averaging weights 44 hypotheses by their evidence: ripple once and twice a turn or not, and a transient of some
+size and time constant or none. Under each hypothesis c is Gaussian with a typical size, so that everything has a closed form.
 ``gc_trust`` is the twin on the device (ARCHITECTURE.md).
 
 Arrays hold many sensors at once: N sensors, B blocks.
@@ -20,34 +20,35 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gyrocal.calibration.estimator import BLOCK_US
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.int64]]
 
 BLOCK_S = BLOCK_US * 1e-6
 SHORT_HZ = 16.0
-"""The noise at long times is judged by means over 1/16 s: longer than a low-pass's correlation, shorter than an effect."""
+"""Noise at long times is estimated from means over 1/16 s, longer than a low-pass's correlation and shorter than an effect."""
 CORRELATED = 2.5
-"""Noise counts as correlated where its level at long times exceeds the white one by so many standard errors."""
+"""Number of standard errors by which the level at long times must exceed the white one for the noise to be correlated."""
 
 DRIFT_SD_DPS, DRIFT_TAU_S = 0.0023, 30.0
-"""Typical of consumer MEMS gyroscopes: 1.5 to 3 mdps, 20 to 40 s."""
+"""Standard deviation and correlation time of the drift. Typical MEMS gyroscopes have 1.5 to 3 mdps and 20 to 40 s."""
 RIPPLE = 0.0018
-"""Amplitude of a table's ripple, once or twice a turn, as a fraction of its rate: typical are 0.0005 to 0.005."""
+"""Amplitude of a table's ripple, once or twice a turn, as a fraction of its rate. Typical values are 0.0005 to 0.005."""
 SPIN_UP = (0.0009, 0.0065)
-"""Sizes of a table's spin-up as fractions of its rate: typical are 0.0005 to 0.01."""
+"""Sizes of a table's spin-up as fractions of its rate. Typical values are 0.0005 to 0.01."""
 WARMUP_DPS = 0.02
-"""A sensor's own transient, in the middle of the typical range of a warm-up."""
+"""Size of the sensor's own transient, in the middle of the typical range of a warm-up."""
 TRANSIENT_TAU_S = (0.6, 1.15, 2.2, 4.2, 8.0)
 PRESENT = 0.5
-"""Probability beforehand that an effect acts."""
+"""Prior probability that an effect acts."""
 SMALLEST_SD_DPS = 1e-6
-"""No reading is taken to be less noisy."""
+"""Lower bound of the noise of a reading."""
 
 
 @dataclass(frozen=True)
 class FaceSums:
-    """Block means of measured - true rate of one face, [N, B], and what their noise is judged by.
+    """Block means of measured minus true rate of one face, [N, B], and sums from which their noise is estimated.
 
     ``number`` [B] counts blocks from the run's first sample, ``n`` [B] the samples in each. ``first_sq`` [N, B] are sums of
     squares of ``first_n`` [B] successive differences of samples, ``second_sq`` [N, B] of ``second_n`` [B] second differences
@@ -66,7 +67,7 @@ class FaceSums:
 
     @staticmethod
     def of(residual_dps: Array, t_us: Index, rate_hz: float) -> FaceSums:
-        """Of samples [N, n] at times [n] since the first one; a block with fewer than half its samples is left out."""
+        """The sums of samples [N, n] at times [n] since the first one. A block with fewer than half its samples is left out."""
         y = np.atleast_2d(residual_dps)
         block = t_us // BLOCK_US
         number, first, n = np.unique(block, return_index=True, return_counts=True)
@@ -85,7 +86,7 @@ class FaceSums:
 
 
 def _by_block(squares: Array, block: Index, number: Index) -> tuple[Array, Array]:
-    """Sums [N, B] of squares [N, k] over the block that each belongs to, and how many there are [B]."""
+    """Sums [N, B] of squares [N, k] over the blocks to which they belong, and their numbers [B]."""
     start, stop = np.searchsorted(block, number, "left"), np.searchsorted(block, number, "right")
     padded = np.column_stack([squares, np.zeros(len(squares))])
     sums = np.add.reduceat(padded, np.column_stack([start, stop]).ravel(), axis=1)[:, ::2]
@@ -98,20 +99,20 @@ def _median_of_mean(dof: float) -> float:
 
 
 FIRST_DOF, SECOND_DOF = 2 / 3, 0.52
-"""Degrees of freedom that a squared difference of white noise counts for."""
+"""Effective degrees of freedom of a squared difference of white noise."""
 SECOND_SPREAD = 1.35
 """Standard deviation of the noise's level by second differences, times the root of the number of blocks."""
 LOWPASS, MOST_LACKING = 5 / 9, 0.4
-"""What a mean of L samples takes from second differences, times n/(L - 1/L), and the largest part that is given back."""
+"""The part that a mean of L samples removes from second differences, times n/(L - 1/L), and the largest part corrected for."""
 
 
 def white_variance(faces: Sequence[FaceSums]) -> Array:
-    """Variance [N] that one sample's noise has at long times: a mean of n samples has the n-th part.
+    """Variance [N] of one sample's noise at long times; the variance of a mean of n samples is the n-th part.
 
-    The median over blocks, which a spike does not move. Successive differences show white noise most precisely, but
-    underestimate noise behind a low-pass. Means over 1/16 s show both, and count where they show significantly more. What a
-    low-pass takes from these too is given back as for a mean of L samples: their ratio is then L^2, and second differences
-    of sums over n samples lack the part 5/9 (L - 1/L)/n.
+    It is a median over blocks, which a spike does not move. Successive differences show white noise most precisely, but
+    underestimate noise behind a low-pass. Means over 1/16 s show both and are used if they show significantly more. The part
+    that a low-pass removes from these is corrected as for a mean of L samples. Their ratio is then L^2, and second
+    differences of sums over n samples lack the part 5/9 (L - 1/L)/n.
     """
     first = np.concatenate([_of_one(f.first_sq, f.first_n) for f in faces], axis=1)
     second = np.concatenate([_of_one(f.second_sq, f.second_n) for f in faces], axis=1)
@@ -140,7 +141,7 @@ class Under(NamedTuple):
 
 @dataclass(frozen=True)
 class FacePosterior:
-    """What a face says of u under each hypothesis, [N, H]; the first one holds neither ripple nor transient.
+    """The estimate of u by a face under each hypothesis, [N, H]; the first one has neither ripple nor transient.
 
     ``chi2`` is at u's best value, ``log_evidence`` is up to a constant. ``blocks`` counts the observations.
     """
@@ -168,7 +169,7 @@ class FacePosterior:
         return np.maximum(1.0, np.take_along_axis(self.chi2, best, 1)[:, 0] / max(1, self.blocks - 1))
 
     def chi2_at(self, u_dps: Array, of: slice) -> Array:
-        """Chi-square [N] of what an answer ``u_dps`` [N] leaves, under the one of some hypotheses that is then likeliest."""
+        """Chi-square [N] of the residuals of an answer ``u_dps`` [N] under the likeliest of some hypotheses."""
         variance = self.variance[:, of]
         more = (u_dps[:, None] - self.u_dps[:, of]) ** 2 / variance
         best = (self.log_evidence[:, of] - 0.5 * (more + np.log(variance))).argmax(1)[:, None]
@@ -178,9 +179,9 @@ class FacePosterior:
 
 TRANSIENTS = len(SPIN_UP) * len(TRANSIENT_TAU_S)
 EFFECTS = tuple(product((False, True), repeat=3))
-"""Ripple twice a turn, ripple once a turn, transient: which of them act."""
+"""All combinations of the effects that may act: ripple twice a turn, ripple once a turn, transient."""
 FIRST_ORDER = slice(0, 2 * (1 + TRANSIENTS))
-"""The hypotheses without ripple twice a turn, which are what the network's training data hold."""
+"""The hypotheses without ripple twice a turn, which the network's training data do not contain."""
 
 
 def _of_effects(which: int) -> slice:
@@ -190,10 +191,10 @@ def _of_effects(which: int) -> slice:
 
 
 def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: float = 0.0) -> FacePosterior:
-    """What the blocks of a face at true rate ``w_dps`` say of u.
+    """The estimate of u from the blocks of a face at true rate ``w_dps``.
 
-    ``variance`` [N] is the white noise of a sample. Where it is too little to blur the reading's steps of ``step_dps``, a mean
-    keeps the error of a step.
+    ``variance`` [N] is that of the white noise of a sample. If it is too small to average over the reading's steps of
+    ``step_dps``, a mean keeps the error of a step.
     """
     standing = np.where(4 * variance < step_dps**2, step_dps**2 / 12, 0.0)
     variance = np.maximum(variance, max(step_dps**2 / 12, SMALLEST_SD_DPS**2))
@@ -205,7 +206,7 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
         *(np.hypot(w_dps * size, WARMUP_DPS) * np.exp(-t_s / tau_s) for size, tau_s in product(SPIN_UP, TRANSIENT_TAU_S)),
         np.ones_like(t_s),
     ])  # fmt: skip
-    origin = face.mean_dps[:, :1]  # so that chi-square does not drown in the rounding of a large bias
+    origin = face.mean_dps[:, :1]  # avoids rounding errors of chi-square at a large bias
     gram = _whitened_gram(columns, face.mean_dps - origin, face, variance)
     found = []
     for twice, once, transient in product((0.0, 1.0), (0.0, 1.0), range(-1, TRANSIENTS)):
@@ -225,7 +226,7 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
 def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array) -> Array:
     """``C V^-1 C'`` [N, q, q] of ``columns`` [q - 1, B] and ``y_dps`` [N, B], V the covariance of noise and drift.
 
-    By a Kalman filter of the drift: its innovations are what a Cholesky factor of V leaves white.
+    A Kalman filter of the drift computes it, because its innovations are the values whitened by the Cholesky factor of V.
     """
     sensors, q = len(y_dps), len(columns) + 1
     gram = np.zeros((sensors, q, q))
@@ -243,7 +244,7 @@ def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array
 
 @dataclass(frozen=True)
 class Combined:
-    """Scale and bias [N] that the faces together say, with their variances [N]."""
+    """Scale and bias [N] from all faces together, with their variances [N]."""
 
     scale: Array
     bias_dps: Array
@@ -252,9 +253,9 @@ class Combined:
 
     @staticmethod
     def of(faces: Sequence[FacePosterior], w_dps: Sequence[float]) -> Combined:
-        """Least squares of two faces or more, at two true rates at least, averaged over the effects that may act.
+        """Least squares of two or more faces at two or more true rates, averaged over the effects that may act.
 
-        The faces have one table: an effect acts in all of them or in none, with a size, phase and time constant for each.
+        All faces were on one table: an effect acts in all of them or in none. Its size, phase and time constant may differ.
         """
         w = np.array(w_dps)
         excess = [face.excess() for face in faces]
@@ -293,11 +294,11 @@ def misfit(faces: Sequence[FacePosterior]) -> Array:
 
 
 def misfit_of(faces: Sequence[FacePosterior], u_dps: Sequence[Array]) -> Array:
-    """The same [N] of what the network's answer, ``u_dps`` [N] of each face, leaves under the law of its training data."""
+    """The same [N] for the network's answer, ``u_dps`` [N] of each face, under the distribution of its training data."""
     chi2 = sum(f.chi2_at(u, FIRST_ORDER) for f, u in zip(faces, u_dps, strict=True))
     return np.sqrt(chi2 / sum(f.blocks for f in faces))
 
 
 def misfit_limit(blocks: int) -> float:
-    """2.5 standard deviations above 1 of what so many blocks of noise alone show; the device has the same."""
-    return 1 + 2.5 / float(np.sqrt(2 * blocks))
+    """Misfit above which an answer from ``blocks`` block means has the flag ``misfit``; the device has the same limit."""
+    return 1 + POLICY.misfit_errors / float(np.sqrt(2 * blocks))

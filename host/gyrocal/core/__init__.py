@@ -1,4 +1,4 @@
-"""The C core on this machine: compiled and loaded, held against the host, its cost on other CPUs, a project to flash.
+"""The C core on this machine: compiling, loading, comparison with the host, cost on other CPUs, a project to flash.
 
 It imports ``calibration`` and what lies below it.
 """

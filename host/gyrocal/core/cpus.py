@@ -1,7 +1,7 @@
-"""The firmware's C on CPUs that QEMU emulates: cross-compiled, run, its cost counted.
+"""The firmware's C on CPUs that QEMU emulates: it is cross-compiled and run, and its cost is counted.
 
-Programs talk by semihosting: they read this machine's files and print here. The firmware's folder ``emul/`` holds what
-they need for that, and one file for each part whose cost is counted. Compilers and emulators are Debian packages.
+Programs read this machine's files and print here by semihosting. The firmware's folder ``emul/`` contains the sources for
+that, and one file for each part whose cost is counted. Compilers and emulators are Debian packages.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from gyrocal.errors import GyrocalError
 from gyrocal_firmware import CORE, EMUL, INCLUDE
@@ -79,7 +80,7 @@ def build(
     """Link C files, one of them with ``int main(int, char **)``, into a program for an emulated CPU, and return its path.
 
     Raises:
-        GyrocalError: no such compiler, or it refused.
+        GyrocalError: the compiler is missing or failed.
     """
     _require(cpu, cpu.tools[0])
     memory = {"flash": cpu.flash, "flash_size": 0x200000, "ram": cpu.ram, "ram_size": 0x400000}
@@ -103,7 +104,7 @@ def run(cpu: Cpu, program: Path, arguments: Sequence[str] = (), timeout_s: float
     Arguments must not contain a space or a comma. Relative paths start from the current folder.
 
     Raises:
-        GyrocalError: no such emulator, or the program failed.
+        GyrocalError: the emulator is missing, or the program failed.
     """
     _require(cpu, cpu.tools[1])
     words = ",".join(f"arg={word}" for word in (program.name, *arguments))
@@ -135,23 +136,32 @@ def cost(
     """
     file = part if isinstance(part, Path) else EMUL / "cost" / f"{part}.c"
     sources = sorted(CORE.rglob("*.c")) if sources is None else sources
-    flash, ram, counts = _count(cpu, file, sources, include_dirs, flags)
-    flash_0, ram_0, counts_0 = _count(cpu, EMUL / "cost" / "nothing.c", [], (), flags)
+    measured = _count(cpu, file, sources, include_dirs, flags)
+    empty = _count(cpu, EMUL / "cost" / "nothing.c", [], (), flags)
     what = " ".join(file.read_text().partition("*/")[0].removeprefix("/*").split())
-    instructions, largest = (max(0, a - b) for a, b in zip(counts[:2], counts_0[:2], strict=True))
-    return Cost(file.stem, what, instructions, largest, flash - flash_0, ram - ram_0, counts[2])
+    instructions, largest = (max(0, a - b) for a, b in zip(measured.printed[:2], empty.printed[:2], strict=True))
+    flash, ram = measured.flash - empty.flash, measured.ram - empty.ram
+    return Cost(file.stem, what, instructions, largest, flash, ram, measured.printed[2])
+
+
+class _Counted(NamedTuple):
+    """Bytes of flash and RAM of a whole program, and the numbers that it prints."""
+
+    flash: int
+    ram: int
+    printed: list[int]
 
 
 def _count(
     cpu: Cpu, part: Path, sources: Sequence[Path], include_dirs: Sequence[Path], flags: Sequence[str]
-) -> tuple[int, int, list[int]]:
+) -> _Counted:
     with tempfile.TemporaryDirectory(prefix="gyrocal-") as folder:
         folders = [*include_dirs, EMUL / "cost"]
         program = build(cpu, [EMUL / "cost.c", part, *sources], Path(folder, f"{part.stem}.elf"), folders, flags)
         size = cpu.tools[0].removesuffix("gcc") + "size"
         text, data, bss = _output(cpu, [size, str(program)]).split(b"\n")[1].split()[:3]
         counts = run(cpu, program).split()
-    return int(text) + int(data), int(data) + int(bss), [int(n) for n in counts]
+    return _Counted(int(text) + int(data), int(data) + int(bss), [int(n) for n in counts])
 
 
 def _require(cpu: Cpu, tool: str) -> None:

@@ -79,5 +79,5 @@ class CoreEstimator:
         out = np.empty((len(seconds), len(up), 5))
         error = self._run(setup, up, down, len(up), out)
         if error:
-            raise InputError(f"{self.source}: the core refuses it: error {error}")
+            raise InputError(f"{self.source}: the core rejects it: error {error}")
         return out

@@ -1,7 +1,7 @@
 """The C core on this machine: compiled by the system's ``cc`` into a cache, loaded by ctypes.
 
 The cache is keyed by the sources, headers, flags and compiler, so an edited source or a newly exported header is
-picked up at the next call, and processes that build at the same time do not meet.
+used at the next call, and processes that build at the same time do not disturb each other.
 """
 
 from __future__ import annotations
@@ -142,13 +142,17 @@ class Core:
         return np.fromiter(map(function, values.ravel().tolist()), np.float32, values.size).reshape(values.shape)
 
     def exp(self, x: ArrayLike) -> NDArray[np.float32]:
+        """The core's ``exp`` in float32."""
         return self._map("gc_exp", x)
 
     def tanh(self, x: ArrayLike) -> NDArray[np.float32]:
+        """The core's ``tanh`` in float32."""
         return self._map("gc_tanh", x)
 
     def sin_turn(self, turns: ArrayLike) -> NDArray[np.float32]:
+        """The core's sine in float32 of an angle given in turns."""
         return self._map("gc_sin_turn", turns)
 
     def cos_turn(self, turns: ArrayLike) -> NDArray[np.float32]:
+        """The core's cosine in float32 of an angle given in turns."""
         return self._map("gc_cos_turn", turns)

@@ -46,7 +46,7 @@ def check_faults(specifications: Sequence[str], fifo: int = 0) -> None:
         found = _SPECIFICATION.fullmatch(text)
         if found is None:
             raise InputError(
-                f"--fault {text}: want NAME[@T][:LENGTH][*TIMES], T and LENGTH in seconds, for example nack@2:0.5*3"
+                f"--fault {text}: write NAME[@T][:LENGTH][*TIMES], T and LENGTH in seconds, for example nack@2:0.5*3"
             )
         if found["name"] not in names:
             raise InputError(f"--fault {text}: there are {', '.join(names)}{did_you_mean(text, names)}")
@@ -62,7 +62,7 @@ def random_faults(text: str, fifo: int = 0) -> list[str]:
     """
     found = re.fullmatch(r"random:([0-9]{1,18})", text)
     if found is None:
-        raise InputError(f"--faults {text}: want random:SEED with a whole number, for example random:7")
+        raise InputError(f"--faults {text}: write random:SEED with a whole number, for example random:7")
     draw = random.Random(int(found[1]))
     names = [name for name in fault_names() if name not in LASTING and (fifo or name != OF_FIFO)]
     return [

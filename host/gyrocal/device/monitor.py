@@ -1,4 +1,4 @@
-"""From a device's port onto the screen: state, samples, results, and what was lost on the way."""
+"""The monitor of a device: state, samples, results and losses on the screen."""
 
 from __future__ import annotations
 
@@ -61,6 +61,7 @@ class Sensor:
     _arrivals: deque[tuple[float, int]] = field(default_factory=deque, repr=False)
 
     def take(self, samples: list[Event]) -> None:
+        """Count ``samples`` that have arrived now, and keep the last one."""
         self.samples += len(samples)
         self.latest = samples[-1]
         self._arrivals.append((time.monotonic(), len(samples)))
@@ -104,7 +105,7 @@ class Monitor:
         deadline = np.inf if seconds is None else time.monotonic() + seconds
         reason = "the time is over"
         connected = True
-        with contextlib.suppress(PortGone):  # what it said before it went is kept
+        with contextlib.suppress(PortGone):  # the sentences before the device went away are kept
             self.link.greet()
             self._ask()
         while time.monotonic() < deadline:
@@ -134,7 +135,7 @@ class Monitor:
         self.link.send("status")
 
     def _tell(self, command: str) -> None:
-        with contextlib.suppress(PortGone):  # the next read will say so, once what it said is read
+        with contextlib.suppress(PortGone):  # the next read raises the error, after the pending sentences
             self.link.send(command)
 
     def _digest(self, sentences: list[Sentence]) -> list[Event]:
@@ -177,7 +178,7 @@ class Monitor:
             values["state"] = fields["state"]
         if kind == "hello":
             sensor.hello = fields
-            if not self.link.answered:  # it has just started: its settings may still be on their way
+            if not self.link.answered:  # the device has just started, and its settings may still follow
                 self._tell("hello")
         elif kind == "state":
             sensor.state, sensor.face = fields.get("state", "?"), fields.get("face", "")
@@ -190,7 +191,7 @@ class Monitor:
             sensor.state = "recording" if fields.get("state") == "start" else "idle"
             sensor.waits = ""
             if sensor.state == "idle":
-                self._tell("status")  # it may be waiting for a flip, or be done
+                self._tell("status")  # the device may be waiting for a flip, or be done
         elif kind == "result":
             sensor.results[values.get("axis"), values.get("method"), values.get("seconds")] = values
         elif kind == "error":

@@ -29,22 +29,33 @@ class Outlet(Protocol):
 
     name: str
 
-    def connected(self) -> bool: ...
-    def fd(self) -> int: ...
-    def read(self) -> bytes: ...
-    def write(self, data: bytes) -> int: ...
-    def drained(self) -> bool: ...
-    def close(self) -> None: ...
+    def connected(self) -> bool:
+        """True if a reader has opened the port."""
+
+    def fd(self) -> int:
+        """File descriptor to wait on."""
+
+    def read(self) -> bytes:
+        """The bytes that have arrived, without waiting."""
+
+    def write(self, data: bytes) -> int:
+        """Write as many bytes as there is room for, and return their number."""
+
+    def drained(self) -> bool:
+        """True if the reader has taken all bytes."""
+
+    def close(self) -> None:
+        """Close the port."""
 
 
-class PtyOutlet:
+class PtyOutlet(Outlet):
     """A pseudo terminal. ``symlink`` gives it a fixed name."""
 
     def __init__(self, symlink: Path | None = None) -> None:
         import tty
 
         self._master, slave = os.openpty()
-        tty.setraw(slave)  # else what the device says would come back to it as commands
+        tty.setraw(slave)  # otherwise the terminal would echo sentences to the device as commands
         self._slave_name = self.name = os.ttyname(slave)
         os.close(slave)
         os.set_blocking(self._master, False)
@@ -70,7 +81,7 @@ class PtyOutlet:
     def read(self) -> bytes:
         try:
             return os.read(self._master, CHUNK)
-        except OSError:  # nothing there, or the reader has just gone
+        except OSError:  # there are no bytes, or the reader has just gone
             return b""
 
     def write(self, data: bytes) -> int:
@@ -97,7 +108,7 @@ class PtyOutlet:
             self._symlink.unlink()
 
 
-class TcpOutlet:
+class TcpOutlet(Outlet):
     """A TCP port for ``socket://host:port``. Port 0 chooses a free one."""
 
     def __init__(self, address: str) -> None:
@@ -105,7 +116,7 @@ class TcpOutlet:
         try:
             self._server = socket.create_server((host or "127.0.0.1", int(number)))
         except (OSError, ValueError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or "want HOST:PORT, for example 127.0.0.1:5000"
+            reason = getattr(error, "strerror", None) or "write HOST:PORT, for example 127.0.0.1:5000"
             raise InputError(f"--tcp {address}: {reason}") from None
         self._server.setblocking(False)
         self._server.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)

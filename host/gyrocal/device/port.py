@@ -1,7 +1,7 @@
 """A device at a port: a serial device, a pseudo terminal or ``socket://host:port``.
 
-:class:`Link` is what the rest uses: sentences come out, commands go in and are answered. Opening a serial port may
-reset the board, so the host waits for its hello before it says anything else.
+The other modules use :class:`Link`, which receives sentences and sends commands. Opening a serial port may reset the board,
+so the host waits for the device's hello before it sends anything else.
 """
 
 from __future__ import annotations
@@ -41,12 +41,17 @@ class PortGone(DeviceError):
 class Port(Protocol):
     """A port that carries bytes. ``read`` waits for at most ``POLL_S`` and returns an empty answer if nothing came."""
 
-    def read(self) -> bytes: ...
-    def write(self, data: bytes) -> None: ...
-    def close(self) -> None: ...
+    def read(self) -> bytes:
+        """The bytes that have arrived. Raises DeviceError if the port is gone."""
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes. Raises DeviceError if the port is gone."""
+
+    def close(self) -> None:
+        """Close the port."""
 
 
-class SerialPort:
+class SerialPort(Port):
     """A serial device or a pseudo terminal, through pyserial (its other URLs too)."""
 
     def __init__(self, name: str, baud: int = BAUD) -> None:
@@ -83,7 +88,7 @@ class SerialPort:
             self._serial.close()
 
 
-class SocketPort:
+class SocketPort(Port):
     """``socket://host:port``, as ``gyrocal device --tcp`` serves it. pyserial would read it byte by byte."""
 
     def __init__(self, name: str) -> None:
@@ -94,7 +99,7 @@ class SocketPort:
         except ValueError:
             host, number = None, None
         if not host or not number:
-            raise DeviceError(f"{name}: want socket://HOST:PORT, for example socket://127.0.0.1:5000")
+            raise DeviceError(f"{name}: write socket://HOST:PORT, for example socket://127.0.0.1:5000")
         try:
             self._socket = socket.create_connection((host, number), timeout=ANSWER_S)
         except OSError as error:
@@ -182,12 +187,14 @@ class Link:
         self.close()
 
     def close(self) -> None:
+        """Close the port if it is open."""
         if self._port is not None:
             self._port.close()
             self._port = None
 
     @property
     def connected(self) -> bool:
+        """True while the port is open."""
         return self._port is not None
 
     @property

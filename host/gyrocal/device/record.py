@@ -1,4 +1,4 @@
-"""From a device's port into a session folder: what was received is on disk at once, gaps stay gaps."""
+"""Recording from a device's port into a session folder. Samples are written as they arrive, and gaps remain gaps."""
 
 from __future__ import annotations
 
@@ -60,6 +60,7 @@ class Report:
         return asdict(self)
 
     def warn(self, code: str, text: str, file: str | None = None) -> None:
+        """Add a warning about ``file``, or about all files if it is None."""
         self.warnings.append(Warning(code, None, file, text))
 
 
@@ -76,6 +77,9 @@ class Recorder:
 
     ``report`` is also valid after an error.
     """
+
+    patience_s = 2 * SILENCE_S
+    """Time without a word between runs after which the device counts as gone."""
 
     def __init__(
         self,
@@ -169,13 +173,13 @@ class Recorder:
 
     def _join(self) -> None:
         """Follow a device that starts its runs by itself; a run may already be in progress."""
-        with contextlib.suppress(PortGone):  # a short replay may be over; all that it said is kept
+        with contextlib.suppress(PortGone):  # a short replay may be over; its sentences are kept
             self.link.command("stream raw")
             self.link.send("status")
 
     def _ask(self) -> None:
         """Ask the device for its settings and for the run in progress, if there is one."""
-        with contextlib.suppress(PortGone):  # reading says so, once all is read
+        with contextlib.suppress(PortGone):  # reading raises the error, once all is read
             self.link.send("hello")
             self.link.send("status")
 
@@ -200,8 +204,8 @@ class Recorder:
                 if self._heard and self._imu not in self._heard:
                     there = " or ".join(f"--imu {imu}" for imu in sorted(self._heard))
                     raise DeviceError(f"{self.link.name}: there is no sensor {self._imu}; want {there}")
-                if now - heard_at > 2 * SILENCE_S:
-                    raise DeviceError(f"{self.link.name}: no word for {2 * SILENCE_S:g} s{self._said}")
+                if now - heard_at > self.patience_s:
+                    raise DeviceError(f"{self.link.name}: no word for {self.patience_s:g} s{self._said}")
                 self.link.send("status")
                 sampled_at = now
             if self._digest(sentences):
@@ -214,7 +218,7 @@ class Recorder:
         mine = [s for s in sentences if s.imu == self._imu]
         for sentence in mine:
             self._note(sentence)
-        return any(self._handle(part) for part in self._stream.feed(mine))  # what follows is not wanted
+        return any(self._handle(part) for part in self._stream.feed(mine))  # the samples that follow are not wanted
 
     def _handle(self, part: Part) -> bool:
         writer = self._writer
@@ -240,7 +244,7 @@ class Recorder:
             self._ask()
         if wanted is not None and heard.setting is None:
             if self.link.replays:
-                return  # until its setting is told
+                return  # until its setting is known
             axis = wanted.axis or self._folder.axis
             heard.setting = Setting(wanted.face, axis, wanted.table_rate_dps, wanted.turn_deg)
             heard.face = wanted.face
@@ -282,13 +286,13 @@ class Recorder:
             head = self._scenario.rstrip("0123456789")
             digits = self._scenario[len(head) :] or "0"
             self._scenario = f"{head}{int(digits) + 1:0{len(digits)}d}"
-        with contextlib.suppress(PortGone):  # reading says so, once all is read
+        with contextlib.suppress(PortGone):  # reading raises the error, once all is read
             self.link.send("stream raw")
 
     def _settings(self) -> Sentence:
         """The device's settings. They are requested again if it has restarted since."""
         if not self.link.answered:
-            with contextlib.suppress(PortGone):  # it has ended; all that it said is kept
+            with contextlib.suppress(PortGone):  # the device has ended; its sentences are kept
                 self.link.greet()
         if self.link.answered:
             self._hello = self.link.hello
@@ -296,7 +300,7 @@ class Recorder:
         return self._hello
 
     def _end_run(self, *, cut: bool = False) -> None:
-        """Close the run that is being written, and warn of what is wrong with it."""
+        """Close the run that is being written, and add warnings about its defects."""
         writer, self._writer = self._writer, None
         if writer is None:
             return
@@ -322,7 +326,7 @@ class Recorder:
             if is_unheard
         ]
         if unheard and (run.samples or run.lost):
-            source = "; its face is that of the accelerometer, its rate the one last told: check both" if by_gravity else ""
+            source = "; its face is that of the accelerometer, its rate the last run's: check both" if by_gravity else ""
             self.report.warn("run_unannounced", f"the {' and the '.join(unheard)} of a run did not arrive{source}", file)
 
     def _count_damage(self) -> None:
@@ -352,11 +356,11 @@ class Recorder:
         return f"{run.samples} samples, {run.seconds:.2f} s, are kept in {self._folder.path / run.file}"
 
     def _stop_device(self) -> None:
-        """End the run on a device that was told to begin it, and read its last sentences."""
+        """End the run on a device that began it on command, and read its last sentences."""
         if self.link.replays or self._wanted is None:
             return
         deadline = time.monotonic() + SILENCE_S
-        with contextlib.suppress(DeviceError):  # what was wanted is on disk
+        with contextlib.suppress(DeviceError):  # the wanted samples are on disk
             self.link.command("stop")
             while time.monotonic() < deadline:
                 sentences = self.link.receive()

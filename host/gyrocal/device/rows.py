@@ -1,4 +1,4 @@
-"""A session as the simulated device is fed with it: the raw counts of an LSM6DSO, each row at its own time."""
+"""A session as input of the simulated device: the raw counts of an LSM6DSO, each row at its own time."""
 
 from __future__ import annotations
 

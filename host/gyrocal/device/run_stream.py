@@ -37,12 +37,13 @@ class Setting:
         """Read the fields of a sentence. Raises DeviceError if they are of another version of the protocol."""
         axis = fields.get("axis", "")
         if face not in ("up", "down") or axis not in AXES:
-            raise DeviceError(f"the device speaks of a run with face {face!r} and axis {axis!r}; flash it again")
+            raise DeviceError(f"the device announces a run with face {face!r} and axis {axis!r}; flash it again")
         turn_deg, rate_dps = _short(fields.get("turn_deg", "")), _short(fields.get("table_dps", ""))
         return Setting(face, axis, rate_dps, turn_deg or None)
 
     @property
     def has_rate(self) -> bool:
+        """True if the true rate or the net angle of a run is known."""
         return self.table_rate_dps is not None or self.turn_deg is not None
 
 

@@ -76,6 +76,7 @@ class SessionFolder:
 
     @property
     def axis(self) -> str:
+        """The session's axis, x, y or z."""
         return str(self._keys["axis"])
 
     def settle(self, hello: Sentence) -> None:
@@ -151,14 +152,17 @@ class RunWriter:
 
     @property
     def path(self) -> Path:
+        """The file of the run."""
         return self._folder.path / self.run.file
 
     @property
     def settled(self) -> bool:
+        """True once the settings of the run are known."""
         return self._setting is not None
 
     @property
     def is_listed(self) -> bool:
+        """True once session.toml contains the run."""
         return self._listed
 
     def settle(self, setting: Setting) -> None:
@@ -171,7 +175,7 @@ class RunWriter:
         self._list()
 
     def settle_by_gravity(self) -> bool:
-        """Settle a run whose face no sentence told by the mean acceleration along its axis; False if that is not possible."""
+        """Take the face from the mean acceleration along the axis if no sentence gave it. Returns False if it is not clear."""
         settings = self.heard.settings or {}
         axis = settings.get("axis", "")
         along_g = self._acc_sum_g[AXES.index(axis)] / max(self.run.samples, 1) if axis in AXES else 0.0

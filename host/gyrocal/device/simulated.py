@@ -1,7 +1,7 @@
-"""The simulated device: a session's rows through the firmware's own C core, behind a virtual port or without one.
+"""The simulated device: the firmware's own C core processes a session's rows, behind a virtual port or without one.
 
-The simulator talks through its standard input and output; a pseudo terminal or a TCP port is put in front of it. The replay
-begins when the port is first opened.
+The simulator uses its standard input and output, which a pseudo terminal or a TCP port is connected to. The replay begins when
+the port is first opened.
 """
 
 from __future__ import annotations
@@ -129,5 +129,5 @@ def check_speed(speed: str | float) -> str:
             if not 0.0 < float(text) < float("inf"):
                 raise ValueError
         except ValueError:
-            raise InputError(f"--speed {text}: want max, or how many times faster than real time (1 = real time)") from None
+            raise InputError(f"--speed {text}: write max, or how many times faster than real time (1 = real time)") from None
     return text

@@ -75,12 +75,14 @@ class Simulator:
         return self._rest if self.ended else lines + newline
 
     def write(self, data: bytes) -> None:
+        """Write all bytes to the process. Bytes for a process that has ended are dropped."""
         assert self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError):
             while data:
                 data = data[os.write(self._process.stdin.fileno(), data) :]
 
     def check_exit(self) -> None:
+        """Wait for the process to end. Raises DeviceError if it failed."""
         assert self._process.stderr is not None
         check_exit(self._process.wait(), self._process.stderr.read())
 

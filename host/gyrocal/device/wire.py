@@ -1,4 +1,4 @@
-"""The wire's codec: sentences to and from bytes, as the core's PROTOCOL.md says (version 1).
+"""The codec of the wire: sentences to and from bytes, as the core's PROTOCOL.md specifies (version 1).
 
 The host reads in chunks of any length: :class:`Reader` cuts them into lines, checks each line's CRC and each sensor's
 sequence numbers, and counts what is missing.

@@ -20,6 +20,7 @@ from gyrocal.diagnosis.drawn import described, most_visible
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
 from gyrocal.diagnosis.misfit import Misfit, find_misfit
+from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.probes import of_session
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -58,6 +59,8 @@ class Comparison(Shown):
     note: str = ""
     """A remark for the user about how this comparison was made; empty if there is none."""
     warnings: list[Warning] = field(default_factory=list)
+    moved: list[Moved] | None = None
+    """What has become of the parameters of a model that is held against the session as it is; else None."""
     angles: Angles | None = field(default=None, repr=False)
     """Net angles of the runs, by which the session is judged where a run's rate is not known; else None."""
 
@@ -69,7 +72,7 @@ class Comparison(Shown):
     @property
     def ids(self) -> list[str]:
         """Ids of the model's effects and noise components, and of what was estimated about the recording's reference."""
-        of_recording = dict.fromkeys(effect for effect, _, _, _ in self.fit.session.registration_parameters)
+        of_recording = dict.fromkeys(p.effect for p in self.fit.session.registration_parameters)
         return [*self.fit.model.ids, *of_recording]
 
     @property
@@ -85,6 +88,7 @@ class Comparison(Shown):
 
     @property
     def verdict(self) -> str:
+        """``implausible``, ``misfit`` or ``adequate``."""
         if self.implausible:
             return "implausible"
         return "misfit" if self.where else "adequate"
@@ -110,9 +114,10 @@ class Comparison(Shown):
                 for line in self.fit.model.lines()
                 for name, value in line.values.items()
             ] + [
-                {"effect": effect, "axis": None, "name": name, "value": value, "se": se}
-                for effect, name, value, se in self.fit.session.registration_parameters
+                {"effect": p.effect, "axis": None, "name": p.name, "value": p.value, "se": p.se}
+                for p in self.fit.session.registration_parameters
             ],
+            **({} if self.moved is None else {"as_is": True, "moved": [m.to_json() for m in self.moved]}),
             "warnings": [w.to_json() for w in self.warnings],
         }
 
@@ -128,17 +133,18 @@ class _Measured:
 
 @one_thread
 def measure(
-    session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, progress: Progress | None = None,
+    session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, about: bool = False,
+    progress: Progress | None = None,
 ) -> Comparison:  # fmt: skip
     """Fit a model to a session, judge it on held-out data, and test its residual.
 
-    ``only_day`` restricts the held-out data to one day. Raises InputError if the model has no term on any axis, or if the day
-    cannot be left out.
+    ``only_day`` restricts the held-out data to one day; ``about`` is that of :func:`gyrocal.inference.fit.fit`. Raises
+    InputError if the model has no term on any axis, or if the day cannot be left out.
     """
     opened = Model.open(model)
     session = registered(session)
     warnings = plausibility.check(session, opened)
-    fitted = fit(session, opened, progress=progress)
+    fitted = fit(session, opened, about=about, progress=progress)
     if not fitted.axes:
         raise InputError("the model has no term on any axis; give it scale and bias at least")
     folds = heldout.folds(fitted, only_day)

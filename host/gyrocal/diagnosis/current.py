@@ -35,6 +35,7 @@ class Current:
 
     @classmethod
     def of(cls, comparison: Comparison, axis: str) -> Current:
+        """The model of a comparison on one axis."""
         rounded = beside_rounding(comparison.fit, axis)
         return cls(comparison, axis, rounded, changed=rounded is not comparison.fit.axes[axis])
 
@@ -45,6 +46,7 @@ class Current:
 
     @property
     def runs(self) -> list[Run]:
+        """The runs of the fit."""
         return [b.run for b in self.fit.design.blocks]
 
     @property
@@ -54,6 +56,7 @@ class Current:
 
     @cached_property
     def folds(self) -> list[heldout.Fold]:
+        """The parts of the data that are left out in turn."""
         return heldout.folds(self.comparison.fit)
 
     @cached_property
@@ -82,7 +85,7 @@ class Current:
         return replace(self, fit=finish(fitted), changed=True)
 
     def of_runs(self, kept: Mask) -> Current:
-        """The same model fitted to some of the runs, for an effect whose data the others lack."""
+        """The same model fitted to the runs with True in ``kept`` [runs], for an effect whose data the others lack."""
         whole = self.comparison.fit
         blocks = [b for b, keep in zip(self.fit.design.blocks, kept, strict=True) if keep]
         design = self.fit.design.over(blocks)

@@ -37,6 +37,7 @@ class Diagnosis(Shown):
 
     @property
     def best(self) -> Candidate | None:
+        """The first candidate that may be added, or None."""
         return next((c for c in self.candidates if c.decision == "add"), None)
 
     def to_json(self) -> dict[str, Any]:

@@ -79,6 +79,8 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
     parameters += effect.picked(current.runs, current.index)
     gains = held_out_gain(current.fit, fitted, current.folds)
+    if not np.isfinite(gains).all():  # without some of the data, the noise of its column hides what the column shows
+        return Candidate(effect, current.axis, "not_measurable", next_measurement=effect.measure_next)
     gain, gain_se = total(gains)
     signal = _signal(fitted)
     excess = explained(current, fitted, signal, chance)

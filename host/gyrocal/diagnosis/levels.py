@@ -204,6 +204,7 @@ class Cleaned:
 
     @staticmethod
     def of(fitted: Fit, axis: str) -> Cleaned:
+        """The residuals of one axis without outliers, first readings and slow parts."""
         by_run: dict[int, Array] = {}
         raw: list[Array] = []
         taken = 0.0

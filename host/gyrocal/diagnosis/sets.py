@@ -48,10 +48,12 @@ class EffectSet:
 
     @property
     def ids(self) -> frozenset[str]:
+        """Ids of the effects."""
         return frozenset(e.id for e in self.effects)
 
     @property
     def gain(self) -> float:
+        """Held-out log-likelihood that the set gains, summed over the units."""
         return float(self.gains.sum())
 
 

@@ -189,7 +189,7 @@ class Effect(Described):
         return np.array([values.get(f"{name}_sd", 0.0) for name in self.used(values)])
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        """The inverse of :meth:`spread`."""
+        """The parameters of spreads [k]: the inverse of :meth:`spread`."""
         return {f"{name}_sd": float(sd) for name, sd in zip(self.used(values), spread, strict=True)}
 
     def groups(self, values: Mapping[str, float]) -> list[int]:

@@ -166,7 +166,7 @@ class BiasJumps(OfEachRun):
         return {"size_dps": float(spread[0])}
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        """Alternating jumps, evenly spaced from the first jump to the end of the run. The first direction is random."""
+        """Alternating jumps, shape [n], deg/s, evenly spaced from the first jump to the end of the run."""
         n = round(values["n"])
         at_s = run.duration_s * np.linspace(values["first"], 1.0, n, endpoint=False)
         jumps_so_far = np.searchsorted(at_s, elapsed_s(run), side="right")

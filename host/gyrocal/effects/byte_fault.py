@@ -112,6 +112,7 @@ class Carry:
     t: float
 
     def words(self, step_dps: float) -> str:
+        """The fault in words, with the step of the reading in deg/s."""
         return f"a carry into bit {self.bit} of the reading is lost, a step of {step_dps:+.3g} dps"
 
 

@@ -59,7 +59,7 @@ class Misalignment(Effect):
         return stack(*(rate_dps * (run.axis in ABOUT[name]) for name in self.used(values)))
 
     def error_dps(self, turning: Mapping[int, Run], axis: int, values: Mapping[str, float]) -> Array:
-        """The parts of the rates about all other axes."""
+        """The parts of the rates about all other axes, shape [n], deg/s."""
         others = [self.term(run, axis, values) for i, run in turning.items() if i != axis]
         return np.sum(others, axis=0) if others else np.zeros(len(next(iter(turning.values()))))
 

@@ -132,5 +132,5 @@ class OrderTone(Tone):
         return values["order"] * turned_turn(run)
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
-        """The wave of a tone. A table at rest shows an offset and no wave."""
+        """The wave of a tone, shape [n]. It is zero on a table at rest, where it would be an offset."""
         return super().wave(run, axis, values, name) if _turns(run) else np.zeros(len(run), dtype=complex)

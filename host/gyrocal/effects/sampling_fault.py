@@ -64,7 +64,7 @@ class SamplingFault(ReadingFault):
         return Detected({"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance)
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
-        """A stale reading equals the previous reading including its noise."""
+        """Readings [n], deg/s. A stale reading equals the previous reading including its noise."""
         out = modelled_dps.copy()
         old = np.flatnonzero(stale(run))
         out[old + 1] = run.gyro_dps[old, axis]

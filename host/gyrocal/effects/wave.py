@@ -99,7 +99,7 @@ class Tone(Wave):
         return any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis))
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
-        """A sine is a cosine a quarter of a period earlier."""
+        """The wave, shape [n]. A sine is a cosine a quarter of a period earlier."""
         return np.asarray(-1j * np.exp(2j * np.pi * self.periods(run, values)))
 
 
@@ -130,7 +130,7 @@ class TableWave(Wave):
         return (float(self._order(name)),)
 
     def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
-        """False if runs at several rates show a wave of one size, although its own size depends on the rate."""
+        """False if runs at several rates show one size of the wave (deg/s), although its size depends on the rate."""
         return (size_over_rate(runs, sizes) or np.inf) > POLICY.one_size
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:

@@ -92,7 +92,7 @@ class FormulaEffect(Effect):
         return np.array([values.get(n, 0.0) for n in self.used(values)]) if self.scope == "run" else super().spread(values)
 
     def named_spread(self, spread: Array, values: Mapping[str, float]) -> Values:
-        """Root mean square as the value of coefficients that differ from run to run about zero."""
+        """Spreads [k] of coefficients that differ from run to run about zero, as their values."""
         return dict(zip(self.used(values), map(float, spread), strict=True))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:

@@ -55,6 +55,7 @@ class Term:
 
     @property
     def effect(self) -> Effect:
+        """The effect of the term: its own, or that of the library."""
         return self.own or base.effect(self.effect_id)
 
     @property
@@ -86,6 +87,7 @@ class Line:
 
     @property
     def id(self) -> str:
+        """Id of the effect or noise component."""
         return self.kind.id
 
     @property
@@ -154,9 +156,11 @@ class Model(Shown):
         return [axis for axis in AXES if self.on(axis) or self.noise_on(axis).components]
 
     def on(self, axis: str) -> list[Term]:
+        """The terms on one axis."""
         return [t for t in self.terms if t.axis == axis]
 
     def noise_on(self, axis: str) -> AxisNoise:
+        """The noise of one axis."""
         return self.noise.get(axis, AxisNoise())
 
     @property
@@ -191,6 +195,7 @@ class Model(Shown):
         return Line(term.effect, term.axis, {**term.values, name: spread.sd}, {**term.se, **se})
 
     def term(self, effect_id: str, axis: str) -> Term | None:
+        """The term of an effect on one axis, or None if the model lacks it."""
         return next((t for t in self.terms if t.effect_id == effect_id and t.axis == axis), None)
 
     def line(self, effect_id: str, axis: str) -> Line | None:

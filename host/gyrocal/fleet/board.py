@@ -47,7 +47,7 @@ def work(path: str, model: Model, drifts: Mapping[str, FleetDrift], results: str
 
 
 def listen(path: str, model: Model, results: str) -> Done:
-    """Keep what one session says of the drift (:func:`gyrocal.fleet.drift.loglik_of`), unless that is there already."""
+    """Store the likelihood of the drift from one session (:func:`gyrocal.fleet.drift.loglik_of`) unless it is stored."""
 
     def drift(folder: Path, target: Path) -> None:
         found = {axis: loglik_of(one) for axis, one in plain_fit(_opened(folder, model)[0], model).items()}
@@ -69,7 +69,7 @@ def _kept(path: str, make: Callable[[Path, Path], None], model: Model, given: st
 
 
 def key_of(folder: Path, model: Model, given: str = "") -> str:
-    """What a summary depends on, as a name: the files of the session, the model, what else is ``given``, and the code."""
+    """A name for everything that a summary depends on: the session's files, the model, ``given`` and the code."""
     digest = hashlib.blake2b(digest_size=16)
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
         digest.update(str(file.relative_to(folder)).encode() + b"\0" + file.read_bytes())
@@ -99,7 +99,7 @@ def _opened(folder: Path, model: Model) -> tuple[Session, list[Warning]]:
 
 
 def summarise(folder: Path, name: str, model: Model, drifts: Mapping[str, FleetDrift]) -> Summary:
-    """Fit the model to a session; ``drifts`` is the fleet's drift by axis, with which the candidates are judged."""
+    """Fit the model to a session. The candidates are judged with ``drifts``, the fleet's drift by axis."""
     session, warnings = _opened(folder, model)
     fitted = plain_fit(session, model)
     return Summary(
@@ -109,7 +109,7 @@ def summarise(folder: Path, name: str, model: Model, drifts: Mapping[str, FleetD
 
 
 def plain_fit(session: Session, model: Model) -> dict[str, AxisFit]:
-    """The ordinary fit of each axis. A term that has one variant is given it, which saves the search for the structure."""
+    """The ordinary fit of each axis. A term with a single variant gets it at once, which saves the search for the structure."""
     terms = tuple(_settled(term, session) for term in model.terms)
     return fit(session, replace(model, terms=terms)).axes
 

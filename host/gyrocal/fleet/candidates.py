@@ -1,7 +1,7 @@
 """Columns of the effects that a model may lack, on a grid of their nonlinear parameters that is the same for all boards.
 
-An estimate of a nonlinear parameter and its curvature mean nothing where the amplitude is zero. The likelihood at fixed values
-of it is quadratic in the amplitude, however small that is, so score and information on a common grid can be added over boards.
+An estimate of a nonlinear parameter and its curvature are meaningless if the amplitude is zero. At fixed values of the
+parameter the likelihood is quadratic in the amplitude, so score and information on a common grid can be added over boards.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gyrocal.noise.whitening import Noise, Summed
 from gyrocal.recording.session import AXES, Array, Run
 
 GRID = 4
-"""Values of each nonlinear parameter, evenly in its logarithm over its typical range."""
+"""Number of values of each nonlinear parameter, evenly spaced in its logarithm over its typical range."""
 
 
 def pooled_effects(taken: Sequence[str]) -> list[Effect]:
@@ -60,7 +60,7 @@ def _tried(runs: Sequence[Run], axis: int, taken: Sequence[str]) -> Iterator[tup
 def cycle_equations(fitted: AxisFit, noise: Noise) -> tuple[list[str], Array]:
     """The names of the candidates' columns, and the normal equations [cycles, q, q] of ``[y | model | candidates]``.
 
-    They are whitened with ``noise``; coefficients of a run's own are integrated out with their fitted spreads.
+    They are whitened with ``noise``. Coefficients that differ from run to run are integrated out with their fitted spreads.
     """
     design = fitted.design
     runs = [b.run for b in design.blocks]

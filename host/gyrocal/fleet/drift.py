@@ -1,7 +1,8 @@
 """The drift that the boards of a fleet share, from some of them.
 
-A short session hardly knows its own drift, and standard errors with a badly known drift are a few percent too small: a thousand
-boards then show an effect that is not there. Boards of one kind share the drift, so its likelihood is summed over boards.
+A short session hardly determines its own drift, and standard errors with a poorly known drift are a few percent too small. A
+thousand boards then show an effect that does not exist. Boards of one kind share the drift, so its likelihood is summed over
+boards.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ def pilot(paths: Sequence[str]) -> list[str]:
 def loglik_of(fitted: AxisFit) -> list[list[float]]:
     """REML log-likelihood of a session's axis for each of ``TIMES_S`` and ``SIZES``, at its white level.
 
-    Bias and scale of its power cycles are as good as free: with their spreads as fitted, which are badly known from a few
-    cycles, the drift would come out too small.
+    Bias and scale of its power cycles are practically free. With their fitted spreads, which are poorly known from a few
+    cycles, the estimated drift would be too small.
     """
     design, n = fitted.design, int(fitted.design.n_blocks.sum())
     roles = [design.terms[design.layout.fixed[j][0]].effect.role for j in design.layout.scenario]
@@ -69,7 +70,7 @@ def _likeliest(loglik: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Fle
     from scipy.interpolate import CubicSpline
 
     t, k = (int(i) for i in np.unravel_index(int(np.nanargmax(loglik)), loglik.shape))
-    if k < 2:  # below the smallest size there is no logarithm to interpolate in
+    if k < 2:  # the size below the smallest one is zero, which has no logarithm to interpolate
         return FleetDrift(SIZES[k], TIMES_S[t])
     course = CubicSpline(np.log(SIZES[1:]), loglik[t, 1:])
     between = np.linspace(np.log(SIZES[k - 1]), np.log(SIZES[min(k + 1, len(SIZES) - 1)]), 401)

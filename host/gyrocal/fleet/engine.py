@@ -1,8 +1,8 @@
 """Where tasks run: in this process, on processes of this machine, or on a running Dask scheduler.
 
-Tasks stream: a bounded number is submitted, and each result that arrives makes room for the next task, so that the memory of
-client and scheduler does not grow with the fleet. A task whose worker dies is run again elsewhere; one that has killed several
-workers is given up with a reason. If the scheduler restarts, what it had not finished is submitted again.
+Only a bounded number of tasks is submitted at a time, and each result makes room for the next task, so that the memory of
+client and scheduler does not grow with the fleet. A task whose worker dies is run again on another worker. A task after which
+several workers died is given up with a reason. Unfinished tasks are submitted again if the scheduler restarts.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from gyrocal.fleet.board import Done
 AHEAD = 4
 """Tasks that are submitted for each worker."""
 PATIENCE_S = 60
-"""How long a scheduler or worker that went away is waited for."""
+"""Time to wait for a scheduler or worker that went away, s."""
 RESUBMITTED = 5
-"""How often a task that its scheduler lost is submitted again."""
+"""Number of times that a task is submitted again after its scheduler lost it."""
 
 Task = Callable[[str], Done]
 
@@ -31,10 +31,11 @@ class Engine(Protocol):
 
     dashboard: str | None
 
-    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]: ...
+    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]:
+        """Run ``task`` for each of ``paths``, and yield the results as they are done."""
 
 
-class InProcess:
+class InProcess(Engine):
     """One task after another, in this process."""
 
     dashboard: str | None = None
@@ -43,7 +44,7 @@ class InProcess:
         yield from map(task, paths)
 
 
-class OnDask:
+class OnDask(Engine):
     """Tasks on the workers of a Dask client."""
 
     def __init__(self, client: Any) -> None:

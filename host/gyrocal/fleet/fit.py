@@ -42,7 +42,7 @@ class Estimates:
 
 @dataclass(frozen=True)
 class Fleet:
-    """A fleet as one population. ``boards`` has what is known of each session that was fitted, in the order of its path."""
+    """A fleet as one population. ``boards`` has a summary of each fitted session, in the order of the paths."""
 
     model: Model
     boards: list[Summary]
@@ -59,6 +59,7 @@ class Fleet:
 
     @property
     def sessions_per_s(self) -> float:
+        """Sessions per second, failed ones included."""
         return (len(self.boards) + len(self.failed)) / max(self.seconds, 1e-9)
 
     def to_json(self) -> dict[str, Any]:
@@ -148,7 +149,7 @@ def _pooled(
 
 
 NOISE = {f"white_noise.{axis}.sd_dps" for axis in AXES}
-"""The level of the noise is not a parameter of the population, but a board may stand out by it."""
+"""The level of the noise is not a parameter of the population, but boards can be outliers in it."""
 
 
 def _estimates(boards: Sequence[Summary]) -> dict[str, Estimates]:
@@ -170,7 +171,7 @@ def _estimates(boards: Sequence[Summary]) -> dict[str, Estimates]:
 def _evidence(
     results: Path, fitted: Sequence[Done], spreads: dict[Kind, Array], names: dict[str, list[str]]
 ) -> dict[str, tuple[Array, Array]]:  # fmt: skip
-    """Score [n, k] and information [n, k, k] of the candidates of each axis; a session without an axis says nothing of it."""
+    """Score [n, k] and information [n, k, k] of the candidates of each axis; zero for a session without the axis."""
     said = {axis: (np.zeros((len(fitted), len(of))), np.zeros((len(fitted), len(of), len(of)))) for axis, of in names.items()}
     for i, summary in enumerate(_summaries(results, fitted)):
         for axis, one in summary.axes.items():
@@ -182,7 +183,7 @@ def _evidence(
 def _trends(
     boards: Sequence[Summary], estimates: dict[str, Estimates], population: dict[str, Pooled], rig: Any
 ) -> list[trend.Trend]:  # fmt: skip
-    """Trends of what is left of each quantity without its rig's part, over the boards that are not odd."""
+    """Trends of each quantity without the offset of its rig, over the boards that are not odd."""
     asked: dict[str, tuple[Array, Sequence[trend.Board]]] = {}
     for name, pooled in population.items():
         of = estimates[name]
@@ -194,6 +195,6 @@ def _trends(
 
 def _attribution(rigs: int, boards: int) -> str:
     if rigs >= 2:
-        return f"{rigs} rigs: what differs between rigs is told apart from what differs between boards"
+        return f"{rigs} rigs, so differences between rigs are distinguished from differences between boards"
     which = "one rig" if rigs else "no session names its rig"
     return f"{which}: what is common to all {boards} sessions belongs to boards or rig, and the data cannot say to which"

@@ -1,7 +1,7 @@
-"""What each board says of every candidate: score and information, with one turn-on spread for the whole fleet.
+"""The likelihood of every candidate from each board: score and information, with one turn-on spread for the whole fleet.
 
-The spread of bias and scale over power cycles is badly known from the three or four cycles of one board, and with it every
-standard error. Boards of one kind share it, so it is estimated from all of them together by restricted maximum likelihood.
+The spread of bias and scale over power cycles is poorly known from the three or four cycles of one board, and every standard
+error depends on it. Boards of one kind share the spread, so it is estimated from all of them by restricted maximum likelihood.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ import numpy as np
 
 from gyrocal.fleet.summary import AxisSummary
 from gyrocal.inference.reml import Index, integrate
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
-
-IDENTIFIED = 1e-4
-"""A candidate counts as not measured if less than this fraction of its squared norm is independent of the model's columns."""
 
 Kind = tuple[tuple[str, ...], tuple[int, ...]]
 """The model's columns that a board could show, and which of them differ from power cycle to power cycle."""
 
 
 def kind_of(one: AxisSummary) -> Kind:
+    """What sessions must have in common for their power cycles to be pooled."""
     return one.columns, one.random
 
 
@@ -34,12 +33,13 @@ class CycleSpreads:
     unit: dict[Kind, list[Array]] = field(default_factory=dict)
 
     def add(self, one: AxisSummary) -> None:
+        """Add the power cycles of one session on one axis."""
         if one.random:
             p = 1 + len(one.columns)
             self.cycles.setdefault((kind_of(one), len(one.cycles)), []).append(one.cycles[:, :p, :p])
 
     def fit(self) -> dict[Kind, Array]:
-        """The spreads over power cycles of each kind of board, by the names of :func:`kind_of`."""
+        """Spreads over power cycles [k], in the units of the columns, for each kind of board (see :func:`kind_of`)."""
         kinds = sorted({kind for kind, _ in self.cycles})
         return {kind: self._fit(kind) for kind in kinds}
 
@@ -82,7 +82,7 @@ def evidence(one: AxisSummary, spreads: dict[Kind, Array], names: Sequence[str])
     left = total[np.ix_(rest, rest)] - total[np.ix_(rest, model)] @ np.linalg.solve(
         total[np.ix_(model, model)], total[np.ix_(model, rest)]
     )
-    seen = np.diag(left)[1:] > IDENTIFIED * np.diag(one.cycles.sum(axis=0))[1 + p :]
+    seen = np.diag(left)[1:] > POLICY.fleet_identified * np.diag(one.cycles.sum(axis=0))[1 + p :]
     at = {name: j for j, name in enumerate(names)}
     mine = [(1 + i, at[name]) for i, name in enumerate(one.candidates) if seen[i] and name in at]
     if mine:

@@ -1,4 +1,4 @@
-"""Which sessions a fleet has: a folder of session folders, or a list of their paths, here or on object storage (fsspec)."""
+"""The sessions of a fleet: a folder of session folders, or a list of their paths, here or on object storage (fsspec)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _local(source: Path) -> list[str]:
     if not source.is_dir():
         raise InputError(f"{source}: no such folder; a fleet is a folder of session folders, or a list of their paths")
     found = (header.parent for header in source.rglob(HEADER))
-    return [str(path) for path in found if not path.name.startswith(".")]  # a hidden one is not written to its end yet
+    return [str(path) for path in found if not path.name.startswith(".")]  # a hidden one is still being written
 
 
 def _remote(source: str) -> list[str]:

@@ -2,8 +2,8 @@
 
 A candidate's size differs from board to board: a share of the boards has it, with a mean and a spread. Two tests see any of
 these: the mean over boards against its standard error (which includes the spreads over boards and rigs), and the mean square of
-the boards' own z values against one. Both are corrected for the number of tests. A candidate is named only if the population
-that other boards have also predicts the boards that were left out better than its absence does.
+the boards' own z values against one. Both are corrected for the number of tests. A candidate is named only if a population with
+the effect, estimated from the other boards, predicts the boards that were left out better than no effect does.
 """
 
 from __future__ import annotations
@@ -15,17 +15,9 @@ from typing import Any
 import numpy as np
 
 from gyrocal.fleet.pooling import Labels, Pooled, furthest, pool
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-FALSE_ALARMS = 0.02
-"""Probability that any effect is named in a fleet without one."""
-ERROR_OF_VARIANCE = 0.06
-"""The mean square of z of boards without an effect is within this of one, because standard errors are right to 3 %."""
-FOLDS = 10
-MOST_NAMED = 5
-LEAST_BOARDS = 20
-CLOSE = 3.0
-"""Log-likelihood by which the best candidate must lead another that it replaces to be told from it."""
 STEPS = 200
 
 
@@ -98,17 +90,17 @@ class Share:
         return found
 
     def has(self, c: Array, variance: Array) -> Array:
-        """Probability that each board has the effect."""
+        """Probability [n] that each board has the effect, from sizes [n] with error variances [n]."""
         return self.share * self.ratio(c, variance) / (1 - self.share + self.share * self.ratio(c, variance))
 
     def ratio(self, c: Array, variance: Array) -> Array:
-        """Likelihood of having it over that of not having it, at most 1e300."""
+        """Likelihood ratio [n] of having the effect over not having it, at most 1e300."""
         wide = variance + self.sd**2
         log = 0.5 * (np.log(variance / wide) + c**2 / variance - (c - self.mean) ** 2 / wide)
         return np.asarray(np.exp(np.minimum(log, 690.0)))
 
     def gain(self, c: Array, variance: Array) -> Array:
-        """Log-likelihood of each board over that without the effect."""
+        """Log-likelihood ratio [n] of each board, with this population over without the effect."""
         return np.asarray(np.log(1 - self.share + self.share * self.ratio(c, variance)))
 
     @property
@@ -120,7 +112,7 @@ class Share:
 
 @dataclass(frozen=True)
 class _Test:
-    """The sizes of one candidate, and the probability that a fleet without it shows as much."""
+    """The sizes of one candidate, and the probability of such sizes in a fleet without it."""
 
     j: int
     c: Array
@@ -135,26 +127,28 @@ class _Test:
 
 
 def find(evidence: Sequence[Evidence]) -> list[Missing]:
-    """The effects that a fleet's model lacks, best first. None is named from fewer than twenty boards."""
-    tests = sum(int((np.count_nonzero(np.einsum("bii->bi", e.information), axis=0) >= LEAST_BOARDS).sum()) for e in evidence)
-    found = [named for one in evidence for named in _on_axis(one, FALSE_ALARMS / max(1, tests))]
+    """The effects that a fleet's model lacks, best first. None is named from fewer than ``POLICY.fleet_boards`` boards."""
+    boards = [np.count_nonzero(np.einsum("bii->bi", e.information), axis=0) for e in evidence]
+    tests = sum(int((b >= POLICY.fleet_boards).sum()) for b in boards)
+    found = [named for one in evidence for named in _on_axis(one, POLICY.fleet_names / max(1, tests))]
     return sorted(found, key=lambda m: -m.heldout_gain)
 
 
 def _on_axis(evidence: Evidence, limit: float) -> list[Missing]:
     named: list[Missing] = []
     left, done = evidence, set[int]()
-    for _ in range(MOST_NAMED):
+    for _ in range(POLICY.fleet_effects):
         passed = _passing(left, limit, done)
         if not passed:
             break
-        gain, test, share = passed[0]
+        test, share = passed[0].test, passed[0].share
         after = left.given(test.j, *share.overall)
         done |= {j for j, name in enumerate(left.names) if _key(name) == _key(left.names[test.j])}
-        still = {left.names[t.j].split(".")[0] for _, t, _ in _passing(after, limit, done)}
+        still = {left.names[t.j].split(".")[0] for t in (p.test for p in _passing(after, limit, done))}
         effect = left.names[test.j].split(".")[0]
-        close = {left.names[t.j].split(".")[0] for other, t, _ in passed if gain - other < CLOSE} - still - {effect}
-        named.append(_described(evidence, test, share, gain, limit, sorted({effect, *close}) if close else []))
+        near = [p.test.j for p in passed if passed[0].gain - p.gain < POLICY.fleet_rival_gain]
+        close = {left.names[j].split(".")[0] for j in near} - still - {effect}
+        named.append(_described(evidence, passed[0], limit, sorted({effect, *close}) if close else []))
         left = after
     return named
 
@@ -163,7 +157,16 @@ def _key(name: str) -> str:
     return name.split(";")[0]
 
 
-def _passing(evidence: Evidence, limit: float, done: set[int]) -> list[tuple[float, _Test, Share]]:
+@dataclass(frozen=True)
+class _Passed:
+    """A candidate that passes the tests; ``gain`` is the log-likelihood that it gains on boards that were left out."""
+
+    gain: float
+    test: _Test
+    share: Share
+
+
+def _passing(evidence: Evidence, limit: float, done: set[int]) -> list[_Passed]:
     """The candidates that pass the tests and predict boards that were left out, best first."""
     out = []
     for j in range(len(evidence.names)):
@@ -172,8 +175,8 @@ def _passing(evidence: Evidence, limit: float, done: set[int]) -> list[tuple[flo
             continue
         gain = _heldout_gain(test.c, test.variance, evidence.board[evidence.information[:, j, j] > 0])
         if gain > 0:
-            out.append((gain, test, Share.of(test.c, test.variance)))
-    return sorted(out, key=lambda found: (-found[0], found[1].j))
+            out.append(_Passed(gain, test, Share.of(test.c, test.variance)))
+    return sorted(out, key=lambda found: (-found.gain, found.test.j))
 
 
 def _tested(evidence: Evidence, j: int) -> _Test | None:
@@ -181,7 +184,7 @@ def _tested(evidence: Evidence, j: int) -> _Test | None:
 
     own = evidence.information[:, j, j]
     seen = own > 0
-    if np.count_nonzero(seen) < LEAST_BOARDS:
+    if np.count_nonzero(seen) < POLICY.fleet_boards:
         return None
     c, variance = evidence.score[seen, j] / own[seen], 1 / own[seen]
     found = pool(c, np.sqrt(variance), evidence.board[seen], evidence.rig[seen])
@@ -189,7 +192,7 @@ def _tested(evidence: Evidence, j: int) -> _Test | None:
         return None
     n = c.size
     z = np.clip(np.abs(c) / np.sqrt(variance), 0, furthest(n))
-    excess = float(np.mean(z**2)) - 1 - ERROR_OF_VARIANCE
+    excess = float(np.mean(z**2)) - 1 - POLICY.error_of_variance
     p_mean, p_spread = 2 * float(norm.sf(abs(found.mean) / found.se)), _upper(excess, n)
     return _Test(j, c, variance, found, p_mean, p_spread)
 
@@ -202,9 +205,9 @@ def _upper(excess: float, n: int) -> float:
 
 
 def _heldout_gain(c: Array, variance: Array, board: Labels) -> float:
-    """Log-likelihood of each tenth of the boards, predicted from the others, over that without the effect; summed."""
+    """Log-likelihood ratio of the effect, summed over parts of the boards that are predicted from the other parts."""
     number = np.unique(board, return_inverse=True)[1]
-    fold = np.random.default_rng(0).permutation(number.max() + 1)[number] % FOLDS
+    fold = np.random.default_rng(0).permutation(number.max() + 1)[number] % POLICY.fleet_folds
     total = 0.0
     for k in np.unique(fold):
         out = fold == k
@@ -212,26 +215,27 @@ def _heldout_gain(c: Array, variance: Array, board: Labels) -> float:
     return total
 
 
-def _described(evidence: Evidence, test: _Test, share: Share, gain: float, limit: float, group: list[str]) -> Missing:
+def _described(evidence: Evidence, passed: _Passed, limit: float, group: list[str]) -> Missing:
     from scipy.stats import norm
 
+    test, share = passed.test, passed.share
     name, _, at = evidence.names[test.j].partition(";")
     effect, axis, parameter = name.split(".")
     nonlinear = {key: float(value) for key, value in (part.split("=") for part in at.split(",") if part)}
     alone = int(np.count_nonzero(np.abs(test.c) / np.sqrt(test.variance) > norm.isf(limit / 2)))
     return Missing(
-        effect, axis, parameter, nonlinear, test.pooled.mean, test.pooled.se, share.sd, share.share, test.p_value, gain, alone,
-        _belongs_to(evidence, test, limit), group,
+        effect, axis, parameter, nonlinear, test.pooled.mean, test.pooled.se, share.sd, share.share, test.p_value,
+        passed.gain, alone,        _belongs_to(evidence, test, limit), group,
     )  # fmt: skip
 
 
 def _belongs_to(evidence: Evidence, test: _Test, limit: float) -> str:
-    """Who has the effect, in words: what is common to all boards of one rig may be the rig's."""
+    """The owner of the effect in words. An effect that is common to all boards of one rig may be the rig's."""
     found = test.pooled
     if found.rig_sd is not None and found.rig_sd_se is not None and found.rig_sd > max(2 * found.rig_sd_se, found.sd):
         return "rig: it differs more between rigs than between the boards of one rig"
     if test.p_mean > limit / 2:
-        return "boards: it differs from board to board about zero, which a rig would not do"
+        return "boards: it differs from board to board about zero, which an effect of a rig does not"
     if evidence.rigs_known < 2:
-        return "boards or rig: all boards were on one rig, or no session names its rig, so what is common may be either's"
+        return "boards or rig: all boards were on one rig, or no session names its rig, so a common effect may be of either"
     return "boards: it is the same on every rig"

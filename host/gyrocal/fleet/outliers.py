@@ -15,7 +15,7 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class Outlier:
-    """A session whose board stands off the population in one parameter, by ``z`` standard deviations of what is predicted."""
+    """A session whose board deviates from the population in one parameter, by ``z`` standard deviations of the prediction."""
 
     session: str
     board: str
@@ -33,7 +33,7 @@ class Outlier:
 
 
 def outliers(name: str, pooled: Pooled, values: Array, boards: Sequence[Summary]) -> list[Outlier]:
-    """The sessions with the weight zero in the population of one parameter."""
+    """The sessions with weight zero in the population of one parameter, with its ``values`` [n] of all boards."""
     found = []
     for i in np.flatnonzero(~pooled.used).tolist():
         why = (

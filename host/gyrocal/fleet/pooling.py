@@ -1,4 +1,4 @@
-"""A quantity of many boards as one population: its mean, its spread over boards, and that over rigs (crossed random effects).
+"""A quantity of many boards as one population: its mean and its spreads over boards and rigs (crossed random effects).
 
     estimate = mean + rig + board + error
 
@@ -13,16 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-FALSE_ODD = 0.02
-"""Probability that any board of a fleet without an odd one is called odd."""
 ROUNDS = 20
-LEAST_BOARDS = 3
 NO_ERROR = 1e-6
 """No standard error is smaller than this fraction of the estimates' spread."""
 
@@ -32,10 +30,10 @@ Labels = np.ndarray[Any, np.dtype[np.intp]]
 
 @dataclass(frozen=True)
 class Pooled:
-    """Mean and spread over boards with their standard errors; the same over rigs, which is None where fewer than two are known.
+    """Mean and spread over boards with their standard errors, and the spread over rigs, which is None for fewer than two rigs.
 
-    ``z`` [n] is each estimate's distance from what the others predict for a board on its rig, in standard deviations of that
-    prediction; ``used`` [n] is False for estimates of the weight zero; ``rig_offset`` [rigs] are the rigs' own parts.
+    ``z`` [n] is each estimate's deviation from the prediction for a board on its rig, in standard deviations of the prediction.
+    ``used`` [n] is False for estimates with weight zero. ``rig_offset`` [rigs] are the offsets of the rigs.
     """
 
     mean: float
@@ -56,7 +54,7 @@ class Pooled:
 
 
 def labelled(names: Sequence[str | None]) -> Labels:
-    """Numbers from 0 on for names in sorted order; all that are None are one."""
+    """Numbers from 0 on for names in sorted order. All None have the same number."""
     order = {name: i for i, name in enumerate(sorted({n or "" for n in names}))}
     return np.array([order[n or ""] for n in names], dtype=np.intp)
 
@@ -68,7 +66,7 @@ def pool(values: Array, se: Array, board: Labels | None = None, rig: Labels | No
     """
     board = np.arange(values.size) if board is None else np.unique(board, return_inverse=True)[1]
     rig = np.zeros(values.size, dtype=np.intp) if rig is None else rig
-    if values.size < LEAST_BOARDS or board.max() + 1 < LEAST_BOARDS:
+    if values.size < POLICY.population_boards or board.max() + 1 < POLICY.population_boards:
         return None
     middle = float(np.median(values))
     unit = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values)) or float(np.median(se)) or 1.0
@@ -88,17 +86,17 @@ def pool(values: Array, se: Array, board: Labels | None = None, rig: Labels | No
 
 
 def furthest(boards: int) -> float:
-    """The distance, in standard deviations, that no ordinary board of a fleet of this size reaches, but for ``FALSE_ODD``."""
+    """Distance in standard deviations that any ordinary board of a fleet exceeds with the probability ``POLICY.fleet_odd``."""
     from scipy.stats import t
 
-    return float(t.isf(FALSE_ODD / (2 * boards), max(boards - 2, 2)))
+    return float(t.isf(POLICY.fleet_odd / (2 * boards), max(boards - 2, 2)))
 
 
 def _medians(y: Array, rig: Labels) -> Array:
-    """The median of each estimate's rig, [n], where the rig has enough boards, else that of all."""
+    """The median of each estimate's rig, [n], or that of all estimates if the rig has too few boards."""
     out = np.full(y.size, float(np.median(y)))
     for r in np.unique(rig):
-        if np.count_nonzero(rig == r) >= 2 * LEAST_BOARDS:
+        if np.count_nonzero(rig == r) >= 2 * POLICY.population_boards:
             out[rig == r] = np.median(y[rig == r])
     return out
 
@@ -125,18 +123,18 @@ class _Reml:
         bounds = [(0.0, 10.0 * max(1.0, float(np.ptp(y))))] * (2 if several else 1)
 
         def cost(x: Array) -> float:
-            return -sums.loglik(float(x[0]), float(x[1]) if several else 0.0)[0]
+            return -sums.at(float(x[0]), float(x[1]) if several else 0.0).loglik
 
         starts = [[first, second][: len(bounds)] for first in (1.0, 0.1) for second in (1.0, 0.1)]
         options = {"ftol": 1e-14, "gtol": 1e-8}
         tried = [minimize(cost, start, method="L-BFGS-B", bounds=bounds, options=options) for start in starts]
-        best = min(tried, key=lambda t: t.fun).x
-        s, r = float(best[0]), float(best[1]) if several else 0.0
-        _, mean, mean_se, offset = sums.loglik(s, r)
+        spreads = min(tried, key=lambda t: t.fun).x
+        s, r = float(spreads[0]), float(spreads[1]) if several else 0.0
+        best = sums.at(s, r)
         boards_se = 1 / np.sqrt(sums.of_rig.sum(axis=1))
         weight = (sums.of_rig / (1 + s**2 * sums.of_rig.sum(axis=1))[:, None]).sum(axis=0)
         rigs_se = 1 / np.sqrt(weight[weight > 0]) if several else np.zeros(0)
-        return _Reml(s, r, mean, mean_se, offset, boards_se, rigs_se)
+        return _Reml(s, r, best.mean, best.mean_se, best.offset, boards_se, rigs_se)
 
     def z(self, y: Array, error: Array, rig: Labels) -> Array:
         return np.asarray((y - self.mean - self.offset[rig]) / np.sqrt(self.s**2 + error**2 + self.mean_se**2 * (self.r == 0)))
@@ -152,11 +150,20 @@ class _Reml:
 def spread_error(sd: float, errors: Array) -> float:
     """Standard error of a spread over units whose own values have the standard errors ``errors`` [k], by Fisher's information.
 
-    That of a spread which hardly differs from zero is the size whose square is the standard error of the variance.
+    For a spread near zero it is the size whose square is the standard error of the variance.
     """
     of_variance = 0.5 * float(np.sum(1 / (sd**2 + errors**2) ** 2)) * (1 - 1 / errors.size)
     zero = of_variance**-0.25
     return float(min(zero, 1 / (2 * sd * np.sqrt(of_variance)))) if sd > 0 else zero
+
+
+class _AtSpreads(NamedTuple):
+    """REML log-likelihood at given spreads; the mean, its standard error, and the offset of each rig, [rigs]."""
+
+    loglik: float
+    mean: float
+    mean_se: float
+    offset: Array
 
 
 @dataclass(frozen=True)
@@ -180,8 +187,8 @@ class _Sums:
         means = of_value.sum(axis=1) / of_rig.sum(axis=1)
         return _Sums(of_rig, of_value, float(precision @ (y - means[boards]) ** 2), float(np.log(precision).sum()), y.size)
 
-    def loglik(self, s: float, r: float) -> tuple[float, float, float, Array]:
-        """REML log-likelihood for spreads over boards and rigs; mean, its standard error, and the rigs' offsets."""
+    def at(self, s: float, r: float) -> _AtSpreads:
+        """The estimates at the spread ``s`` over boards and ``r`` over rigs."""
         board, value = self.of_rig.sum(axis=1), self.of_value.sum(axis=1)
         left = 1 / (1 + s**2 * board)  # written so that nothing cancels if the estimates have no errors
         own = (self.of_rig * (1 + s**2 * (board[:, None] - self.of_rig)) * left[:, None]).sum(axis=0)
@@ -201,4 +208,4 @@ class _Sums:
         offset = r**2 * (solved[:, 1] - mean * solved[:, 0])
         chi2 = square - r**2 * float(b @ solved[:, 1]) - information * mean**2
         loglik = -0.5 * (logdet + np.log(information) + chi2 + (self.n - 1) * np.log(2 * np.pi))
-        return float(loglik), mean, information**-0.5, offset
+        return _AtSpreads(float(loglik), mean, information**-0.5, offset)

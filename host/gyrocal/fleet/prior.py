@@ -1,4 +1,4 @@
-"""The population as a model: what is known of a board before it is measured."""
+"""The population as a model: the prior of a board that has not been measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What remains of one session: estimates with covariance, and its likelihood for every candidate, as small matrices."""
+"""The summary of one session: estimates with covariance, and its likelihood for every candidate, as small matrices."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ class Summary:
     axes: dict[str, AxisSummary]
 
     def at(self, session: str) -> Summary:
-        """The same summary of a session that lies at another path now."""
+        """The same summary of a session that was moved to another path."""
         return replace(self, session=session, board=session if self.board == self.session else self.board)
 
     def without_equations(self) -> Summary:
-        """What is kept in memory of each session."""
+        """The part of a summary that is kept in memory."""
         small = {axis: replace(one, cov=np.zeros((0, 0)), cycles=np.zeros((0, 0, 0))) for axis, one in self.axes.items()}
         return replace(self, axes=small)
 

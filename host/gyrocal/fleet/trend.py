@@ -13,16 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
-
-FALSE_TRENDS = 0.02
-"""Probability that any trend is reported where none is, over all quantities and lines."""
-LEAST_BOARDS = 20
 
 
 @dataclass(frozen=True)
 class Board:
-    """What orders a board: the line on which it was made, the date and the serial number."""
+    """The place of a board in production: its line, its date and its serial number."""
 
     line: str
     made_on: str | None
@@ -30,6 +27,7 @@ class Board:
 
     @property
     def order(self) -> tuple[Any, ...]:
+        """Key that sorts boards by date, then by serial number, whose digits count as numbers."""
         parts = re.split(r"(\d+)", self.serial)
         return (self.made_on or "", [(int(p), "") if p.isdigit() else (-1, p) for p in parts])
 
@@ -67,13 +65,13 @@ def find(parameters: dict[str, tuple[Array, Sequence[Board]]]) -> list[Trend]:
     for name, line in tests:
         values, boards = parameters[name]
         trend = _on_line(name, line, [(b, float(v)) for b, v in zip(boards, values, strict=True) if b.line == line])
-        if trend is not None and trend.p_value <= FALSE_TRENDS / len(tests):
+        if trend is not None and trend.p_value <= POLICY.fleet_trends / len(tests):
             found.append(trend)
     return sorted(found, key=lambda t: t.p_value)
 
 
 def _on_line(name: str, line: str, made: list[tuple[Board, float]]) -> Trend | None:
-    if len(made) < LEAST_BOARDS:
+    if len(made) < POLICY.fleet_boards:
         return None
     made.sort(key=lambda pair: pair[0].order)
     y = np.array([value for _, value in made])

@@ -1,8 +1,8 @@
-"""The accelerometer calibrated from rests: at rest it measures 1 g, whatever the pose.
+"""Calibration of the accelerometer from rests, where it measures 1 g in every pose.
 
 A reading is ``M·a + bias`` with M lower triangular: three scales and three angles. Gauss-Newton steps make the size of every
-corrected mean one; the known size of parameters that parts have (a Gaussian prior) fixes what few poses leave open, and its
-share of the error is kept. Source: Tedaldi, Pretto and Menegatti, ICRA 2014, with the frame of :mod:`gyrocal.gravity`.
+corrected mean one. A Gaussian prior of the parameters' usual sizes determines those that few poses leave open, and its share
+of the error is kept. Source: Tedaldi, Pretto and Menegatti, ICRA 2014, with the frame of :mod:`gyrocal.gravity`.
 """
 
 from __future__ import annotations
@@ -14,16 +14,15 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.gravity.rests import Rest
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
 
 ENTRIES = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))
 """Entries of M that are free, in the order of the parameters; the three biases follow."""
 PRIOR_SD = np.array([0.05, 0.03, 0.05, 0.03, 0.03, 0.05, 0.1, 0.1, 0.1])
-"""How far parts are from ideal: a few percent in scale and angle (MPU-6050 datasheet: +-3 %, +-2 %), 0.1 g in bias."""
+"""Prior standard deviations: a few percent in scale and angle (MPU-6050 datasheet: +-3 %, +-2 %), 0.1 g in bias."""
 LEAST_NOISE_G = 2e-5
 ITERATIONS = 30
-LARGEST_SIZE_G = 0.35
-"""Means whose size is off 1 g by more than this are of another unit, or the sensor was pushed."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +42,12 @@ class Accelerometer:
 
     @property
     def inverse(self) -> Array:
+        """The inverse of M, shape [3, 3]."""
         return np.asarray(np.linalg.inv(self.matrix))
 
     @property
     def covariance(self) -> Array:
-        """Of the parameters, shape [9, 9]."""
+        """Covariance of the parameters, shape [9, 9]."""
         noise = np.repeat(self.noise_g**2, 3)
         return np.asarray((self.gain * noise) @ self.gain.T + self.prior_cov)
 
@@ -80,14 +80,14 @@ class Accelerometer:
 
 
 def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:
-    """The accelerometer from the means of rests.
+    """Calibrate the accelerometer from the means of rests.
 
-    ``white_g`` [rests] is the noise of each mean, averaged over the axes. Scatter of the sizes beyond it (the
-    part settles differently in each pose) is added to the noise of every rest. Raises InputError if the means are not near 1 g.
+    ``white_g`` [rests] is the noise of each mean, averaged over the axes. Scatter of the sizes beyond it (because the part
+    settles differently in each pose) is added to the noise of every rest. Raises InputError if the means are not near 1 g.
     """
     means = np.array([r.acc_g for r in rests])
     sizes = np.linalg.norm(means, axis=1)
-    if abs(float(np.median(sizes)) - 1) > LARGEST_SIZE_G:
+    if abs(float(np.median(sizes)) - 1) > POLICY.gravity_size_g:
         raise InputError(
             f"the acceleration at rest is {np.median(sizes):.4g}, and gravity is 1 g; give its unit when importing "
             "(--map ax_g=COLUMN:m/s2), or the scale of raw counts"
@@ -105,7 +105,7 @@ def calibrate(rests: Sequence[Rest], white_g: Array) -> Accelerometer:
 
 
 def _effective(found: Accelerometer) -> float:
-    """Parameters that the data and not the prior determine."""
+    """Number of parameters that the data determine rather than the prior."""
     return float(len(PRIOR_SD) - np.sum(np.diag(found.covariance) / PRIOR_SD**2))
 
 

@@ -1,7 +1,7 @@
-"""The budget of a calibration's errors: how much of each standard error every cause of error makes.
+"""The error budget of a calibration: the contribution of every cause to each standard error.
 
-Generalised least squares is linear in its rows, so each part of their covariance goes through the same gain. The squares of the
-parts add up to the square of the whole.
+Generalised least squares is linear in its rows, so each part of their covariance is multiplied by the same gain. The squares
+of the contributions add up to the square of the standard error.
 """
 
 from __future__ import annotations

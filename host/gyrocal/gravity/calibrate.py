@@ -1,4 +1,4 @@
-"""Scale and bias of all three axes from rests and movements, with what speaks against them and where the error comes from."""
+"""Scale and bias of all three axes from rests and movements, with flags and the error budget."""
 
 from __future__ import annotations
 
@@ -12,20 +12,16 @@ import numpy as np
 from gyrocal import plausibility
 from gyrocal.calibration.calibrate import POOLED, Estimate
 from gyrocal.calibration.flags import ordered
-from gyrocal.calibration.trust import LARGEST_BIAS_DPS, LARGEST_SCALE, stands_still, warning_flags
+from gyrocal.calibration.trust import stands_still, warning_flags
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.gravity.budget import budget
 from gyrocal.gravity.fit import CROSS, GravityFit, fit, full
 from gyrocal.gravity.scene import Scene
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, GAP_PERIODS, Session
 from gyrocal.warning import Warning
-
-UNSEEN = 0.02
-"""A scale or misalignment whose standard error exceeds this is not given: the movements do not determine it."""
-MISFIT_ERRORS = 4.0
-"""The misfit is flagged above 1 + this / sqrt(2 degrees of freedom); of 30 sound sessions of `benchmarks/hands.py` none is."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +48,9 @@ def calibrate(
     session: Session, seconds: Sequence[float] | None = None, methods: Iterable[str] | None = None,
     model: Model | str | Path | None = None,
 ) -> Calibration:  # fmt: skip
-    """Scale and bias of each scenario; of all together (scenario ``all``) where none has enough rests by itself.
+    """Scale and bias of each scenario, or of all together (scenario ``all``) if none has enough rests by itself.
 
-    Raises InputError for methods other than ``model``, and where rests are too few.
+    Raises InputError for methods other than ``model``, and if there are too few rests.
     """
     other = [m for m in (methods or ()) if m != "model"]
     if other:
@@ -100,21 +96,21 @@ def _estimate(fitted: GravityFit, scenario: str, axis: str, warnings: Sequence[W
     bias_dps, bias_se_dps = (next(iter(d.values())) for d in (terms[Role.BIAS].values, terms[Role.BIAS].se))
     seconds = sum(r.duration_s for r in fitted.scene.session.runs)
     flags = _flags(fitted, axis) | warning_flags(warnings, axis, fitted.scene.session.runs)
-    if scale_se > UNSEEN:
+    if scale_se > POLICY.unseen:
         return Estimate(scenario, "model", seconds, axis, None, None, bias_dps, bias_se_dps, fitted.misfit, ordered(flags))
-    excess = max(1.0, fitted.misfit)  # movements that fit worse than the noise allows tell the scale less well
-    if abs(scale) > LARGEST_SCALE or abs(bias_dps) > LARGEST_BIAS_DPS:
-        flags |= {"direction"} if 1 + scale < -0.1 else {"implausible"}
+    excess = max(1.0, fitted.misfit)  # movements that fit worse than the noise allows determine the scale less well
+    if abs(scale) > POLICY.largest_scale or abs(bias_dps) > POLICY.largest_bias_dps:
+        flags |= {"direction"} if 1 + scale < -POLICY.opposite else {"implausible"}
     return Estimate(
         scenario, "model", seconds, axis, scale, scale_se * excess, bias_dps, bias_se_dps, fitted.misfit, ordered(flags)
     )
 
 
 def _flags(fitted: GravityFit, axis: str) -> set[str]:
-    """``misfit``, ``missed`` and ``constant_reading`` of a fit; clipped movements are left out of it."""
+    """The flags ``misfit``, ``missed`` and ``constant_reading`` of a fit, which contains no clipped movements."""
     flags = set()
     _, freedom = fitted.chi2(np.arange(fitted.observations.movement_rows))
-    if not fitted.misfit <= 1 + MISFIT_ERRORS / np.sqrt(2 * freedom):
+    if not fitted.misfit <= 1 + POLICY.movement_misfit_errors / np.sqrt(2 * freedom):
         flags.add("misfit")
     for m in fitted.scene.movements:
         run = fitted.scene.session.runs[m.run]
@@ -127,13 +123,13 @@ def _flags(fitted: GravityFit, axis: str) -> set[str]:
 
 
 def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
-    """The off-diagonal elements: ``axis`` reads ``value`` of the rate about ``about``; None where movements do not show it."""
+    """The off-diagonal elements: ``axis`` shows the fraction ``value`` of the rate about ``about``; None if not determined."""
     out = []
     for axis in AXES:
         term = fitted.model.term(CROSS, axis)
         for name in () if term is None else term.effect.used(term.values):
             assert term is not None
-            seen = term.se[name] <= UNSEEN
+            seen = term.se[name] <= POLICY.unseen
             out.append({
                 "scenario": scenario, "axis": axis, "about": name.removeprefix("m_"),
                 "value": term.values[name] if seen else None, "se": term.se[name] * max(1.0, fitted.misfit) if seen else None,
@@ -142,12 +138,12 @@ def misalignment(fitted: GravityFit, scenario: str) -> list[dict[str, Any]]:
 
 
 def _unseen(fitted: GravityFit) -> list[Warning]:
-    """``no_answer``: axes whose scale no movement determines, with what to do."""
+    """``no_answer``: a warning for each axis whose scale no movement determines, with advice."""
     out = []
     for axis in AXES:
         term = next(t for t in fitted.model.on(axis) if t.effect.role is Role.SCALE)
         se = next(iter(term.se.values()))
-        if se > UNSEEN:
+        if se > POLICY.unseen:
             text = (
                 f"no scale for {axis}: the movements leave it unsure by {se:.0%}, because too few turn gravity about {axis}. "
                 f"Rotation about gravity cannot be seen. Hold {axis} level, and turn the sensor about it by 90 to 180 deg, "

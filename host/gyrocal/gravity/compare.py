@@ -1,4 +1,4 @@
-"""A model held against movements and rests: the angle that is left beyond the noise, and where it shows."""
+"""Comparison of a model with movements and rests: the angle error beyond the noise, and the variables that show it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from gyrocal import plausibility
 from gyrocal.diagnosis.angles import Level
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.moved import Moved
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
@@ -32,12 +33,12 @@ PROBES = (
     ("rate", "a*rate*abs(rate)**2"), ("direction", "a*abs(rate)"), ("acceleration", "a*ax + b*ay + c*az"),
     ("temperature", "a*temp_c"), ("temperature", "a*temp_c*rate"), ("time", "a*t"),
 )  # fmt: skip
-"""What residuals are held against, and the shape in it. Rotation about other axes is a probe too (against ``rate``)."""
+"""Variables that residuals are tested against, each with a shape. Rotation about other axes is tested too (as ``rate``)."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A model held against a session by gravity; levels in deg."""
+    """Comparison of a model with a session by gravity; levels in deg."""
 
     fit: GravityFit
     pooled: Level
@@ -46,14 +47,19 @@ class Comparison:
     held_out: str
     warnings: list[Warning]
     evidence: Evidence = field(repr=False)
+    held: HeldOut = field(repr=False)
     note: str = ""
+    moved: list[Moved] | None = None
+    """What has become of the parameters of a model that is held against the session as it is; else None."""
 
     @property
     def implausible(self) -> bool:
+        """True if a blocking warning applies to the session's own axis."""
         return any(w.blocks(self.fit.scene.session.axis) for w in self.warnings)
 
     @property
     def verdict(self) -> str:
+        """``implausible``, ``misfit`` or ``adequate``."""
         if self.implausible:
             return "implausible"
         return "misfit" if self.where else "adequate"
@@ -71,12 +77,13 @@ class Comparison:
                 {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
                 for line in self.fit.model.lines() for name, value in line.values.items()
             ],
+            **({} if self.moved is None else {"as_is": True, "moved": [m.to_json() for m in self.moved]}),
             "warnings": [w.to_json() for w in self.warnings],
         }  # fmt: skip
 
 
 def compare(session: Session, model: Model | str | Path | None = None) -> Comparison:
-    """Fit a model, judge it on held-out movements, and find where it fails. Raises InputError where rests are too few."""
+    """Fit a model, judge it on held-out movements, and find where it fails. Raises InputError if there are too few rests."""
     measured = measure(session, model)
     if measured.where or measured.implausible:
         return measured
@@ -95,8 +102,8 @@ def measure(session: Session, model: Model | str | Path | None = None) -> Compar
         note = f"a session by gravity does not show {', '.join(fitted.left_out)}; the model's values of these stay as they are"
     held = evidence.before
     return Comparison(
-        fitted, held.level(np.arange(len(scene.movements))), _per_axis(fitted, held), _where(evidence), evidence.cut.unit,
-        warnings, evidence, note,
+        fitted, held.level(np.arange(len(scene.movements))), level_by_axis(fitted, held), _where(evidence), evidence.cut.unit,
+        warnings, evidence, held, note,
     )  # fmt: skip
 
 
@@ -108,13 +115,14 @@ def main_axis(fitted: GravityFit) -> Rows:
     return np.asarray(np.argmax(np.abs(across), axis=1))
 
 
-def _per_axis(fitted: GravityFit, held: HeldOut) -> dict[str, Level]:
+def level_by_axis(fitted: GravityFit, held: HeldOut) -> dict[str, Level]:
+    """The level of the movements that mainly turn about each axis."""
     about = main_axis(fitted)
     return {axis: held.level(np.flatnonzero(about == i)) for i, axis in enumerate(AXES)}
 
 
 def _where(evidence: Evidence) -> list[Finding]:
-    """Probes in the variables, and chi-square of movements and rests; their chances are counted together."""
+    """Probes in the variables, and chi-square of movements and rests, corrected for the number of all tests."""
     fitted = evidence.fitted
     terms = [
         (against, Term.of(FormulaEffect(text, f"probe_{k}"), axis)) for axis in AXES for k, (against, text) in enumerate(PROBES)
@@ -144,12 +152,12 @@ def _finding(axis: str, against: str, chance: float, angle_deg: float, note: str
 
 
 def _levels(fitted: GravityFit, tests: int, known: bool) -> list[Finding]:
-    """Scatter beyond the noise in no shape of a probe: of movements where no probe finds anything, of rests axis by axis."""
+    """Scatter beyond the noise that no probe describes: of movements if no probe finds anything, and of rests by axis."""
     out = []
     seen = fitted.observations
     total, freedom = fitted.chi2(np.arange(seen.movement_rows))
     chance = float(chi2.sf(total, freedom))
-    if known:  # what movements lack moves the bias, and with it the rests
+    if known:  # an effect in the movements shifts the bias, and with it the rests
         return []
     if chance * tests < POLICY.misfit_alarm:
         about = main_axis(fitted)
@@ -174,18 +182,18 @@ def findings(measured: Comparison, judged: Sequence[Candidate]) -> list[Finding]
 def residual_table(c: Comparison) -> pl.DataFrame:
     """One row for each movement: how far gravity turned by the accelerometer and by the integrated gyroscope.
 
-    ``residual_deg`` is the angle between both final directions, held out: also what lies across the turn.
+    ``residual_deg`` is the held-out angle between both final directions, which includes errors across the turn.
     """
     scene, seen = c.fit.scene, c.fit.observations
     about = main_axis(c.fit)
     rows = []
-    held = c.evidence.before.residual
+    held = c.held.residual
     for k, m in enumerate(scene.movements):
         run = scene.session.runs[m.run]
         two = np.nan_to_num(held[2 * k : 2 * k + 2])
         up, after = scene.up[m.before], scene.up[m.after]
         measured = float(np.rad2deg(np.arccos(np.clip(up @ after, -1.0, 1.0))))
-        # the residual is given where the movement starts, and the prediction lies off the measured direction by it
+        # the residual refers to the start of the movement and leads from the measured direction to the prediction
         predicted = after + seen.ends[k].T @ c.evidence.observer.across[m.before].T @ two
         predicted /= np.linalg.norm(predicted)
         modelled = float(np.rad2deg(np.arccos(np.clip(up @ predicted, -1.0, 1.0))))

@@ -1,4 +1,4 @@
-"""Which effect a model lacks, by the angles of movements and the readings at rest; effects added and everything explained."""
+"""Diagnosis by the angles of movements and the readings at rest: the missing effect, adding it, and adding all of them."""
 
 from __future__ import annotations
 
@@ -33,10 +33,12 @@ class Diagnosis:
 
     @property
     def best(self) -> Candidate | None:
+        """The first candidate that may be added, or None."""
         return next((c for c in self.candidates if c.decision == "add"), None)
 
     @property
     def unknown(self) -> dict[str, Any] | None:
+        """Axis, variable, shape and amplitude (deg) of a misfit that no effect explains; None for other verdicts."""
         if self.verdict != "unknown":
             return None
         first = self.comparison.where[0]
@@ -58,7 +60,7 @@ def candidate_json(c: Candidate) -> dict[str, Any]:
 
 
 def diagnose(session: Session, model: Model | str | Path | None = None, formulas: Sequence[str] = ()) -> Diagnosis:
-    """Rank every effect of the library and every formula, on every axis. Raises InputError where ``compare`` does."""
+    """Rank every effect of the library and every formula, on every axis. Raises InputError as ``compare`` does."""
     comparison = measure(session, model)
     judged = naming.candidates(comparison.evidence, [effect_or_formula(text) for text in formulas])
     if not comparison.where and not comparison.implausible:
@@ -79,6 +81,7 @@ class Added(NamedTuple):
 
     @property
     def model(self) -> Model:
+        """The model with the effect, fitted."""
         return self.after.fit.model
 
 
@@ -89,7 +92,7 @@ def over_floor_of(before: Comparison, after: Comparison) -> Comparison:
 
 
 def add(session: Session, model: Model | str | Path | None, effect_id: str) -> Added:
-    """Add an effect where it is proven, or else on the axis with the largest gain. Raises InputError for an unknown id."""
+    """Add an effect on the axes where it is proven, or on that with the largest gain. Raises InputError for an unknown id."""
     start = Model.open(model)
     before = compare(session, start)
     if effect_id in COMPONENTS:
@@ -125,7 +128,7 @@ class Step:
 
     @property
     def matters(self) -> bool:
-        """Does the step remove a noticeable part of the squared error?"""
+        """True if the step removes a noticeable part of the squared error."""
         old, new = self.before.pooled, self.after.pooled
         if old.rms_deg is None or new.rms_deg is None:
             return True
@@ -141,7 +144,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Explanation:
-    """The steps, the candidates that cannot be told apart, and the diagnosis of the final model."""
+    """The steps, the candidates that cannot be distinguished, and the diagnosis of the final model."""
 
     steps: list[Step]
     left: list[Candidate]
@@ -149,10 +152,12 @@ class Explanation:
 
     @property
     def verdict(self) -> str:
+        """The verdict on the final model."""
         return self.last.verdict
 
     @property
     def model(self) -> Model:
+        """The final model."""
         return self.last.comparison.fit.model
 
     def to_json(self) -> dict[str, Any]:
@@ -168,7 +173,7 @@ class Explanation:
 def explain(
     session: Session, model: Model | str | Path | None = None, most_steps: int = POLICY.most_steps
 ) -> Explanation:
-    """Add effects as long as one is certain. Raises InputError where ``compare`` does, and for a negative ``most_steps``."""
+    """Add effects as long as one is certain. Raises InputError as ``compare`` does, and for a negative ``most_steps``."""
     if most_steps < 0:
         raise InputError(f"--max is {most_steps}; give the largest number of steps, 0 or more")
     last = diagnose(session, model)

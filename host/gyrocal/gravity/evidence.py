@@ -1,7 +1,7 @@
-"""Evidence for one more term: what it gains in the fit and on held-out movements.
+"""Evidence for one more term: its gain in the fit and on held-out movements.
 
-What the current model lacks is in the residual of every candidate. The noise is therefore widened, for movements and for rests
-apart, until chi-square is what noise leaves beside the candidate, and the gain is judged by the F distribution.
+Effects that the model lacks are in the residual of every candidate. The noise is therefore widened, separately for movements
+and rests, until chi-square beside the candidate is that of noise, and the gain is judged by the F distribution.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gyrocal.recording.session import AXES, Array
 
 @dataclass(frozen=True)
 class Gain:
-    """What columns added to a fit gain: chi-square, its probability, values [k] with covariance, and the whitened signal."""
+    """The gain of columns added to a fit: chi-square, its probability, values [k] with covariance, and the whitened signal."""
 
     drop: float
     chance: float
@@ -62,9 +62,9 @@ class Evidence:
         return np.column_stack([self._known[_key(p)] for p in parameters([term])])
 
     def beside(self, effect_id: str, axis: str) -> Array | None:
-        """Columns of the misalignment that the model lacks, [rows, m]: every sensor has one, and it must not pass for another.
+        """Columns of the misalignment that the model lacks, [rows, m]. It must not be taken for a candidate.
 
-        That of the axis itself is left out where it is judged.
+        The columns of the axis itself are left out if its misalignment is the candidate.
         """
         model = self.fitted.model
         terms = [t for t in full(model).terms if t.effect_id == CROSS and model.term(CROSS, t.axis) is None]
@@ -73,7 +73,7 @@ class Evidence:
         return np.column_stack([self.columns(t) for t in terms]) if terms else None
 
     def gain(self, columns: Array, prior_sd: Sequence[float], beside: Array | None = None) -> Gain:
-        """What columns [rows, k] gain beside those of the model and of ``beside`` [rows, m]."""
+        """The gain of columns [rows, k] beside those of the model and of ``beside`` [rows, m]."""
         seen = self.fitted.observations
         base = seen.columns if beside is None else np.column_stack([seen.columns, beside])
         prior = [*self.prior, *([1e3] * (base.shape[1] - seen.columns.shape[1]))]
@@ -98,7 +98,7 @@ class Evidence:
         return Gain(drop, float(f.sf(drop / count / max(left, 1.0), count, freedom)), theta, covariance, signal, noise)
 
     def widened(self, columns: Array, prior_sd: Sequence[float]) -> Array:
-        """The noise with what movements and rests scatter beyond it beside these columns, shape [rows, rows]."""
+        """The noise plus the scatter of movements and rests beyond it, beside these columns, shape [rows, rows]."""
         seen, noise = self.fitted.observations, self.fitted.noise
         theta, covariance = least_squares(seen.y, columns, noise, prior_sd)
         residual = seen.y - columns @ theta
@@ -136,7 +136,7 @@ class Evidence:
         return judged if chance > POLICY.false_discovery_rate else self._with_gains(judged, term, best, beside)
 
     def _with_gains(self, judged: Candidate, term: Term, best: Gain, beside: Array | None) -> Candidate:
-        """The candidate with what it gains on held-out movements, beside the misalignment, and explains of the excess."""
+        """The candidate with its gain on held-out movements beside the misalignment, and with its part of the excess."""
         seen = self.fitted.observations
         own, own_prior = self.columns(term), [p.prior_sd for p in parameters([term])]
 
@@ -158,7 +158,7 @@ class Evidence:
         )  # fmt: skip
 
     def _enough(self, best: Gain, part: float | None) -> bool:
-        """Does a candidate explain a tenth of what movements or rests scatter beyond the noise, or is there no such scatter?"""
+        """True if a candidate explains a tenth of the scatter beyond the noise, or if there is no such scatter."""
         fitted = self.fitted
         total, freedom = fitted.chi2(np.arange(len(fitted.residual)))
         if (part or 0.0) >= POLICY.explained or float(chi2.sf(total, freedom)) > POLICY.misfit_alarm:

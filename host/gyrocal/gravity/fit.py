@@ -1,13 +1,14 @@
-"""The gyroscope's model fitted to movements and rests: Gauss-Newton with generalised least squares at each step.
+"""The gyroscope's model fitted to movements and rests by Gauss-Newton steps of generalised least squares.
 
-The noise is known before the movements are looked at: the white level and the accelerometer's from the rests, the wandering of
-the bias from the means of the rests by restricted maximum likelihood. So a misfit of the movements cannot pass for noise.
+All noise is estimated from the rests: the white levels from the readings, and the drift of the bias from the means by
+restricted maximum likelihood. A misfit of the movements is therefore not mistaken for noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.recording.session import AXES, Array
 
 CROSS = Misalignment.id
-"""The effect that fills the matrix of a gyroscope's readings beside the scales."""
+"""The effect that is the off-diagonal part of the matrix from true rates to readings."""
 CLOCK_SE = 1e-4
 """Standard error of the sample clock, a fraction: crystals are good to 20-100 ppm. It adds to that of each scale."""
 STEPS = 20
@@ -30,37 +31,44 @@ CONVERGED = 1e-2
 """A step below this part of the standard errors ends the iteration."""
 SIZES_DPS = tuple(float(sd) for sd in np.geomspace(3e-4, 0.3, 13))
 TAUS_S = (10.0, 30.0, 100.0, 300.0)
-"""Sizes and correlation times of the bias's wandering over which the likelihood is averaged."""
+"""Sizes and correlation times of the drift over which the likelihood is averaged."""
 TYPICAL_DPS, FACTOR = 0.003, 3.0
-"""Wandering of consumer parts' biases, deg/s, and how much of a factor about it is common (one standard deviation)."""
+"""Typical drift of consumer parts, deg/s, and the factor about it that is one standard deviation of its prior."""
 
 
 @dataclass(frozen=True)
 class Wander:
-    """The wandering of one axis's bias: drift within a run, and an offset for each power cycle, deg/s."""
+    """The changes of one axis's bias: drift within a run, and an offset for each power cycle, deg/s."""
 
     drift: Drift
     turn_on_sd_dps: float = 0.0
 
     def kernel(self, scene: Scene) -> Array:
         """Covariance between all times of the observations (chunks, then movements), shape [times, times], (deg/s)^2."""
-        runs, cycles, t_s = _times(scene)
+        at = _times(scene)
         assert self.drift.sd_dps is not None
         assert self.drift.tau_s is not None
-        same_run = runs[:, None] == runs
-        drift = self.drift.sd_dps**2 * np.exp(-np.abs(t_s[:, None] - t_s) / self.drift.tau_s) * same_run
-        return np.asarray(drift + self.turn_on_sd_dps**2 * (cycles[:, None] == cycles))
+        same_run = at.run[:, None] == at.run
+        drift = self.drift.sd_dps**2 * np.exp(-np.abs(at.t_s[:, None] - at.t_s) / self.drift.tau_s) * same_run
+        return np.asarray(drift + self.turn_on_sd_dps**2 * (at.cycle[:, None] == at.cycle))
 
 
-def _times(scene: Scene) -> tuple[Array, Array, Array]:
-    """Run, power cycle and time (s) of each chunk, then of each movement."""
+class _Times(NamedTuple):
+    """Number of the run, number of the power cycle and time (s) of each chunk, then of each movement, [times] each."""
+
+    run: Array
+    cycle: Array
+    t_s: Array
+
+
+def _times(scene: Scene) -> _Times:
     runs = np.array([c.run for c in scene.chunks] + [m.run for m in scene.movements])
     middle = [
         float(scene.session.runs[m.run].sample_s[[m.start, m.stop - 1]].mean()) for m in scene.movements
     ]
     cycle = {name: i for i, name in enumerate(scene.cycles)}
     cycles = np.array([cycle[r.scenario] for r in scene.session.runs])[runs]
-    return runs, cycles, np.array([c.t_s for c in scene.chunks] + middle)
+    return _Times(runs, cycles, np.array([c.t_s for c in scene.chunks] + middle))
 
 
 @dataclass(frozen=True)
@@ -80,7 +88,7 @@ class GravityFit:
     noise: Array = field(repr=False)
     wander: tuple[Wander, ...]
     left_out: tuple[str, ...] = ()
-    """Ids of the model's effects that such a session cannot show; they are not in the fit."""
+    """Ids of the model's effects that a session by gravity cannot show. They are not fitted."""
 
     @property
     def residual(self) -> Array:
@@ -89,7 +97,7 @@ class GravityFit:
 
     @property
     def misfit(self) -> float:
-        """Root of chi-square by degree of freedom of the movements; 1 = adequate."""
+        """Square root of chi-square per degree of freedom of the movements; 1 is adequate."""
         rows = self.observations.movement_rows
         chi2, freedom = self.chi2(np.arange(rows))
         return float(np.sqrt(chi2 / freedom))
@@ -103,23 +111,24 @@ class GravityFit:
         return float(residual @ solved[:, 0]), max(len(rows) - taken, 1.0)
 
     def se(self, effect_id: str, axis: str, name: str) -> float:
-        """Standard error of a parameter, that of the sample clock included in that of a scale."""
+        """Standard error of a parameter. That of a scale includes the error of the sample clock."""
         k = next(i for i, p in enumerate(self.parameters) if p.key == (effect_id, axis, name))
         se = float(np.sqrt(self.covariance[k, k]))
         return float(np.hypot(se, CLOCK_SE)) if self.parameters[k].term.effect.role is Role.SCALE else se
 
     def value(self, effect_id: str, axis: str, name: str) -> float:
+        """The estimate of one parameter, in the parameter's unit."""
         k = next(i for i, p in enumerate(self.parameters) if p.key == (effect_id, axis, name))
         return float(self.theta[k])
 
 
 def visible(term: Term, scene: Scene) -> bool:
-    """Can gravity show an effect: does it leave a rate that rests or net angles hold?"""
+    """True if gravity can show an effect, because it changes readings at rest or net angles."""
     return why_invisible(term, scene) == ""
 
 
 def why_invisible(term: Term, scene: Scene) -> str:
-    """What keeps a session by hand from showing an effect; empty if nothing does."""
+    """The reason why a session by hand cannot show an effect; empty if it can."""
     from gyrocal.effects.timing import TimingEffect
 
     effect = term.effect
@@ -135,7 +144,7 @@ def why_invisible(term: Term, scene: Scene) -> str:
 
 
 def full(model: Model) -> Model:
-    """The model with bias, scale and misalignment on every axis: what a calibration determines."""
+    """The model with bias, scale and misalignment on every axis, which a calibration determines."""
     cross = effects()[CROSS]
     for axis in AXES:
         for kind in (with_role(Role.SCALE), with_role(Role.BIAS)):
@@ -147,7 +156,7 @@ def full(model: Model) -> Model:
 
 
 def fit(scene: Scene, model: Model, observer: Observer | None = None) -> GravityFit:
-    """Fit the linear parameters of the model's terms; nonlinear ones stay at the values that the model has."""
+    """Fit the linear parameters of the model's terms. Nonlinear ones keep the values of the model."""
     observer = observer or Observer(scene)
     left = tuple(dict.fromkeys(t.effect_id for t in model.terms if not visible(t, scene)))
     terms = [_started(t, scene) for t in model.terms if t.effect_id not in left]
@@ -186,7 +195,7 @@ def least_squares(y: Array, x: Array, noise: Array, prior_sd: Sequence[float]) -
 
 
 def _started(term: Term, scene: Scene) -> Term:
-    """A term with values to start from: the bias at the rests' median, everything else at zero."""
+    """A term with start values: the bias at the median of the rests, everything else at zero."""
     i = AXES.index(term.axis)
     structure = term.values or term.effect.variants([], i)[0]
     if term.effect.role is Role.BIAS and not term.values:
@@ -215,12 +224,14 @@ def _merged(model: Model, terms: Sequence[Term]) -> tuple[Term, ...]:
 def _noisy(model: Model, scene: Scene, wander: Sequence[Wander]) -> Model:
     """The model with the noise of the rests in the components that it has."""
     noise: dict[str, AxisNoise] = {}
+    one_cycle = len(scene.cycles) == 1
     for i, axis in enumerate(AXES):
         had = model.noise_on(axis)
+        turn_on = TurnOnBias() if one_cycle else TurnOnBias(wander[i].turn_on_sd_dps)
         noise[axis] = replace(
             had, white_sd_dps=float(scene.white_dps[i]),
             drift=None if had.drift is None else wander[i].drift,
-            turn_on_bias=None if had.turn_on_bias is None else TurnOnBias(wander[i].turn_on_sd_dps),
+            turn_on_bias=None if had.turn_on_bias is None else turn_on,
         )  # fmt: skip
     return replace(model, noise=noise)
 
@@ -228,8 +239,8 @@ def _noisy(model: Model, scene: Scene, wander: Sequence[Wander]) -> Model:
 def _wander(seen: Observations, axis: int) -> Wander:
     """Drift and turn-on spread of one axis, from its rows at rest.
 
-    The variance is the mean over sizes and correlation times, weighted by restricted likelihood and by how common a size
-    is. Its most likely value would be zero where the rests are too noisy to show the drift, and the bias's error too small.
+    The variance is the mean over sizes and correlation times, weighted by restricted likelihood and by the prior of the size.
+    Its most likely value would be zero if the rests are too noisy to show the drift, and the error of the bias too small.
     """
     rows = seen.rest_rows(axis)
     y, x, base = seen.y[rows], seen.columns[rows], seen.covariance[np.ix_(rows, rows)]

@@ -1,7 +1,7 @@
-"""Held-out movements: how well a fit that has not seen them predicts where gravity ends, and what noise alone would leave.
+"""Prediction of held-out movements: errors of the final direction of gravity, and the errors expected from noise alone.
 
 The observations are linear about the fit to all data, so leaving a unit out is one generalised least squares on the other rows.
-Only a movement's angle counts in rms, floor and excess; the log-likelihood of a unit counts its rests too.
+Rms, floor and excess contain only the angles of movements. The log-likelihood of a unit also contains its rests.
 """
 
 from __future__ import annotations
@@ -19,36 +19,33 @@ from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-BLOCKS = 8
-"""Stretches of time that are left out in turn where there are too few days, power cycles and runs."""
-FEWEST_UNITS = 3
-
 
 @dataclass(frozen=True)
 class Folds:
-    """Which rows each unit holds, and what a unit is: ``day``, ``scenario``, ``run`` or ``time``."""
+    """The rows of each unit, and the kind of unit: ``day``, ``scenario``, ``run`` or ``time``."""
 
     unit: str
     rows: list[Rows]
 
 
 def folds(scene: Scene, seen: Observations) -> Folds:
-    """Days if there are two or more, else power cycles if three or more, else runs likewise, else stretches of time."""
+    """The units are days if there are two, otherwise power cycles or runs if there are enough, otherwise stretches of time."""
     runs = scene.session.runs
     of_movement = np.array([m.run for m in scene.movements])
     of_chunk = np.array([c.run for c in scene.chunks])
-    order = np.arange(len(scene.movements)) * BLOCKS // len(scene.movements)
+    blocks = POLICY.movement_blocks
+    order = np.arange(len(scene.movements)) * blocks // len(scene.movements)
     rest_block = {m.after: int(b) for m, b in zip(scene.movements, order, strict=True)}
     choices = (
-        ("day", [r.day for r in runs], 2), ("scenario", [r.scenario for r in runs], FEWEST_UNITS),
-        ("run", [r.file for r in runs], FEWEST_UNITS),
+        ("day", [r.day for r in runs], 2), ("scenario", [r.scenario for r in runs], POLICY.fewest_units),
+        ("run", [r.file for r in runs], POLICY.fewest_units),
     )  # fmt: skip
     for unit, labels, fewest in choices:
         names: list[Any] = list(dict.fromkeys(label for label in labels if label is not None))
         if len(names) >= fewest:
             number = np.array([names.index(label) if label in names else -1 for label in labels])
             return Folds(unit, _rows(seen, number[of_movement], number[of_chunk], len(names)))
-    return Folds("time", _rows(seen, order, np.array([rest_block.get(c.rest, -1) for c in scene.chunks]), BLOCKS))
+    return Folds("time", _rows(seen, order, np.array([rest_block.get(c.rest, -1) for c in scene.chunks]), blocks))
 
 
 def _rows(seen: Observations, movement: Rows, chunk: Rows, units: int) -> list[Rows]:
@@ -60,8 +57,8 @@ def _rows(seen: Observations, movement: Rows, chunk: Rows, units: int) -> list[R
 class HeldOut:
     """Predictions of every row that some unit holds out.
 
-    ``residual`` [rows] and ``variance`` [rows] (rad, deg/s; NaN where a row is in no unit), the standard error of a sum of
-    squares over movements is from ``fourth`` [movements]; ``gains`` [units] are the units' log-likelihoods.
+    ``residual`` [rows] and ``variance`` [rows] are in rad or deg/s and their squares, and NaN for rows in no unit. The standard
+    error of a sum of squares over movements follows from ``fourth`` [movements]. ``likelihood`` [units] is logarithmic.
     """
 
     residual: Array
@@ -71,7 +68,7 @@ class HeldOut:
     movement_rows: int = field(default=0)
 
     def level(self, movements: Rows, floor: HeldOut | None = None) -> Level:
-        """The level of some movements; ``floor``: the prediction whose floor is used, None = this one's."""
+        """The level of some movements, with the floor of ``floor``, or of this prediction if it is None."""
         rows = np.concatenate([2 * movements, 2 * movements + 1]) if movements.size else movements
         rows = rows[np.isfinite(self.residual[rows])]
         of = floor or self
@@ -105,7 +102,7 @@ def held_out(y: Array, x: Array, noise: Array, prior_sd: Sequence[float], cut: F
 
 
 def share_of_range(part: float | None, whole: float | None) -> float | None:
-    """``1 - (part / whole)^2`` for excesses after and before; None where there was none."""
+    """``1 - (part / whole)^2`` for excesses after and before; None if there was no excess before."""
     return None if part is None or not whole else 1 - (part / whole) ** 2
 
 

@@ -3,10 +3,10 @@
 A movement gives two rows. With R the integrated rotation, ``R·up(after)`` must be ``up(before)``, and the two components of the
 difference across ``up(before)`` are observed. An error ``dw(t)`` of the rate turns ``R·up(after)`` by ``J = integral R dw dt``,
 so the derivative by a parameter with the regressor x on axis i follows from ``dw = -M^-1 e_i x``. Rotation about gravity leaves
-no row. A rest gives a row for each axis: the mean reading, in which only bias and what acts at rest is left.
+no row. A rest gives a row for each axis, the mean reading, which contains only the bias and effects that act at rest.
 
-Noise of the rows: of the mean accelerations (which neighbouring movements share), of the accelerometer's calibration, of the
-gyroscope integrated over the movement and averaged over the rest, Earth's own rate, and the wandering of the bias.
+The noise of the rows comes from the mean accelerations (which neighbouring movements share), the accelerometer's calibration,
+the gyroscope integrated over the movement and averaged over the rest, Earth's rotation, and the drift of the bias.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ Rows = np.ndarray[Any, np.dtype[np.intp]]
 EARTH_DPS = 0.0041781
 CONVERGED_DPS, MOST_ITERATIONS = 1e-6, 20
 FLAT = 1.5
-"""The prior's standard deviation is this many times the largest size of a parameter that is called physical. It is flat where
-movements show a parameter, and keeps one that they do not show from growing (that of a scale is 0.3)."""
+"""Prior standard deviation over the largest physical size of a parameter. The prior is practically flat for parameters that
+movements determine, and limits those that they do not determine (for a scale it is 0.3)."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,12 @@ class Parameter:
 
     @property
     def axis(self) -> int:
+        """Number of the axis, 0 to 2."""
         return AXES.index(self.term.axis)
 
     @property
     def key(self) -> tuple[str, str, str]:
+        """Effect, axis and name, which identify a parameter."""
         return self.term.effect_id, self.term.axis, self.name
 
 
@@ -66,8 +68,8 @@ def parameters(terms: Sequence[Term]) -> list[Parameter]:
 class Observations:
     """Rows ``y = columns·theta + noise``: two for each movement (rad), then three for each chunk of a rest (deg/s).
 
-    ``covariance`` [rows, rows] is that of the noise without the bias's wandering; ``bias`` [3, rows, times] takes the wandering
-    of an axis at ``times`` (run, scenario, s) into the rows. ``turned`` [movements, 3] is the integral of the rate, rad.
+    ``covariance`` [rows, rows] is that of the noise without drift of the bias; ``bias`` [3, rows, times] is the response of the
+    rows to the drift of an axis at ``times`` (run, scenario, s). ``turned`` [movements, 3] is the integral of the rate, rad.
     """
 
     scene: Scene = field(repr=False)
@@ -76,7 +78,7 @@ class Observations:
     columns: Array
     covariance: Array
     gyro_covariance: Array
-    """The part of ``covariance`` that the gyroscope's white noise in the movements makes."""
+    """The part of ``covariance`` from the gyroscope's white noise in the movements."""
     bias: Array
     rates_dps: dict[int, Array] = field(repr=False)
     turned: Array
@@ -85,6 +87,7 @@ class Observations:
 
     @property
     def movement_rows(self) -> int:
+        """Number of the rows of movements, which come first."""
         return 2 * len(self.scene.movements)
 
     def rest_rows(self, axis: int) -> Rows:
@@ -93,11 +96,12 @@ class Observations:
 
     @property
     def movement_of_row(self) -> Rows:
+        """Number of the movement of each row of movements, shape [movement_rows]."""
         return np.repeat(np.arange(len(self.scene.movements)), 2)
 
 
 class Observer:
-    """Observations of a scene at given values of a model's terms; what does not depend on the values is computed once."""
+    """Observations of a scene at given values of a model's terms. Parts that do not depend on the values are computed once."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -117,7 +121,7 @@ class Observer:
         return {i: turning_about(self.scene.session.runs[run], axis, true_dps) for i, axis in enumerate(AXES)}
 
     def rates(self, model: Model, start: dict[int, Array]) -> dict[int, Array]:
-        """The true rates [n, 3] of each run, deg/s, by Newton steps from ``start``: the model makes the readings of them."""
+        """The true rates [n, 3] of each run, deg/s, for which the model gives the readings, by Newton steps from ``start``."""
         out = {}
         inverse = np.linalg.inv(_response(model, self.scene.session.runs[0].part(0, 2)))
         terms = [t for t in model.terms if t.values]

@@ -1,8 +1,8 @@
 """Rests and the movements between them, found by the variance of gyroscope and accelerometer.
 
-A window at rest shows noise alone. The level of the noise is taken from the stillest windows of the session itself, so no
-threshold has a unit. A window is at rest if neither sensor's variance exceeds a factor ``LOUDER`` times that level: the first
-factor that finds ``ENOUGH`` rests, since a sensor that is held trembles more than one that lies.
+A window at rest shows only noise, whose level is that of the stillest windows of the session itself. A window is at rest if
+neither sensor's variance exceeds this level by one of the factors ``POLICY.rest_factors``. The first factor that yields
+``POLICY.enough_rests`` is used, because a sensor in a hand trembles more than one on a table.
 """
 
 from __future__ import annotations
@@ -14,30 +14,18 @@ from itertools import pairwise
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run, Session
 from gyrocal.warning import Warning
 
 WINDOW_S = 0.4
 """Length of the windows whose variance is judged, s. Hands that settle tremble at several hertz."""
-LOUDER = (3.0, 10.0, 30.0)
-"""Factors by which the variance of a window at rest may exceed that of the stillest windows. With 40 samples on three axes
-noise alone reaches a factor of 1.5 once in 1e5 windows; the tremor of a hand makes it ten and more."""
-ENOUGH = 10
-"""Rests by which the accelerometer's nine parameters are determined."""
 STILLEST = 0.05
-"""The quantile of the windows' variances that is the level of noise: at least this part of a recording must be at rest."""
+"""Quantile of the windows' variances that is the level of noise. At least this part of a recording must be at rest."""
 TRIM_S = 0.15
-"""Cut off from both ends of a rest, s: the part still settles there."""
-SHORTEST_S = 0.5
-"""A rest that is shorter after trimming is left out; its mean acceleration would be too noisy to matter."""
+"""Time that is cut off from both ends of a rest, where the part still settles, s."""
 CHUNK_S = 10.0
-"""Mean readings are formed over at most this time, s, because the bias wanders during a longer rest."""
-FEWEST = 4
-"""Rests without which nothing is calibrated: three movements at least."""
-TURNED_DEG, TURNED_ERRORS = 0.3, 6.0
-"""A rest moved if gravity turns in it by this much and by this many standard errors, or the reading is off (below)."""
-TURNING_DPS, TURNING_SPREADS = 1.0, 8.0
-"""A rest turns about gravity if its mean rate is off the other rests' median by this much, and by so many spreads."""
+"""Longest time of a mean reading, s. The bias drifts during a longer rest."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +43,13 @@ class Rest:
 
     @property
     def rows(self) -> int:
+        """Number of samples."""
         return self.stop - self.start
 
 
 @dataclass(frozen=True)
 class Movement:
-    """What happens between two successive rests of one run: rows ``start:stop``, the indices of both rests."""
+    """A movement between two successive rests of one run: rows ``start:stop`` and the indices of both rests."""
 
     run: int
     start: int
@@ -71,7 +60,7 @@ class Movement:
 
 @dataclass(frozen=True)
 class Found:
-    """The rests of a session, the movements between them, and what was left out, as warnings."""
+    """The rests of a session, the movements between them, and warnings about rests and movements that are left out."""
 
     rests: list[Rest]
     movements: list[Movement]
@@ -79,12 +68,12 @@ class Found:
 
 
 def find(session: Session) -> Found:
-    """Rests and movements of all runs. Raises InputError if there are fewer than ``FEWEST`` rests or no movement."""
+    """Rests and movements of all runs. Raises InputError if there are too few rests or no movement."""
     rests: list[Rest] = []
-    for louder in LOUDER:
+    for louder in POLICY.rest_factors:
         found = [_rest(r, number, a, b) for number, r in enumerate(session.runs) for a, b in _still(r, louder)]
         rests = max(rests, found, key=len)
-        if len(rests) >= ENOUGH:
+        if len(rests) >= POLICY.enough_rests:
             break
     moved = _moved(session, rests)
     kept = [r for i, r in enumerate(rests) if i not in moved]
@@ -102,12 +91,12 @@ def find(session: Session) -> Found:
             "larger range"
         )
         warnings.append(Warning("clipped", None, None, text))
-    if len(kept) < FEWEST or not movements:
+    if len(kept) < POLICY.fewest_rests or not movements:
         where, count = session.path or "the session", "no" if not kept else str(len(kept))
         also = f" ({len(moved)} more moved and are left out)" if moved else ""
         raise InputError(
-            f"{where}: {count} rest{'' if len(kept) == 1 else 's'} found{also}, and {FEWEST} are needed at least. Leave the "
-            "sensor still for two seconds in each pose, in ten poses or more, and turn it by about 90 deg in between"
+            f"{where}: {count} rest{'' if len(kept) == 1 else 's'} found{also}, and {POLICY.fewest_rests} are needed at least. "
+            "Leave the sensor still for two seconds in each pose, in ten poses or more, and turn it by about 90 deg in between"
         )
     return Found(kept, movements, warnings)
 
@@ -131,7 +120,7 @@ def _still(run: Run, louder: float) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(at_rest.astype(int)))
     trim = max(1, round(TRIM_S * rate_hz))
     pairs = [(int(a) + trim, int(b) - trim) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return [(a, b) for a, b in pairs if b - a >= SHORTEST_S * rate_hz]
+    return [(a, b) for a, b in pairs if b - a >= POLICY.shortest_rest_s * rate_hz]
 
 
 def _window_variance(values: Array, size: int) -> Array:
@@ -144,7 +133,7 @@ def _window_variance(values: Array, size: int) -> Array:
 
 
 def _step(values: Array) -> Array:
-    """What the columns of ``values`` [n, 3] step by, shape [3]."""
+    """The smallest step of each column of ``values`` [n, 3], shape [3]."""
     steps = np.abs(np.diff(values, axis=0))
     least = np.min(steps, axis=0, where=steps > 0, initial=np.inf)
     return np.where(np.isfinite(least), least, 0.0)
@@ -169,7 +158,7 @@ def _rest(run: Run, number: int, start: int, stop: int) -> Rest:
 
 
 def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
-    """Rests in which the sensor turned slowly, by their index, with what shows it."""
+    """Rests in which the sensor turned slowly, by their index, with the evidence in words."""
     out: dict[int, str] = {}
     for i, rest in enumerate(rests):
         acc_g = filled_acc_g(session.runs[rest.run])[rest.start : rest.stop]
@@ -177,7 +166,7 @@ def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
         first, last = acc_g[:half].mean(axis=0), acc_g[-half:].mean(axis=0)
         error = float(np.sqrt(np.diff(acc_g, axis=0).var(axis=0).max() / half))
         turned = float(np.linalg.norm(first - last)) / max(float(np.linalg.norm(first + last)) / 2, 1e-9)
-        if turned > max(np.deg2rad(TURNED_DEG), TURNED_ERRORS * error):
+        if turned > max(np.deg2rad(POLICY.rest_turns_deg), POLICY.rest_turns_errors * error):
             out[i] = f"gravity turns by {np.rad2deg(2 * turned):.1f} deg"
     for run in {r.run for r in rests}:
         mine = [i for i, r in enumerate(rests) if r.run == run and i not in out]
@@ -185,7 +174,7 @@ def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
             continue
         means = np.array([rests[i].gyro_dps for i in mine])
         apart = np.abs(means - np.median(means, axis=0))
-        limit = np.maximum(TURNING_DPS, TURNING_SPREADS * 1.4826 * np.median(apart, axis=0))
+        limit = np.maximum(POLICY.rest_rate_dps, POLICY.rest_rate_spreads * 1.4826 * np.median(apart, axis=0))
         for i, off in zip(mine, apart, strict=True):
             if np.any(off > limit):
                 out[i] = f"the mean rate is {off.max():.1f} dps off that of the other rests"
@@ -193,7 +182,7 @@ def _moved(session: Session, rests: Sequence[Rest]) -> dict[int, str]:
 
 
 def _clips(session: Session, movement: Movement) -> bool:
-    """Is a reading of a movement at full scale?"""
+    """True if a reading of a movement is at full scale."""
     if session.full_scale_dps is None:
         return False
     run = session.runs[movement.run]

@@ -1,4 +1,4 @@
-"""Rotations from angular rates, by exact steps: the rate between two samples is a line, of which Magnus's second term is kept.
+"""Rotations from angular rates. The rate between two samples is linear, and a step has two terms of the Magnus expansion.
 
 ``R(t)`` takes a vector's components at time t to those at the start. It follows ``dR/dt = R [w]x`` with the rate w in the
 sensor's frame, so one step multiplies by ``exp([phi]x)`` with ``phi = h (w0 + w1) / 2 + h^2/12 (w0 x w1)``.
@@ -38,7 +38,7 @@ def steps(rate_rad_s: Array, t_s: Array) -> Array:
 def cumulative(movements: Sequence[Array]) -> list[Array]:
     """``R`` at each sample of several movements, [n, 3, 3] each, from their steps [n - 1, 3, 3]; the first is the identity.
 
-    The movements are multiplied side by side, since one depends on nothing of another.
+    The movements are independent of each other and are multiplied in parallel.
     """
     if not movements:
         return []

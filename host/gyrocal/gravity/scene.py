@@ -1,4 +1,4 @@
-"""What a session by hand shows whatever the gyroscope's model: rests, movements, gravity's directions, noise at rest."""
+"""Properties of a session by hand that do not depend on a model: rests, movements, directions of gravity, noise at rest."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
 BLOCK_S = 0.2
-"""Blocks whose means' differences give the noise at low frequencies: a low-pass acts within them, drift takes longer."""
+"""Length of blocks, s. Differences of their means give the noise at low frequencies, between a low-pass and the drift."""
 LEAST_NOISE_DPS = 1e-6
 TREMBLES, SHRUNK = 4.0, 10.0
-"""A rest whose variance exceeds the median by this factor does not tell the sensor's own noise, which counts for so many blocks
-of 0.2 s in the noise of each rest's mean."""
+"""Rests whose variance exceeds the median by the first factor do not count in the sensor's own noise. In the noise of a rest's
+mean, the sensor's own noise has the weight of the second number of blocks."""
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,23 @@ class Chunk:
 
     @property
     def rows(self) -> int:
+        """Number of samples."""
         return self.stop - self.start
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise at low frequencies: of one sample of the sensor [3], and of the mean over each rest [rests, 3], tremor included."""
+    """Noise at low frequencies of one sample of the sensor [3], and of the mean over each rest [rests, 3] including tremor."""
 
     of_sample: Array
     of_means: Array
 
     @staticmethod
     def of(stretches: Sequence[Array], rate_hz: float) -> Noise:
-        """From stretches [n, 3] at rest: differences of neighbouring block means hold neither a bias nor a slow drift.
+        """Noise of stretches [n, 3] at rest, from differences of neighbouring block means, which contain no bias or slow drift.
 
-        A sensor's own noise is that of the rests that are no louder than ``TREMBLES`` times the median; the variance of each
-        rest is shrunk to it by the weight of ``SHRUNK`` blocks.
+        A sensor's own noise is that of the rests with a variance up to ``TREMBLES`` times the median. The variance of each rest
+        is shrunk to it with the weight of ``SHRUNK`` blocks.
         """
         size = max(2, round(BLOCK_S * rate_hz))
         sums, counts = np.zeros((len(stretches), 3)), np.zeros(len(stretches))
@@ -79,12 +80,12 @@ class Scene:
     accelerometer: Accelerometer
     up: Array
     noise: Noise
-    """Of the gyroscope, deg/s."""
+    """Noise of the gyroscope, deg/s."""
     warnings: list[Warning]
 
     @staticmethod
     def of(session: Session) -> Scene:
-        """Raises InputError where rests are too few or accelerations are not near 1 g."""
+        """Find rests and movements. Raises InputError if rests are too few or accelerations are not near 1 g."""
         found = find(session)
         rate_hz = _rate_hz(session)
         gyro = [session.runs[r.run].gyro_dps[r.start : r.stop] for r in found.rests]
@@ -103,17 +104,18 @@ class Scene:
 
     @property
     def turned_deg(self) -> Array:
-        """How far gravity's direction turns in each movement, shape [movements], deg."""
+        """The angle by which gravity's direction turns in each movement, shape [movements], deg."""
         cosine = np.sum(self.up[[m.before for m in self.movements]] * self.up[[m.after for m in self.movements]], axis=1)
         return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
     @cached_property
     def turning(self) -> list[Run]:
-        """Each run turning about each of its axes at about its true rate: what effects are asked whether they can be seen."""
+        """Each run turning about each of its axes at about its true rate, for the question whether an effect can be seen."""
         return [turning_about(r, axis, r.gyro_dps) for r in self.session.runs for axis in AXES]
 
     @property
     def cycles(self) -> list[str]:
+        """Names of the power cycles."""
         return self.session.scenarios
 
 

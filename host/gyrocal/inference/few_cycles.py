@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import LARGEST_SPREAD, Spreads, SpreadScale
+from gyrocal.inference.reml import LARGEST_SPREAD, SpreadScale
 from gyrocal.recording.session import Array
 
 POINTS = 25
@@ -35,16 +35,14 @@ def widening(current: AxisFit) -> Array:
     roles = [design.terms[design.layout.fixed[j][0]].effect.role for j in design.layout.scenario]
     limits = PHYSICAL * np.array([LARGEST_SPREAD[role] for role in roles])
     largest = np.minimum(scale.spreads(scale.high)[k:], np.maximum(limits, BEYOND * current.spreads.scenario))
-    everything = np.ones(len(design.blocks), dtype=bool)
+    equations = current.equations()
     for j in range(current.spreads.scenario.size):
         unit = float(scale.unit[k + j])
         if unit <= 0:
             continue
-        tried = []
-        for x in np.linspace(0.0, np.log1p(largest[j] / unit), POINTS):
-            scenario = current.spreads.scenario.copy()
-            scenario[j] = unit * np.expm1(x)
-            tried.append(current.subset(everything, Spreads(current.spreads.run, scenario)))
+        scenario = np.tile(current.spreads.scenario, (POINTS, 1))
+        scenario[:, j] = unit * np.expm1(np.linspace(0.0, np.log1p(largest[j] / unit), POINTS))
+        tried = equations.solve_each(current.spreads.run, scenario)
         loglik = np.array([s.loglik for s in tried])
         weight = np.exp(loglik - loglik.max())
         sd = np.sqrt(np.array([np.diag(s.cov) for s in tried]))

@@ -10,7 +10,7 @@ from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.design import Design, Mask
-from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
+from gyrocal.inference.reml import Equations, Solution, Spreads, fit_spreads
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array, Session
@@ -31,6 +31,7 @@ class AxisFit:
 
     @property
     def loglik(self) -> float:
+        """Restricted log-likelihood."""
         return self.solution.loglik
 
     @property
@@ -48,7 +49,7 @@ class AxisFit:
     @property
     def attenuation_se(self) -> Array:
         """Standard error of each shared parameter [p] from the uncertain noise of measured columns."""
-        slope = self.solution.beta.copy()
+        slope = self.solution.beta + self.design.origin
         for j, (term, _) in enumerate(self.design.layout.fixed):
             slope[j] += self.design.terms[term].effect.role is Role.SCALE  # the residual holds the reference's noise too
         noise_se = self.design.column_noise[:, :, 1].sum(axis=0) / self.noise.white_sd_dps**2
@@ -56,24 +57,23 @@ class AxisFit:
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
         """The solution from some of the runs."""
-        return solve(
-            self.design.layout, self.grams[runs], self.logdet[runs], self.design.scenarios[runs],
-            int(self.design.n_blocks[runs].sum()), spreads or self.spreads,
-        )  # fmt: skip
+        return self.equations(runs).solve(spreads or self.spreads)
+
+    def equations(self, runs: Mask | slice = slice(None)) -> Equations:
+        """The normal equations of some of the runs, or of all."""
+        design = self.design
+        n = int(design.n_blocks[runs].sum())
+        return Equations(design.layout, self.grams[runs], self.logdet[runs], design.scenarios[runs], n)
 
     def spreads_without(self, held_out: Mask) -> Spreads:
-        """Spreads of what runs have of their own, estimated again from the runs that are not held out.
+        """Spreads over runs, estimated again without the runs with True in ``held_out`` [runs].
 
         The spread of power cycles is noise and stays as fitted, as white noise and drift do: re-estimating
         the spread from the training cycles can underestimate it when these agree by chance.
         """
         if not self.spreads.run.size:
             return self.spreads
-        kept = ~held_out
-        again = fit_spreads(
-            self.design, self.grams[kept], self.logdet[kept], self.design.scenarios[kept],
-            int(self.design.n_blocks[kept].sum()), self.spreads,
-        )  # fmt: skip
+        again = fit_spreads(self.design, self.equations(~held_out), self.spreads)
         return Spreads(again.run, self.spreads.scenario)
 
     def run_coefficients(self, run: int, beta: Array, spreads: Spreads) -> Array:
@@ -97,7 +97,7 @@ class AxisFit:
     def predict(self, run: int, beta: Array, u: Array) -> Array:
         """Modelled minus true rate at every sample of a run, shape [n], deg/s."""
         columns = self.design.sample_columns(self.design.blocks[run])
-        out = np.zeros(len(self.design.blocks[run].run))
+        out = self.design.subtracted(columns.get, len(self.design.blocks[run].run))
         for (i, j), b in zip(self.design.layout.fixed, beta, strict=True):
             out += b * columns[i][:, j]
         for (i, j), b in zip(self.design.layout.run, u, strict=True):
@@ -116,6 +116,7 @@ class Fit:
 
     @property
     def loglik(self) -> float:
+        """Restricted log-likelihood, summed over the axes."""
         return sum(a.loglik for a in self.axes.values())
 
     def on(self, axis: str, fitted: AxisFit | None = None) -> Fit:

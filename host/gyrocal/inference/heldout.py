@@ -17,7 +17,7 @@ import numpy as np
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit, Fit
-from gyrocal.inference.reml import Solution, Spreads, fit_spreads, solve
+from gyrocal.inference.reml import Equations, Solution, Spreads, fit_spreads
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 
@@ -33,6 +33,8 @@ class Fold:
 
 EVERYTHING = Fold("all", ())
 """Stands for a prediction in sample, where nothing can be left out."""
+SESSION = "session"
+"""Label of the fold that leaves out all runs: the parameters are those of another session."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,12 @@ class Prediction:
 
     @property
     def measured_dps(self) -> Array:
+        """Measured rates of the predicted samples, shape [n], dps."""
         return self.run.gyro_dps[self.rows, self.axis]
 
     @property
     def residual_dps(self) -> Array:
+        """Measured minus predicted rates, shape [n], dps."""
         return self.measured_dps - self.modelled_dps
 
 
@@ -82,6 +86,11 @@ def folds(fit: Fit, only_day: int | None = None) -> list[Fold]:
         Fold(f"time block {k + 1}", tuple(everything), (a, b))
         for k, (a, b) in enumerate(pairwise(edges))
     ]
+
+
+def whole(fit: Fit) -> Fold:
+    """The fold of all runs, for parameters that come from another session."""
+    return Fold(SESSION, tuple(range(len(fit.blocks))))
 
 
 def _identified(fit: Fit, fold: Fold) -> bool:
@@ -122,7 +131,9 @@ def steps(axis: AxisFit, all_folds: list[Fold]) -> Iterator[Step]:
     The shared parameters and the spreads over runs are fitted to the rest. The noise stays as fitted to all data.
     """
     for fold in all_folds:
-        if fold.time is None:
+        if fold.label == SESSION and len(fold.runs) == len(axis.design.blocks):
+            yield Step(fold, axis, axis.solution, axis.spreads, {})
+        elif fold.time is None:
             held = np.zeros(len(axis.design.blocks), dtype=bool)
             held[list(fold.runs)] = True
             spreads = axis.spreads_without(held)
@@ -151,12 +162,12 @@ def _time_step(axis: AxisFit, fold: Fold) -> Step:
         usable = [b for b in blocks if b.t_s.size]
         design = axis.design.over(usable)
         grams, logdet = design.grams(axis.noise)
-        fits.append((design, grams, logdet, int(design.n_blocks.sum())))
-    (design, grams, logdet, n), (more, more_grams, more_logdet, more_n) = fits
-    spreads = fit_spreads(design, grams, logdet, design.scenarios, n, axis.spreads)
-    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
-    both = solve(more.layout, more_grams, more_logdet, more.scenarios, more_n, spreads)
-    fitted = AxisFit(design, axis.noise, spreads, solution, axis.design.terms, grams, logdet)
+        equations = Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
+        fits.append((design, equations, logdet))
+    (design, equations, logdet), (_, more, _) = fits
+    spreads = fit_spreads(design, equations, axis.spreads)
+    solution, both = equations.solve(spreads), more.solve(spreads)
+    fitted = AxisFit(design, axis.noise, spreads, solution, axis.design.terms, equations.grams, logdet)
     return Step(fold, fitted, solution, spreads, {fold.label: both.loglik - solution.loglik})
 
 

@@ -46,8 +46,8 @@ def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tupl
 
 def _of_free_cycles(fitted: AxisFit, scenario_sd: Array) -> float:
     """Profile log-likelihood with the offset (and scale) of each power cycle free: what runs say by themselves."""
-    everything = np.ones(len(fitted.design.blocks), dtype=bool)
-    return profile_loglik(replace(fitted, solution=fitted.subset(everything, Spreads(fitted.spreads.run, scenario_sd))))
+    free = fitted.equations().solve(Spreads(fitted.spreads.run, scenario_sd))
+    return profile_loglik(replace(fitted, solution=free))
 
 
 def profile_loglik(fitted: AxisFit) -> float:

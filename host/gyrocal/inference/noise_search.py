@@ -8,16 +8,7 @@ import numpy as np
 
 from gyrocal.inference.design import SLOW_S, Design
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import (
-    NO_SPREAD,
-    Spreads,
-    SpreadScale,
-    fit_spreads,
-    maximise,
-    solve,
-    solve_with_slopes,
-    unknown_spreads,
-)
+from gyrocal.inference.reml import NO_SPREAD, Equations, Spreads, SpreadScale, fit_spreads, maximise, unknown_spreads
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array
 
@@ -89,10 +80,9 @@ def carry_spreads(old: AxisFit, design: Design) -> Spreads:
 def with_noise(design: Design, noise: Noise, spreads: Spreads) -> AxisFit:
     """A fit at given noise: spreads by REML on the Grams, no filtering again."""
     grams, logdet = design.grams(noise)
-    n = int(design.n_blocks.sum())
-    spreads = fit_spreads(design, grams, logdet, design.scenarios, n, spreads)
-    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
-    return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
+    equations = Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
+    spreads = fit_spreads(design, equations, spreads)
+    return AxisFit(design, noise, spreads, equations.solve(spreads), design.terms, grams, logdet)
 
 
 @dataclass(frozen=True)
@@ -115,6 +105,7 @@ class NoiseScale:
 
     @staticmethod
     def of(design: Design) -> NoiseScale:
+        """The coordinates and bounds of the search for one axis's design."""
         white0 = white_start(design)
         longest_s, block_s = design.extent_s
         samples = max(1.0, float(np.median(np.concatenate([b.n for b in design.blocks]))))
@@ -129,6 +120,7 @@ class NoiseScale:
 
     @property
     def drift(self) -> bool:
+        """True if the search includes a drift."""
         return len(self.bounds) > 1
 
     def coordinates(self, noise: Noise) -> Array:
@@ -175,19 +167,20 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         log_times = float(x[0] - log_white0)
         return grams * np.exp(-2 * log_times), logdet + 2 * log_times * design.n_blocks
 
+    def equations(grams: Array, logdet: Array) -> Equations:
+        return Equations(design.layout, grams, logdet, design.scenarios, n)
+
     def loglik(x: Array) -> tuple[float, Array]:
         sd = scale.spreads(x[m:])
         spreads = Spreads(sd[:k], sd[k:])
-        solution, slopes = solve_with_slopes(design.layout, *grams_at(x), design.scenarios, n, spreads)
-        def moved(j: int, by: float) -> float:
-            step = np.zeros_like(x)
-            step[j] = by
-            return solve(design.layout, *grams_at(x + step), design.scenarios, n, spreads).loglik
-
+        solution, slopes = equations(*grams_at(x)).solve_with_slopes(spreads)
+        grams, logdet = zip(*(grams_at(x + step) for step in steps), strict=True)
+        below, *above = equations(np.stack(grams), np.stack(logdet)).logliks(spreads).tolist()
         # the white level is known to 1 / sqrt(2n): a one-sided difference would be off by more than the search resolves
-        of_noise = np.array([(moved(0, STEP) - moved(0, -STEP)) / 2, *(moved(j, STEP) - solution.loglik for j in range(1, m))])
+        of_noise = np.array([(above[0] - below) / 2, *(one - solution.loglik for one in above[1:])])
         return solution.loglik, np.concatenate([of_noise / STEP, scale.slopes(x[m:], slopes)])
 
+    steps = STEP * np.concatenate([-np.eye(1, m + scale.unit.size), np.eye(m, m + scale.unit.size)])
     begin = np.concatenate([
         noise_scale.coordinates(start.noise), scale.coordinates(np.concatenate([start.spreads.run, start.spreads.scenario]))
     ])  # fmt: skip
@@ -197,5 +190,4 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         noise = replace(noise, ou_sd_dps=0.0)
     grams, logdet = design.grams(noise)
     spreads = Spreads(sd[:k], sd[k:])
-    solution = solve(design.layout, grams, logdet, design.scenarios, n, spreads)
-    return AxisFit(design, noise, spreads, solution, design.terms, grams, logdet)
+    return AxisFit(design, noise, spreads, equations(grams, logdet).solve(spreads), design.terms, grams, logdet)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.inference.blocks import residual_dps
+from gyrocal.inference.blocks import known_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise, with_noise
 from gyrocal.noise.steady import relative_levels
@@ -48,7 +48,7 @@ def _weighted(current: AxisFit) -> AxisFit | None:
     design, axis = current.design, current.design.axis
     residuals = []
     for b in design.blocks:
-        y_dps = residual_dps(b.run)[:, axis].copy()
+        y_dps = b.run.gyro_dps[:, axis] - known_dps(b.run, axis)
         rows, apart_dps = outliers(y_dps, b.run.step_dps[axis])
         y_dps[rows] -= apart_dps
         residuals.append(y_dps)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from gyrocal.inference.blocks import reduce_session
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.recording.register import registered
-from gyrocal.recording.registration import Registration, RegistrationFit, nearest_rotation, rotation_deg
+from gyrocal.recording.registration import ReferenceParameter, Registration, RegistrationFit, nearest_rotation, rotation_deg
 from gyrocal.recording.session import AXES, Array, Run, Session
 
 STEPS = 4
@@ -127,10 +128,10 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
         term = Term.of(_Map(), axis, dict.fromkeys([*others, *names], 0.0))
         noise = model.noise_on(axis) if model.on(axis) else AxisNoise()
         current = fit_axis([b.about(axis) for b in reduced], i, [*kept, term], noise)
-        places, values, cov = _of_axis(current, i, axis)
-        weight = np.linalg.inv(cov)
-        information[np.ix_(places, places)] += weight
-        score[places] += weight @ values
+        own = _of_axis(current, i, axis)
+        weight = np.linalg.inv(own.cov)
+        information[np.ix_(own.places, own.places)] += weight
+        score[own.places] += weight @ own.values
     seen = np.flatnonzero(np.diag(information) > 0)
     cov = np.diag(np.where(np.diag(information) > 0, 0.0, np.inf))
     cov[np.ix_(seen, seen)] = np.linalg.inv(information[np.ix_(seen, seen)])
@@ -139,8 +140,15 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
     return _Step(found[:9].reshape(3, 3), found[9:], cov)
 
 
-def _of_axis(current: AxisFit, i: int, axis: str) -> tuple[list[int], Array, Array]:
-    """Places [p] among the eleven parameters of what one axis's fit says of them, with its estimate and covariance."""
+class _AxisEstimate(NamedTuple):
+    """An axis's estimate of some of the eleven parameters: their places [p], values [p] and covariance [p, p]."""
+
+    places: list[int]
+    values: Array
+    cov: Array
+
+
+def _of_axis(current: AxisFit, i: int, axis: str) -> _AxisEstimate:
     places, columns = [], []
     for j, (t, k) in enumerate(current.design.layout.fixed):
         effect = current.design.terms[t].effect
@@ -150,10 +158,10 @@ def _of_axis(current: AxisFit, i: int, axis: str) -> tuple[list[int], Array, Arr
         if name:
             places.append(9 + TIMES.index(name) if name in TIMES else 3 * i + AXES.index(name))
             columns.append(j)
-    return places, current.solution.beta[columns], current.solution.cov[np.ix_(columns, columns)]
+    return _AxisEstimate(places, current.solution.beta[columns], current.solution.cov[np.ix_(columns, columns)])
 
 
-def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[tuple[str, str, float, float | None], ...]:
+def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[ReferenceParameter, ...]:
     """The parameters by name, as those of the first estimate, with their standard errors (None if nothing shows one)."""
     jacobian = np.zeros((3, 3))
     for k in range(3):
@@ -164,7 +172,7 @@ def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tup
     values = dict(zip(("rx_deg", "ry_deg", "rz_deg"), zip(found.rotation_deg, np.sqrt(np.diag(cov)), strict=True), strict=True))
     values |= {"offset_s": (found.offset_s, np.sqrt(step.cov[9, 9])), "e": (found.drift, np.sqrt(step.cov[10, 10]))}
     errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
-    return tuple((effect, name, float(values[name][0]), errors[name]) for effect, name, _, _ in start.parameters)
+    return tuple(ReferenceParameter(p.effect, p.name, float(values[p.name][0]), errors[p.name]) for p in start.parameters)
 
 
 def _nearest(vector_deg: Array, found: Registration) -> Array:

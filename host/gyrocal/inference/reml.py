@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Role
-from gyrocal.inference.design import Design, Layout
+from gyrocal.inference.design import Design
+from gyrocal.inference.layout import Layout
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -59,121 +60,196 @@ class Solution:
 
 @dataclass(frozen=True)
 class Integrated:
-    """Gram matrices with random coefficients integrated out.
+    """Gram matrices with random coefficients integrated out, and the logarithm of the determinant of each.
 
-    The expectation of the standardised coefficients is ``v = weights (y, -X)``. ``inverse`` is the covariance of v given the
-    other coefficients. There is one of each for every Gram matrix.
+    ``root`` [..., k, k] is the inverse of the Cholesky factor of the standardised coefficients' information, and ``half``
+    [..., k, r] that root times the products with the other columns.
     """
 
     grams: Array
     logdet: Array
-    weights: Array
-    inverse: Array
+    root: Array
+    half: Array
+
+    @property
+    def weights(self) -> Array:
+        """The expectation of the standardised coefficients is ``v = weights (y, -X)``, for each Gram matrix."""
+        return np.asarray(self.root.swapaxes(-1, -2) @ self.half)
+
+    @property
+    def inverse(self) -> Array:
+        """Covariance of v given the other coefficients, for each Gram matrix."""
+        return np.asarray(self.root.swapaxes(-1, -2) @ self.root)
+
+
+@dataclass(frozen=True)
+class Parted:
+    """Parts of Gram matrices: ``inner`` [..., k, k] of the columns to integrate out, ``rest`` [..., r, r] of those that remain,
+    ``cross`` [..., k, r] of both.
+    """
+
+    inner: Array
+    cross: Array
+    rest: Array
+
+    @staticmethod
+    def of(gram: Array, index: Index, keep: Index) -> Parted:
+        """Part matrices [..., q, q] into the columns ``index`` and ``keep``."""
+        rows = gram[..., index, :]
+        return Parted(rows[..., index], rows[..., keep], gram[..., keep, :][..., keep])
+
+    def integrate(self, sd: Array) -> Integrated:
+        """Integrate out coefficients ``~ N(0, sd^2)``; ``sd`` [k], or [many, k] for many spreads at once."""
+        if sd.ndim > 1:
+            sd = sd[:, None]
+        down, across = sd[..., None], sd[..., None, :]
+        chol = np.linalg.cholesky(np.eye(sd.shape[-1]) + down * self.inner * across)
+        root = np.linalg.inv(chol)
+        half = root @ (down * self.cross)
+        logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
+        return Integrated(self.rest - half.swapaxes(-1, -2) @ half, logdet, root, half)
 
 
 def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:
     """Integrate out the coefficients ``~ N(0, sd^2)`` of the columns ``index``. The columns ``keep`` remain."""
-    b = sd[:, None] * gram[..., index, :][..., keep]
-    m = np.eye(index.size) + sd[:, None] * gram[..., index, :][..., index] * sd
-    chol = np.linalg.cholesky(m)
-    root = np.linalg.inv(chol)
-    half = root @ b
-    logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
-    transposed = root.swapaxes(-1, -2)
-    kept = gram[..., keep, :][..., keep] - half.swapaxes(-1, -2) @ half
-    return Integrated(kept, logdet, transposed @ half, transposed @ root)
+    return Parted.of(gram, index, keep).integrate(sd)
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """A solution with its integrated coefficients. ``grams`` has one matrix for each power cycle, or for each run if no
+    """Solutions as arrays, with what was integrated out. ``grams`` has one matrix for each power cycle, or for each run if no
     coefficient varies over power cycles.
     """
 
-    solution: Solution
+    loglik: Array
+    beta: Array
+    cov: Array
+    chi2: Array
     grams: Array
     of_runs: Integrated | None
     of_scenarios: Integrated | None
 
+    @property
+    def solution(self) -> Solution:
+        return Solution(float(self.loglik), self.beta, self.cov, float(self.chi2))
+
+
+class Equations:
+    """The normal equations of ``n`` blocks in all, prepared for solving them at one set of spreads after another.
+
+    ``grams`` [runs, q, q] and ``logdet`` [runs] are those of each run, ``scenarios`` [runs] their power cycles. With one axis
+    more in front, ``grams`` and ``logdet`` are those of many noises, which are solved at once.
+    """
+
+    def __init__(self, layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int) -> None:
+        self.layout, self.grams, self.n = layout, grams, n
+        self._logdet = logdet.sum(axis=-1)
+        self._keep = np.arange(1 + len(layout.fixed))
+        self._members = (np.array(sorted(set(scenarios.tolist())))[:, None] == scenarios).astype(float)
+        own = np.arange(self._keep.size, grams.shape[-1])
+        self._of_runs = Parted.of(grams, own, self._keep) if layout.run else None
+        self._of_scenarios = None if layout.run else self._of_each_scenario(grams)
+
+    def _of_each_scenario(self, grams: Array) -> Parted | None:
+        """The parts of each power cycle's sum over its runs; None if no coefficient varies over power cycles."""
+        if not self.layout.scenario:
+            return None
+        summed = self._members @ grams.reshape(*grams.shape[:-2], -1)
+        size = self._keep.size
+        return Parted.of(summed.reshape(*summed.shape[:-1], size, size), np.array(self.layout.scenario) + 1, self._keep)
+
+    def solve(self, spreads: Spreads) -> Solution:
+        """Integrate out the random coefficients and solve for the shared ones."""
+        return self._solved(spreads).solution
+
+    def solve_each(self, run: Array, scenarios: Array) -> list[Solution]:
+        """The solution for each of many spreads over power cycles [many, k], with those over runs the same."""
+        found = self._solved(Spreads(run, scenarios))
+        each = zip(found.loglik, found.beta, found.cov, found.chi2, strict=True)
+        return [Solution(float(loglik), beta, cov, float(chi2)) for loglik, beta, cov, chi2 in each]
+
+    def logliks(self, spreads: Spreads) -> Array:
+        """The log-likelihood [many] of each of many noises."""
+        return self._solved(spreads).loglik
+
+    def _solved(self, spreads: Spreads) -> _Solved:
+        grams, logdet, p = self.grams, self._logdet, self._keep.size - 1
+        of_runs = of_scenarios = None
+        parted = self._of_scenarios
+        if self._of_runs is not None:
+            of_runs = self._of_runs.integrate(spreads.run[list(self.layout.run_group)])
+            grams, logdet = of_runs.grams, logdet + of_runs.logdet.sum(axis=-1)
+            parted = self._of_each_scenario(grams)
+        if parted is not None:
+            of_scenarios = parted.integrate(spreads.scenario)
+            grams, logdet = of_scenarios.grams, logdet + of_scenarios.logdet.sum(axis=-1)
+        beta, cov, chi2, logdet_h = _of_shared(grams.sum(axis=-3))
+        loglik = -0.5 * (logdet + logdet_h + chi2 + (self.n - p) * np.log(2 * np.pi))
+        return _Solved(loglik, beta, cov, chi2, grams, of_runs, of_scenarios)
+
+    def solve_with_slopes(self, spreads: Spreads) -> tuple[Solution, Array]:
+        """The solution, and the derivatives of its log-likelihood by the logarithm of each spread, those of runs first.
+
+        By Fisher's identity the derivative is the sum of E[v^2 | y] - 1 over the coefficients that share a spread, where v is
+        the coefficient divided by its spread.
+        """
+        layout, p, solved = self.layout, self._keep.size - 1, self._solved(spreads)
+        slope_run, slope_scenario = np.zeros(spreads.run.size), np.zeros(spreads.scenario.size)
+        if not np.isfinite(solved.loglik):
+            return solved.solution, np.concatenate([slope_run, slope_scenario])
+        beta, cov = solved.beta, solved.cov
+        center, spread = np.broadcast_to(beta, (1, p)), cov[None]
+        of_scenarios, cycles = solved.of_scenarios, solved.grams.shape[0]
+        if of_scenarios is not None:
+            slope_scenario = _slopes(of_scenarios, center, spread).sum(axis=0)
+        if of_scenarios is not None and solved.of_runs is not None:
+            pull = np.zeros((cycles, p, 1 + p))  # the coefficients of a power cycle: beta plus their random part
+            pull[:, layout.scenario] = spreads.scenario[:, None] * of_scenarios.weights
+            own = np.eye(p) - pull[:, :, 1:]
+            random = np.zeros((cycles, p, p))
+            rows = np.ix_(range(cycles), layout.scenario, layout.scenario)
+            random[rows] = spreads.scenario[:, None] * of_scenarios.inverse * spreads.scenario
+            which = self._members.argmax(axis=0)
+            center = (own @ beta + pull[:, :, 0])[which]
+            spread = (own @ cov @ own.swapaxes(-1, -2) + random)[which]
+        if solved.of_runs is not None:
+            np.add.at(slope_run, list(layout.run_group), _slopes(solved.of_runs, center, spread).sum(axis=0))
+        return solved.solution, np.concatenate([slope_run, slope_scenario])
+
+
+def _of_shared(total: Array) -> tuple[Array, Array, Array, Array]:
+    """Shared coefficients [..., p], their covariance, chi-square and the logarithm of the determinant of their information.
+
+    Of normal equations [..., 1 + p, 1 + p] that do not determine the coefficients, chi-square is infinite.
+    """
+    h, g = total[..., 1:, 1:], total[..., 1:, 0]
+    scale = np.sqrt(np.maximum(np.diagonal(h, axis1=-2, axis2=-1), 1e-300))
+    unit = scale[..., :, None] * scale[..., None, :]
+    try:
+        chol = np.linalg.cholesky(h / unit)
+    except np.linalg.LinAlgError:
+        if total.ndim > 2:  # one of many
+            beta, cov, chi2, logdet = (np.stack(parts) for parts in zip(*map(_of_shared, total), strict=True))
+            return beta, cov, chi2, logdet
+        return np.full(g.shape, np.nan), np.full(h.shape, np.nan), np.array(np.inf), np.array(np.inf)
+    root = np.linalg.inv(chol)
+    half = root @ (g / scale)[..., None]
+    turned = root.swapaxes(-1, -2)
+    chi2 = total[..., 0, 0] - (half.swapaxes(-1, -2) @ half)[..., 0, 0]
+    logdet = 2 * (np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1) + np.log(scale).sum(axis=-1))
+    return (turned @ half)[..., 0] / scale, (turned @ root) / unit, chi2, logdet
+
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
-    """Integrate out the random coefficients and solve for the shared ones."""
-    return _solve(layout, grams, logdet, _members(scenarios), n, spreads).solution
-
-
-def _members(scenarios: Index) -> Array:
-    """Matrix [cycles, runs] that is 1 if the run belongs to the power cycle, else 0."""
-    return (np.unique(scenarios)[:, None] == scenarios).astype(float)
-
-
-def _solve(layout: Layout, grams: Array, logdet: Array, members: Array, n: int, spreads: Spreads) -> _Solved:
-    p = len(layout.fixed)
-    total_logdet = float(logdet.sum())
-    keep = np.arange(1 + p)
-    of_runs = of_scenarios = None
-    if layout.run:
-        of_runs = integrate(grams, np.arange(1 + p, grams.shape[-1]), keep, spreads.run[list(layout.run_group)])
-        grams = of_runs.grams
-        total_logdet += float(of_runs.logdet.sum())
-    if layout.scenario:
-        summed = (members @ grams.reshape(grams.shape[0], -1)).reshape(-1, 1 + p, 1 + p)
-        of_scenarios = integrate(summed, np.array(layout.scenario) + 1, keep, spreads.scenario)
-        grams = of_scenarios.grams
-        total_logdet += float(of_scenarios.logdet.sum())
-    total = grams.sum(axis=0)
-    h, g = total[1:, 1:], total[1:, 0]
-    scale = np.sqrt(np.maximum(np.diag(h), 1e-300))
-    try:
-        chol = np.linalg.cholesky(h / np.outer(scale, scale))
-    except np.linalg.LinAlgError:
-        nothing = Solution(-np.inf, np.full(p, np.nan), np.full((p, p), np.nan), np.nan)
-        return _Solved(nothing, grams, of_runs, of_scenarios)
-    inverse_chol = np.linalg.inv(chol)
-    half = inverse_chol @ (g / scale)
-    cov = (inverse_chol.T @ inverse_chol) / np.outer(scale, scale)
-    beta = inverse_chol.T @ half / scale
-    chi2 = float(total[0, 0] - half @ half)
-    logdet_h = 2 * float(np.log(np.diag(chol)).sum() + np.log(scale).sum())
-    loglik = -0.5 * (total_logdet + logdet_h + chi2 + (n - p) * np.log(2 * np.pi))
-    return _Solved(Solution(loglik, beta, cov, chi2), grams, of_runs, of_scenarios)
-
-
-def solve_with_slopes(
-    layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads
-) -> tuple[Solution, Array]:
-    """The solution, and the derivatives of its log-likelihood by the logarithm of each spread, those of runs first.
-
-    By Fisher's identity the derivative is the sum of E[v^2 | y] - 1 over the coefficients that share a spread, where v is the
-    coefficient divided by its spread.
-    """
-    p, members = len(layout.fixed), _members(scenarios)
-    solved = _solve(layout, grams, logdet, members, n, spreads)
-    slope_run, slope_scenario = np.zeros(spreads.run.size), np.zeros(spreads.scenario.size)
-    if not np.isfinite(solved.solution.loglik):
-        return solved.solution, np.concatenate([slope_run, slope_scenario])
-    beta, cov = solved.solution.beta, solved.solution.cov
-    center, spread = np.broadcast_to(beta, (1, p)), cov[None]
-    of_scenarios, cycles = solved.of_scenarios, solved.grams.shape[0]
-    if of_scenarios is not None:
-        slope_scenario = _slopes(of_scenarios, center, spread).sum(axis=0)
-        pull = np.zeros((cycles, p, 1 + p))  # the coefficients of a power cycle: beta plus their random part
-        pull[:, layout.scenario] = spreads.scenario[:, None] * of_scenarios.weights
-        own = np.eye(p) - pull[:, :, 1:]
-        random = np.zeros((cycles, p, p))
-        rows = np.ix_(range(cycles), layout.scenario, layout.scenario)
-        random[rows] = spreads.scenario[:, None] * of_scenarios.inverse * spreads.scenario
-        which = members.argmax(axis=0)
-        center = (own @ beta + pull[:, :, 0])[which]
-        spread = (own @ cov @ own.swapaxes(-1, -2) + random)[which]
-    if solved.of_runs is not None:
-        np.add.at(slope_run, list(layout.run_group), _slopes(solved.of_runs, center, spread).sum(axis=0))
-    return solved.solution, np.concatenate([slope_run, slope_scenario])
+    """Integrate out the random coefficients and solve for the shared ones; see :class:`Equations`."""
+    return Equations(layout, grams, logdet, scenarios, n).solve(spreads)
 
 
 def _slopes(of: Integrated, center: Array, spread: Array) -> Array:
     """E[v^2 | y] - 1 for the coefficients that were integrated out, shape [grams, k]."""
-    b = of.weights[..., 1:]
-    v = of.weights[..., 0] - (b @ center[..., None])[..., 0]
+    weights = of.weights
+    b = weights[..., 1:]
+    v = weights[..., 0] - (b @ center[..., None])[..., 0]
     variance = np.diagonal(of.inverse, axis1=-2, axis2=-1) + np.einsum("...ij,...jk,...ik->...i", b, spread, b)
     return np.asarray(v**2 + variance - 1)
 
@@ -191,6 +267,7 @@ class SpreadScale:
 
     @staticmethod
     def of(design: Design, grams: Array) -> SpreadScale:
+        """The scale and the bounds of the spreads of one axis's design."""
         layout = design.layout
         information = np.zeros(layout.n_groups + len(layout.scenario))
         diagonal = np.diagonal(grams, axis1=-2, axis2=-1)
@@ -212,18 +289,20 @@ class SpreadScale:
         return np.clip(np.log1p(ratio**2), NO_SPREAD, np.maximum(self.high, NO_SPREAD))
 
     def spreads(self, x: Array) -> Array:
+        """Spreads [k] from coordinates [k]."""
         return self.unit * np.sqrt(np.expm1(x))
 
     def slopes(self, x: Array, of_log_sd: Array) -> Array:
-        """Derivatives by the coordinates, from derivatives by log sd."""
+        """Derivatives [k] by the coordinates, from derivatives by the logarithm of each spread [k]."""
         return of_log_sd / (-2 * np.expm1(-x))
 
     def settled(self, x: Array) -> Array:
-        """The spreads at the end of a search. A vanishing spread is set to zero."""
+        """Spreads [k] at the end of a search. A vanishing spread is set to zero."""
         return np.where(x > 10 * NO_SPREAD, self.spreads(x), 0.0)
 
     @property
     def bounds(self) -> list[tuple[float, float]]:
+        """Lower and upper bound of each coordinate."""
         return [(NO_SPREAD, max(float(h), NO_SPREAD)) for h in self.high]
 
 
@@ -236,11 +315,12 @@ def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: 
     """
     from scipy.optimize import minimize
 
-    value, slope = loglik(x0)
+    first = loglik(x0)
+    value, slope = first
     scale = FIRST_STEP / max(float(np.linalg.norm(slope)), FIRST_STEP) if np.isfinite(value) else 1.0
 
     def cost(x: Array) -> tuple[float, Array]:
-        value, slope = loglik(x)
+        value, slope = first if np.array_equal(x, x0) else loglik(x)  # the search looks at its start again
         return (-scale * value, -scale * slope) if np.isfinite(value) else (1e300, np.zeros_like(x))
 
     enough = TOLERANCE * scale / max(scale * abs(value), 1.0) if np.isfinite(value) else TOLERANCE
@@ -248,16 +328,16 @@ def maximise(loglik: Callable[[Array], tuple[float, Array]], x0: Array, bounds: 
     return np.asarray(found.x)
 
 
-def fit_spreads(design: Design, grams: Array, logdet: Array, scenarios: Index, n: int, start: Spreads) -> Spreads:
+def fit_spreads(design: Design, equations: Equations, start: Spreads) -> Spreads:
     """Estimate only the spreads by REML. Spreads of ``start`` that are NaN are not known yet."""
     k = start.run.size
     if k + start.scenario.size == 0:
         return start
-    scale = SpreadScale.of(design, grams)
+    scale = SpreadScale.of(design, equations.grams)
 
     def loglik(x: Array) -> tuple[float, Array]:
         sd = scale.spreads(x)
-        solution, slopes = solve_with_slopes(design.layout, grams, logdet, scenarios, n, Spreads(sd[:k], sd[k:]))
+        solution, slopes = equations.solve_with_slopes(Spreads(sd[:k], sd[k:]))
         return solution.loglik, scale.slopes(x, slopes)
 
     x = maximise(loglik, scale.coordinates(np.concatenate([start.run, start.scenario])), scale.bounds)
@@ -276,6 +356,7 @@ def _random_rms(design: Design) -> tuple[Array, Array]:
 
 
 def unknown_spreads(design: Design) -> Spreads:
+    """Spreads that are all NaN, which means not known yet."""
     layout = design.layout
     return Spreads(np.full(layout.n_groups, np.nan), np.full(len(layout.scenario), np.nan))
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import Index, Spreads, SpreadScale, solve, solve_with_slopes
+from gyrocal.inference.reml import Index, Spreads, SpreadScale
 from gyrocal.recording.session import Array
 
 WEAK = 0.5
@@ -42,17 +42,15 @@ def settled(current: AxisFit) -> AxisFit:
     k = current.spreads.run.size
     if not (current.spreads.run > 0).any():
         return current
-    n = int(current.design.n_blocks.sum())
+    equations = current.equations()
     for _ in range(SCORINGS):
         sd = np.concatenate([current.spreads.run, current.spreads.scenario])
         free = np.flatnonzero(sd > 0)
-        solution, slopes = solve_with_slopes(
-            current.design.layout, current.grams, current.logdet, current.design.scenarios, n, current.spreads
-        )
+        solution, slopes = equations.solve_with_slopes(current.spreads)
         inverse, _ = _inverse(current, sd, free)
         sd[free] *= np.exp(np.clip(inverse @ slopes[free] / 4, -0.2, 0.2))  # slopes are by log sd, the inverse by log variance
         spreads = Spreads(sd[:k], sd[k:])
-        moved = solve(current.design.layout, current.grams, current.logdet, current.design.scenarios, n, spreads)
+        moved = equations.solve(spreads)
         if not moved.loglik > solution.loglik:
             break
         current = replace(current, spreads=spreads, solution=moved)
@@ -159,14 +157,13 @@ def _coupled(grams: Array, p: int, own: int, scenario: list[int]) -> tuple[Array
 
 def _profiled(current: AxisFit, sd: Array, which: Index) -> Array:
     """Errors of single spreads from the REML log-likelihood, the other spreads as fitted; NaN if no run shows the column."""
-    k = current.spreads.run.size
-    everything = np.ones(len(current.design.blocks), dtype=bool)
+    k, equations = current.spreads.run.size, current.equations()
     unit = SpreadScale.of(current.design, current.grams).unit
 
     def fallen(j: int, log_value: float) -> bool:
         trial = sd.copy()
         trial[j] = np.exp(log_value)
-        return current.loglik - current.subset(everything, Spreads(trial[:k], trial[k:])).loglik > FALL
+        return current.loglik - equations.solve(Spreads(trial[:k], trial[k:])).loglik > FALL
 
     out = np.full(which.size, np.nan)
     for n, j in enumerate(which.tolist()):

@@ -39,6 +39,7 @@ class OrderPeak:
         return nearest if nearest > 0 and abs(self.order - nearest) < self.resolution / 2 else None
 
     def words(self) -> str:
+        """The order in words."""
         return f"{self.order:.4g} per turn" if self.whole is None else f"exactly {self.whole} per turn"
 
 

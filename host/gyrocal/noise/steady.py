@@ -42,17 +42,21 @@ class Levels:
 
     @property
     def change(self) -> bool:
+        """True if the level of the noise changes."""
         return self.of_residual is not None
 
     def steadied(self, residuals: Sequence[Array]) -> Sequence[Array]:
-        """The residuals, each sample divided by the relative level of its time."""
+        """The residuals [n] of each run, each sample divided by the relative level at its time."""
         if self.of_residual is None:
             return residuals
         return [r / level for r, level in zip(residuals, self.of_residual, strict=True)]
 
 
 def relative_levels(residuals: Sequence[Array], window: int = WINDOW) -> Levels:
-    """The relative level of the noise over time, from the scatter of neighbours in windows. Its geometric mean is one."""
+    """The relative level of the noise of residuals [n] over time, from the differences of neighbours in windows.
+
+    Its geometric mean is one.
+    """
     counts = [max(0, (r.size - 1) // window) for r in residuals]
     if sum(counts) < LEAST_WINDOWS:
         return Levels(None)
@@ -80,12 +84,8 @@ def _variance(residuals: Sequence[Array], window: int) -> float:
 
     It is ``2 / window * sum of rho^2`` with the autocorrelation rho of the differences, which a low-pass filter lengthens.
     """
-    total, square = 0.0, np.zeros(window // 2)
-    for r in residuals:
-        d = np.diff(r[:ENOUGH])
-        if d.size > 2 * window:
-            spectrum = np.abs(np.fft.rfft(d, 2 * ENOUGH)) ** 2
-            square += np.fft.irfft(spectrum)[: square.size]
-            total += 1
-    rho = square / max(square[0], 1e-300) if total else np.eye(1, square.size)[0]
+    lags = range(window // 2)
+    long = [d for d in (np.diff(r[:ENOUGH]) for r in residuals) if d.size > 2 * window]
+    square = np.array([sum(float(d[: d.size - lag] @ d[lag:]) for d in long) for lag in lags])
+    rho = square / max(square[0], 1e-300) if long else np.eye(1, square.size)[0]
     return float(2 / window * (1 + 2 * float(rho[1:] @ rho[1:])))

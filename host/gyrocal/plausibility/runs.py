@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Set
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,7 @@ class Mean:
 
     @property
     def rests(self) -> bool:
+        """True for a constant true rate of about zero."""
         return self.slope is None and abs(self.rate_dps) < POLICY.rest_dps
 
 
@@ -71,8 +73,8 @@ def _mean(run: Run, axis: int) -> Mean:
     varies_dps = 0.0 if run.rate_is_mean else float(np.std(rate))
     if varies_dps > POLICY.rest_dps and (varies_dps > POLICY.rate_varies_dps or _follows(y, rate)):
         y, rate = _shifted(y, rate, lag_samples(y, rate, longest_lag(run)))
-        slope, se, offset = _regression(y, rate)
-        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, slope, se, offset, _omega_rad_s(run))
+        line, omega_rad_s = _regression(y, rate), _omega_rad_s(run)
+        return Mean(run, float(rate.mean()), float(y.mean()), 0.0, line.slope, line.slope_se, line.offset_dps, omega_rad_s)
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
     return Mean(run, float(rate.mean()), float(y.mean()), _clustered_se(np.ones(y.size), y - y.mean()))
@@ -89,11 +91,19 @@ def _follows(y: Array, rate: Array) -> bool:
     return bool(np.ptp(y) > 0) and abs(float(np.corrcoef(y, rate)[0, 1])) > POLICY.follows_correlation
 
 
-def _regression(y: Array, rate: Array) -> tuple[float, float, float]:
+class _Regression(NamedTuple):
+    """A straight line of readings over the true rate; the offset is in deg/s."""
+
+    slope: float
+    slope_se: float
+    offset_dps: float
+
+
+def _regression(y: Array, rate: Array) -> _Regression:
     about = rate - rate.mean()
     slope = float(about @ y) / float(about @ about)
     offset = float(y.mean() - slope * rate.mean())
-    return slope, _clustered_se(about, y - offset - slope * rate), offset
+    return _Regression(slope, _clustered_se(about, y - offset - slope * rate), offset)
 
 
 def _clustered_se(x: Array, residual: Array) -> float:

@@ -51,6 +51,7 @@ class Line:
     scatter_dps: float = 0.0
 
     def of(self, run: Run) -> Slope | None:
+        """The slope of one run, or None if it has none."""
         return next((s for s in self.slopes if s.run is run), None)
 
 
@@ -254,7 +255,7 @@ def _follows(line: Line, run: Run) -> bool:
 
 
 def middle_of(values: Array) -> float:
-    """The median, or of two middle values the one nearer to 1."""
+    """The median of values [n]; of two middle values the one nearer to 1."""
     ordered = np.sort(values)
     low, high = float(ordered[(values.size - 1) // 2]), float(ordered[values.size // 2])
     return min((low, high), key=lambda v: abs(v - 1))

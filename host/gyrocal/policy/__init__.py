@@ -3,16 +3,19 @@
 Each threshold states its meaning, the effect of a larger and a smaller value, and its origin: a command whose figures chose it,
 a test that protects it, or a law. A threshold without such an origin is marked as chosen by judgement. ``gyrocal benchmark
 blind`` measured those of a diagnosis together on 180 sessions (docs/blind.md). Unless stated otherwise, a threshold was not
-varied by itself. Thresholds that the device has too stand in ``calibration/`` beside their rules, and a test compares both.
-This folder imports nothing of the package.
+varied by itself. A test compares the thresholds that the device has too. This folder imports nothing of the package.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gyrocal.policy.calibration import Calibration
 from gyrocal.policy.diagnosis import Diagnosis
+from gyrocal.policy.fleet import Fleet
+from gyrocal.policy.gravity import Gravity
 from gyrocal.policy.inference import Inference
+from gyrocal.policy.planning import Planning
 from gyrocal.policy.plausibility import Plausibility
 from gyrocal.policy.threshold import JUDGEMENT
 
@@ -20,8 +23,8 @@ __all__ = ["JUDGEMENT", "POLICY", "Policy"]
 
 
 @dataclass(frozen=True)
-class Policy(Plausibility, Inference, Diagnosis):
-    """Every threshold of plausibility, of the fit's structure, and of the diagnosis."""
+class Policy(Plausibility, Inference, Diagnosis, Calibration, Gravity, Fleet, Planning):
+    """Every threshold of all kinds of verdict."""
 
 
 POLICY = Policy()

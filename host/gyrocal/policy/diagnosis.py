@@ -173,6 +173,11 @@ class Diagnosis:
         larger="more false names; together with misfit_alarm it must stay below 0.02", smaller="small effects are not named",
         chosen_by="half of the 2 % allowed for all tests together; gyrocal benchmark blind: 0 of 72 nulls",
     )  # fmt: skip
+    moved_alarm: float = threshold(
+        0.002, "probability that a parameter of another session's model is said to have moved when none has, over all of them",
+        larger="more false alarms beside those of misfit_alarm and name_alarm", smaller="small changes are not told",
+        chosen_by="a tenth of the 2 % allowed for all tests together; pytest tests/diagnosis/test_as_is.py",
+    )  # fmt: skip
     gain_errors: float = threshold(
         2.0, "standard errors by which the held-out gain must exceed zero",
         larger="effects that improve only some runs are not named",

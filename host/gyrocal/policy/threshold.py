@@ -9,9 +9,9 @@ JUDGEMENT = "chosen by judgement; not yet measured by itself"
 
 
 def threshold(
-    value: float | tuple[float, float], meaning: str, *, larger: str, smaller: str, chosen_by: str = JUDGEMENT
+    value: float | tuple[float, ...], meaning: str, *, larger: str, smaller: str, chosen_by: str = JUDGEMENT
 ) -> Any:
-    """A dataclass field with a default ``value``, or the ends of a range.
+    """A dataclass field with a default ``value``, the ends of a range, or values that are tried in turn.
 
     Its metadata hold four sentences: what it means, the consequence of a larger and of a smaller value, and its origin.
     """

@@ -34,6 +34,7 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
 
 
 def unit(step: Step) -> str:
+    """Unit of the excess of a step: mdps, or deg for a session judged by angle."""
     return "mdps" if step.before.angles is None else "deg"
 
 

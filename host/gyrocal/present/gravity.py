@@ -11,28 +11,32 @@ from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration
 from gyrocal.gravity import compare as comparison
 from gyrocal.gravity import diagnose as diagnosis
+from gyrocal.gravity.as_is import compare_as_is
 from gyrocal.gravity.budget import budget
 from gyrocal.gravity.calibrate import Calibration, misalignment
 from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
 from gyrocal.gravity.scene import Scene
 from gyrocal.present.output import emit, mdps, plus_minus, stdout, table
-from gyrocal.present.report import ANGLES, BLOCKED, REJECTED_SHOWN, angle_row, deg, print_warnings, sizes
+from gyrocal.present.report import ANGLES, BLOCKED, MOVED, REJECTED_SHOWN, angle_row, deg, moved_rows, print_warnings, sizes
 from gyrocal.recording.session import Session
 
 
 def show_calibration(
     session: Session, seconds: Sequence[float] | None, methods: Sequence[str] | None, model: str | None, as_json: bool
 ) -> None:
+    """Calibrate a session by gravity and print the result, as JSON if asked."""
     found = calibration.calibrate(session, seconds, methods, model)
     emit(found.to_json()) if as_json else print_calibration(found)
 
 
-def show_compare(session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool) -> None:
+def show_compare(
+    session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool, as_is: bool = False
+) -> None:
     """Raises InputError if a page or pictures are asked for, which show rates over time."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; use --residuals for a table of movements")
-    found = comparison.compare(session, model)
+    found = (compare_as_is if as_is else comparison.compare)(session, model)
     if residuals is not None:
         frame = comparison.residual_table(found)
         try:
@@ -44,6 +48,7 @@ def show_compare(session: Session, model: str | None, residuals: Path | None, pa
 
 
 def show_diagnose(session: Session, path: Path, model: str | None, formulas: Sequence[str], as_json: bool) -> None:
+    """Diagnose a session by gravity and print the result, as JSON if asked."""
     found = diagnosis.diagnose(session, model, formulas)
     emit(found.to_json()) if as_json else print_diagnosis(found, path, model)
 
@@ -93,8 +98,11 @@ def headline(c: Comparison) -> str:
     if c.verdict == "implausible":
         return BLOCKED
     if c.verdict == "adequate":
-        return "The model is adequate: what is left over is noise."
+        fits = "The model is adequate" if c.moved is None else "The model still holds, and no parameter has moved"
+        return f"{fits}: what is left over is noise."
     first = c.where[0]
+    if c.moved is not None:
+        return f"The model no longer holds: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
     return f"The model does not fit: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
 
 
@@ -110,6 +118,8 @@ def print_comparison(c: Comparison) -> None:
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+    if c.moved is not None:
+        table("What has moved", MOVED, moved_rows(c.moved))
     stdout.print(headline(c), style="bold", markup=False)
 
 

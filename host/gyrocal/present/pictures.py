@@ -33,6 +33,7 @@ STEPS_SHOWN = 24
 
 
 def framed(width: float, height: float) -> tuple[Figure, Any]:
+    """A figure of ``width`` by ``height`` inches with one pair of axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained", dpi=110)

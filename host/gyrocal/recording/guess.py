@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,9 @@ TIME = r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|seconds|sec
 GYRO = r"gyro(?:scope)?s?|gyrs?|gyr_rad_s|g|w|omega|angular_?velocity|angular_?rate|w_rs_s|imu\.gyro|rotation_?rate|all_gyro_2"
 ACCELERATION = r"acc|accel|accelerometer|acceleration|a|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2"
 TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
+REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
+RATE = r"rate|speed|velocity|vel|omega|w|angular_?rate|angular_?velocity"
+ANGLE = r"angle|position|pos|deg|degs|rad|rads|phi|theta"
 UNIT_WORDS = {
     "t_s": {
         "ns": "ns|nsec|nanoseconds", "us": "us|usec|micros|microseconds", "ms": "ms|msec|millis|milliseconds",
@@ -25,6 +28,7 @@ UNIT_WORDS = {
     },
     "gyro": {"rad/s": r"rads?|rad_?s|rad/s|rad s\^?-1|radps", "mdps": "mdps", "dps": r"dps|deg/?s|degs?|deg_?s|°/s|o/s"},
     "acceleration": {"m/s2": r"m/s2|m/s\^2|m s\^?-2|ms2|mps2|m_?s2", "mg": "mg", "g": "g"},
+    "angle": {"rad": "rads?|radians?", "turn": "turns?|revs?", "deg": "deg|degs|degrees?|°"},
     "temp_c": {"degC": "c|degc|°c|celsius", "degF": "f|degf|°f", "K": "k|kelvin"},
 }  # fmt: skip
 """Words in a column's name that state its unit."""
@@ -46,8 +50,10 @@ class Guess:
     why: str
 
 
-def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES) -> list[Guess]:
+def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, reference: bool = True) -> list[Guess]:
     """The mapping of a table's columns, time first; columns with a session's own names and units are taken as they are.
+
+    ``reference``: look for the true rate or angle too.
 
     InputError where no gyroscope is recognized, or where its unit cannot be told.
     """
@@ -77,6 +83,8 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES) -> list[
         )
     if "temp_c" not in found:
         _add(found, _temperature(source))
+    if reference and not {"rate_ref_dps", "ref_angle_deg", "ref_x_dps", "ref_qw"} & set(found):
+        _add(found, _reference(source, found))
     return sorted(found.values(), key=lambda g: TARGETS.index(g.map.partition("=")[0]))
 
 
@@ -192,4 +200,24 @@ def _temperature(source: Source) -> Guess | None:
         if unit == "degC" and not -60 < middle < 150:
             continue
         return Guess(f"temp_c={name}:{unit}", "the unit is in its name" if stated else f"about {middle:.4g}")
+    return None
+
+
+def _reference(source: Source, found: Mapping[str, Guess]) -> Guess | None:
+    """A column that is named as the true rate or angle of a table; a rate without a stated unit has that of the gyroscope."""
+    taken = {g.map.partition("=")[2] for g in found.values()}
+    unit_of_gyro = next((g.map.rpartition(":")[2] for name, g in found.items() if name.startswith("g") and ":" in g.map), "dps")
+    for name in source.frame.columns:
+        bare, _ = _bare(name)
+        if name in taken or not _values(source, name).size:
+            continue
+        rate = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{RATE})?(?:[ _.-]?(?:dps|rad_?s|rads|mdps|deg_?s))?"
+        angle = rf"(?:.*[/._ ])?(?:{REFERENCE})[ _.-]?(?:{ANGLE})(?:[ _.-]?(?:deg|degs|rad|rads|turns?))?"
+        stated = _stated_unit(name, "gyro")
+        if re.fullmatch(rate, bare) and (stated or re.search(rf"(?:{RATE})$", bare)):
+            why = "the unit is in its name" if stated else "its name; the unit is taken to be the gyroscope's"
+            return Guess(f"rate_ref_dps={name}:{stated or unit_of_gyro}", f"the true rate: {why}")
+        stated = _stated_unit(name, "angle")
+        if re.fullmatch(angle, bare) and stated:
+            return Guess(f"ref_angle_deg={name}:{stated}", "the true angle: the unit is in its name")
     return None

@@ -168,13 +168,15 @@ def _files(path: Path) -> list[Path]:
 
 def _read_file(path: Path, options: Options, number: int, named: bool) -> Imported:
     """The runs of one file; ``number`` is the first run's, and ``named`` takes the run's name from the file's."""
-    mappings, source, guessed = _mapped(path, options)
+    mapped = _mapped(path, options)
+    mappings, source = mapped.mappings, mapped.source
     axis = options.axis or _only_axis(mappings)
     rate_hz = options.scaling.rate_hz
     if "t_s" not in {m.target for m in mappings} and rate_hz is None:
         raise InputError(f"{source.label}: no time: map t_s, or give --rate-hz where samples are evenly spaced")
     table = convert(source, mappings, rate_hz)
-    table, rate_hz, warnings = _rate_and_unit(source, mappings, table, rate_hz)
+    timed = _rate_and_unit(source, mappings, table, rate_hz)
+    table, rate_hz, warnings = timed.table, timed.rate_hz, list(timed.warnings)
     if table.damage:
         warnings.append(Warning("line_damaged", None, None, f"{source.label}: {table.damage}"))
     if options.second is not None:
@@ -194,11 +196,20 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
     times = sum(len(run) for run in runs if run.file in {w.file for w in evened})
     counts = {"times": times, "rows": table.left_out, "cells": table.cells}
     session = Session(sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis)  # type: ignore[arg-type]
-    return Imported(session, guessed, (*warnings, *evened), {what: count for what, count in counts.items() if count})
+    return Imported(session, mapped.guessed, (*warnings, *evened), {what: count for what, count in counts.items() if count})
 
 
-def _mapped(path: Path, options: Options) -> tuple[list[ColumnMap], Source, tuple[Guess, ...]]:
-    """The mappings, the table, and the guess where nothing was mapped and the columns do not bear a session's names."""
+@dataclass(frozen=True)
+class _Mapped:
+    """A file's table with the mappings of its columns, and those of them that were guessed."""
+
+    mappings: list[ColumnMap]
+    source: Source
+    guessed: tuple[Guess, ...] = ()
+
+
+def _mapped(path: Path, options: Options) -> _Mapped:
+    """The mappings are guessed if none is given and the columns do not have a session's names."""
     scaling = options.scaling
     mappings = list({m.target: m for m in (ColumnMap.parse(text, scaling) for text in options.maps)}.values())
     names = [m.column for m in mappings]
@@ -207,11 +218,12 @@ def _mapped(path: Path, options: Options) -> tuple[list[ColumnMap], Source, tupl
         source.check_has(names)
         if not any(f"g{a}_dps" in {m.target for m in mappings} for a in AXES):
             raise InputError(f"{path}: no gyroscope is mapped, as by --map gz_dps=COLUMN:UNIT; see gyrocal import --help")
-        return mappings, source, ()
+        return _Mapped(mappings, source)
     if set(REQUIRED) <= set(source.frame.columns):
-        return [ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source, ()
-    guessed = tuple(guess(source, scaling))
-    return [ColumnMap.parse(g.map, scaling) for g in guessed], source, guessed
+        return _Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
+    stated = options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
+    guessed = tuple(guess(source, scaling, reference=not stated))
+    return _Mapped([ColumnMap.parse(g.map, scaling) for g in guessed], source, guessed)
 
 
 def _only_axis(mappings: Sequence[ColumnMap]) -> str:
@@ -219,28 +231,35 @@ def _only_axis(mappings: Sequence[ColumnMap]) -> str:
     return mapped[0] if len(mapped) == 1 else "z"
 
 
-def _rate_and_unit(
-    source: Source, mappings: Sequence[ColumnMap], table: Converted, rate_hz: float | None
-) -> tuple[Converted, float | None, list[Warning]]:
-    """The table with its time in seconds, and the nominal rate: the stated one unless the times contradict it.
+@dataclass(frozen=True)
+class _Timed:
+    """A table with its time in seconds, and its nominal sample rate (None: that of its times)."""
+
+    table: Converted
+    rate_hz: float | None
+    warnings: tuple[Warning, ...] = ()
+
+
+def _rate_and_unit(source: Source, mappings: Sequence[ColumnMap], table: Converted, rate_hz: float | None) -> _Timed:
+    """The nominal rate is the stated one unless the times contradict it.
 
     A time without a stated unit that is a power of 1000 off the stated rate is in ms, us or ns.
     """
     time = next((m for m in mappings if m.target == "t_s"), None)
     t_s = table.columns["t_s"]
     if time is None or rate_hz is None or t_s.size < 3 or goes_back(t_s) or t_s[-1] <= t_s[0]:
-        return table, rate_hz, []
+        return _Timed(table, rate_hz)
     ratio = rate_hz * period_s(t_s)
     if abs(ratio - 1) <= STATED:
-        return table, rate_hz, []
+        return _Timed(table, rate_hz)
     unit = next((u for u in TIME_UNITS if time.unit is None and abs(ratio / u - 1) <= STATED), None)
     if unit is not None:
-        return replace(table, columns={**table.columns, "t_s": t_s / unit}), rate_hz, []
+        return _Timed(replace(table, columns={**table.columns, "t_s": t_s / unit}), rate_hz)
     text = (
         f"{source.label}: {time.column} has {rate_hz / ratio:.5g} samples a second, --rate-hz says {rate_hz:g}. The session "
         "has the rate of its times; give their unit (--map t_s=COLUMN:ms), or leave t_s out to number the samples"
     )
-    return table, None, [Warning("sample_rate", None, None, text)]
+    return _Timed(table, None, (Warning("sample_rate", None, None, text),))
 
 
 def _run(

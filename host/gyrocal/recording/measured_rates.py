@@ -50,6 +50,7 @@ class MeasuredRates:
 
     @property
     def three_axes(self) -> bool:
+        """True if the reference measures the rate about three axes."""
         return self.rates_dps.shape[1] == 3
 
     @cached_property

@@ -17,7 +17,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.recording.measured_rates import MeasuredRates
-from gyrocal.recording.registration import Registration, RegistrationFit, nearest_rotation, rotation_deg
+from gyrocal.recording.registration import ReferenceParameter, Registration, RegistrationFit, nearest_rotation, rotation_deg
 from gyrocal.recording.session import Run, Session
 from gyrocal.recording.timing import SYNCHRONOUS
 
@@ -119,12 +119,13 @@ class _Search:
             best, alternatives = self._timed(drifts)
         rotation, proper = nearest_rotation(best.map) if best.map.shape[0] == 3 else (np.eye(3), True)
         registration = Registration(rotation_deg(rotation), best.offset_s, best.drift)
-        parameters = [("alignment", f"r{a}_deg", v, None) for a, v in zip("xyz", registration.rotation_deg, strict=True)]
+        angles_deg = zip("xyz", registration.rotation_deg, strict=True)
+        parameters = [ReferenceParameter("alignment", f"r{a}_deg", angle, None) for a, angle in angles_deg]
         parameters = parameters if best.map.shape[0] == 3 else []
         if own_clock:
-            parameters.append(("time_offset", "offset_s", best.offset_s, None))
+            parameters.append(ReferenceParameter("time_offset", "offset_s", best.offset_s, None))
         if drifts:
-            parameters.append(("clock_drift", "e", best.drift, None))
+            parameters.append(ReferenceParameter("clock_drift", "e", best.drift, None))
         return RegistrationFit(registration, tuple(parameters), alternatives, not proper)
 
     def _timed(self, drifts: bool) -> tuple[_Trial, tuple[float, ...]]:

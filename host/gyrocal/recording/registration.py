@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,7 @@ class Registration:
 
     @property
     def same_clock(self) -> bool:
+        """True if the reference has the clock of the readings."""
         return self.offset_s == 0.0 and self.drift == 0.0
 
     def moment_s(self, t_s: Array) -> Array:
@@ -41,17 +42,25 @@ class Registration:
         return replace(self, offset_s=self.offset_s - self.drift * elapsed_s)
 
 
+class ReferenceParameter(NamedTuple):
+    """One estimated number about a reference's frame or clock, in the unit of its name; ``se`` is None in a first estimate."""
+
+    effect: str
+    name: str
+    value: float
+    se: float | None
+
+
 @dataclass(frozen=True)
 class RegistrationFit:
     """A registration that was estimated from the readings.
 
-    ``parameters`` holds (effect, name, value, standard error) of what was estimated; the error is None in a first estimate.
     ``alternatives_s`` are other offsets that fit a repeated motion as well. ``mirrored`` is True if the readings follow the
     reference only as a mirror image.
     """
 
     registration: Registration
-    parameters: tuple[tuple[str, str, float, float | None], ...] = ()
+    parameters: tuple[ReferenceParameter, ...] = ()
     alternatives_s: tuple[float, ...] = ()
     mirrored: bool = False
 

@@ -72,10 +72,12 @@ class Run:
 
     @property
     def axis_index(self) -> int:
+        """Number of the run's axis, 0 to 2."""
         return AXES.index(self.axis)
 
     @property
     def face_sign(self) -> float:
+        """1 for the face up, -1 for down."""
         return 1.0 if self.face == "up" else -1.0
 
     @cached_property
@@ -122,7 +124,7 @@ class Run:
     @cached_property
     def gyro_dps(self) -> Array:
         """Measured rates, shape [n, 3], deg/s."""
-        return self.table.select("gx_dps", "gy_dps", "gz_dps").to_numpy()
+        return np.stack([self.table[name].to_numpy() for name in ("gx_dps", "gy_dps", "gz_dps")]).T
 
     @cached_property
     def step_dps(self) -> Array:

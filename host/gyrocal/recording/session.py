@@ -10,7 +10,7 @@ from typing import Any
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
 from gyrocal.recording.header import FORMAT, Axis, Reference, RunEntry, SessionFile, read_header, write_header
-from gyrocal.recording.registration import RegistrationFit
+from gyrocal.recording.registration import ReferenceParameter, RegistrationFit
 from gyrocal.recording.run import AXES, GAP_PERIODS, Array, Run
 from gyrocal.recording.table import write_table
 from gyrocal.shown import Shown
@@ -89,8 +89,8 @@ class Session(Shown):
         return self if not self.three_axes else self.with_runs(run.about(axis) for run in self.runs)
 
     @property
-    def registration_parameters(self) -> tuple[tuple[str, str, float, float | None], ...]:
-        """(effect, name, value, standard error) of what was estimated about the reference's frame and clock."""
+    def registration_parameters(self) -> tuple[ReferenceParameter, ...]:
+        """What was estimated about the reference's frame and clock."""
         return () if self.registration_fit is None else self.registration_fit.parameters
 
     @property
@@ -118,6 +118,7 @@ class Session(Shown):
         return list(dict.fromkeys(run.day for run in self.runs if run.day is not None))
 
     def by_scenario(self) -> Iterator[tuple[str, list[Run]]]:
+        """Each scenario (power cycle) with its runs, in order of first appearance."""
         for name in self.scenarios:
             yield name, [run for run in self.runs if run.scenario == name]
 

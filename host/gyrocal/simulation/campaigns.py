@@ -1,4 +1,4 @@
-"""Campaigns: which runs are recorded, in which order. ``paper`` and ``full`` are pinned; the others show what these cannot."""
+"""Campaigns: the runs that are recorded, in order. ``paper`` and ``full`` never change; the others show further effects."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.recording.header import Axis, Face
+from gyrocal.recording.plan_file import PlannedRuns
 from gyrocal.recording.session import AXES
 
 TABLE_RATE_DPS = 78.0
 RIPPLE, TRANSIENT = "table_ripple", "spin_up"
-"""What each run of the campaign ``table2`` has. The first is also the effect that a demonstration hides by default."""
+"""The effects in each run of the campaign ``table2``. The first is also the effect that a demonstration hides by default."""
 OFF_S = 10.0
-"""Without power between power cycles."""
+"""Time without power between power cycles, s."""
 PAUSE_S = 600.0
 PAUSE_EVERY = 5
-"""Power cycles from one pause to the next."""
+"""Number of power cycles from one pause to the next."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class Planned:
     swing: Swing | None = None
     shake_g: float = 0.0
     """Root mean square of a vibration along each of the sensor's axes, g."""
+    air_c: float | None = None
+    """The air of a chamber that holds its temperature, degC; None = the room."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ def hands_plan(poses: int | None, seconds: float | None) -> list[Planned]:
 
 CAMPAIGNS = {
     "paper": Campaign("48 power cycles of three days, face up and down at 78 deg/s", paper_plan),
-    "table2": Campaign("paper with what makes it err as the paper's Table 2", paper_plan),
+    "table2": Campaign("paper with effects that give the errors of the paper's Table 2", paper_plan),
     "full": Campaign("rest and three rates, both directions and faces", full_plan),
     "swing": Campaign("the table swings, with an encoder", swing_plan),
     "bench": Campaign("six positions in a chamber at 25 +- 20 degC", bench_plan, chamber_c=20.0),
@@ -143,6 +146,20 @@ CAMPAIGNS = {
 }
 HANDS = "hands"
 """The campaign without a table."""
+
+
+def of_plan(planned: PlannedRuns) -> list[Planned]:
+    """The runs of a plan file, to the letter; a person takes some seconds before each."""
+    hands = np.random.default_rng(2025)
+    out: list[Planned] = []
+    for run in planned.runs:
+        first = not out or out[-1].scenario != run.scenario
+        power_on_s = _hand(hands, 3.0) if first else out[-1].power_on_s + out[-1].seconds + _hand(hands, 9.0)
+        out.append(Planned(
+            run.scenario, planned.day or 1, run.face, run.table_rate_dps, round(power_on_s, 1), run.seconds, run.axis,
+            air_c=run.temp_c,
+        ))  # fmt: skip
+    return out
 
 
 def _days(days: int | None) -> range:
@@ -156,5 +173,5 @@ def _at_least_one(count: int) -> int:
 
 
 def _hand(rng: np.random.Generator, least_s: float) -> float:
-    """Until somebody has pressed the button."""
+    """Time until somebody has pressed the button, s."""
     return round(least_s + float(rng.uniform(0.0, 9.0)), 1)

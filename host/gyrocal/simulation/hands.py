@@ -6,6 +6,7 @@ The part is phone-grade. True orientation, rate and specific force are known at 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,17 +22,17 @@ RATE_HZ = 100.0
 REST_S, MOVE_S = (1.5, 3.0), (0.7, 1.6)
 """Length of a rest and of a movement, s, drawn evenly."""
 TURN_DEG = (60.0, 180.0)
-"""How far a movement turns the sensor, about an axis drawn at random, deg."""
+"""Angle of a movement about an axis drawn at random, deg."""
 FIRST_REST_S = 10.0
 POSES = 30
 SWAY_DEG, SWAY_HZ = 3.0, 2.5
-"""A hand does not turn about one fixed axis: the amplitude of what it adds, and its frequency."""
+"""Amplitude and frequency of the hand's rotation about other axes during a movement."""
 PUSH_G = 0.15
 """Linear acceleration in a movement, g."""
 ACC_SCALE, ACC_CROSS, ACC_BIAS_G = 0.03, 0.01, 0.04
 ACC_WHITE_G = 0.002
 GYRO_CROSS = 0.015
-"""Limits of what is drawn evenly for each part: the accelerometer's and the gyroscope's errors."""
+"""Limits of the accelerometer's and the gyroscope's errors, which are drawn evenly for each part."""
 WHITE_SD_DPS = 0.07
 DRIFT = Drift(0.004, 100.0)
 EARTH_DPS = 0.0041781
@@ -41,7 +42,7 @@ FULL_SCALE_DPS = 1000.0
 
 
 FINER = 4
-"""Orientations for each sample: rates are their differences, which must not average over a sample's time."""
+"""Number of orientations for each sample. Rates are their differences, which must not average over a sample's time."""
 
 
 def motion(rng: np.random.Generator, poses: int) -> tuple[Array, Array]:
@@ -87,10 +88,19 @@ def pushes_g(rng: np.random.Generator, n: int) -> Array:
     return 4 * PUSH_G * np.column_stack([np.convolve(rng.normal(size=n), kernel, mode="same") for _ in range(3)])
 
 
+@dataclass(frozen=True)
+class ByHand:
+    """A session of one run turned by hand, the effects that were planted, and the truth of the part, as in ``truth.json``."""
+
+    session: Session
+    planted: list[dict[str, Any]]
+    truth: dict[str, Any]
+
+
 def simulate(
     effects: Sequence[tuple[str, base.Values]], part: tuple[Array, Array], seed: int, poses: int | None = None
-) -> tuple[Session, list[dict[str, Any]], dict[str, Any]]:
-    """A session of one run, the effects that were planted, and the truth of the part.
+) -> ByHand:
+    """Simulate one run.
 
     ``part`` holds scale and bias (deg/s) of the axes, [3] each; ``poses`` is the number of rests.
     """
@@ -143,4 +153,4 @@ def simulate(
         "misalignment": cross.tolist(), "clock_error": clock,
         "accelerometer": {"matrix": acc_matrix.tolist(), "bias_g": acc_bias_g.tolist()},
     }
-    return session, planted, truth
+    return ByHand(session, planted, truth)

@@ -38,7 +38,7 @@ class Planted:
 
 @dataclass(frozen=True)
 class Production:
-    """What a production line makes, and how it is measured: twelve runs of ``seconds`` in three power cycles.
+    """The population that a production line makes, and its measurement: twelve runs of ``seconds`` in three power cycles.
 
     Boards take turns on the rigs; ``rig_scale_sd`` is the spread of the rigs' own error of the scale. ``scale_step`` is added
     to the scale of the boards from number ``step_at`` on.

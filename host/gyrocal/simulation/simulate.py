@@ -7,7 +7,6 @@ polled at 145 Hz, so that what lies above half the sampling rate folds back.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -20,12 +19,12 @@ from gyrocal.effects import base
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.errors import InputError, did_you_mean
-from gyrocal.files import replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.component import NoiseComponent
 from gyrocal.noise.drift import Drift, ou_noise
 from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.parameter import Described
+from gyrocal.recording.plan_file import PlannedRuns
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation import hands
 from gyrocal.simulation.campaigns import (
@@ -39,10 +38,11 @@ from gyrocal.simulation.campaigns import (
     TRANSIENT,
     Planned,
     Swing,
+    of_plan,
 )
 from gyrocal.simulation.climate import ROOM_SD_C, Day
+from gyrocal.simulation.truth import TRUTH_FORMAT, RunTruth, check_new, saved
 
-TRUTH_FORMAT = "gyrocal-truth/1"
 RATE_HZ = 145.0
 LSB_DPS = 0.00875
 FULL_SCALE_DPS = 250.0
@@ -55,7 +55,7 @@ SCALE_LIMIT, BIAS_LIMIT_DPS = 0.03, 10.0
 SCALE_MEAN, BIAS_MEAN_DPS = 0.004, -0.05
 """Mean scale and bias of the paper's sensors (its Fig. 4), which the campaign ``table2`` has instead."""
 SCALE_SD, BIAS_SD_DPS = 0.0005, 0.04
-"""How scale and bias differ between the paper's scenarios."""
+"""Standard deviations of scale and bias between the paper's scenarios."""
 
 # The campaign whose baseline errs as the paper's Table 2 does (bias, and 78 deg/s times scale, within 30 % of 55, 35 and
 # 30 mdps at 2, 4 and 6 s): what each run draws. Measured by `gyrocal benchmark paper`.
@@ -67,33 +67,23 @@ LOG_TAU = (float(np.log(TRANSIENT_TAU_S[0])), float(np.log(TRANSIENT_TAU_S[1])))
 Progress = Callable[[int, int], None]
 
 
-@dataclass
-class RunTruth:
-    """What was planted in one run; per axis x, y, z."""
-
-    file: str
-    scale: list[float]
-    bias_dps: list[float]
-    effects: list[dict[str, Any]] = field(default_factory=list)
-
-
 @dataclass(frozen=True)
 class Sensor:
-    """What every simulated part has: how its scale and bias are spread, its turn-on bias and its drift."""
+    """A simulated sensor: the distribution of its scale and bias, its turn-on bias and its drift."""
 
     turn_on_bias: TurnOnBias
     drift: Drift
     mean_scale: Array
     mean_bias_dps: Array
-    """Of the axes, [3]."""
+    """Standard deviations of the axes, [3]."""
     given: Mapping[base.Role, float] = field(default_factory=dict)
-    """Scale (fraction) and bias (deg/s), where they are not drawn."""
+    """Scale (fraction) and bias (deg/s) that are given rather than drawn."""
 
     @staticmethod
     def of(
         wanted: Sequence[tuple[str, base.Values]], turn_on_sd_dps: float, means: tuple[Array, Array], rng: np.random.Generator
     ) -> tuple[Sensor, list[tuple[str, base.Values]]]:
-        """The sensor that the wanted effects ask for, and the effects that are left to plant.
+        """The sensor with the properties that the wanted effects give it, and the other effects, which are planted.
 
         ``means``: scale and bias (deg/s) of the axes, [3] each.
         """
@@ -131,7 +121,7 @@ def part(campaign: str, number: int) -> tuple[Array, Array]:
 
 
 def _kind(effect_id: str) -> Described:
-    """What goes by an id: a noise or an effect."""
+    """The noise or the effect of an id."""
     return COMPONENTS.get(effect_id) or base.effect(effect_id)
 
 
@@ -147,6 +137,8 @@ def simulate(
     turn_on_sd_dps: float = TURN_ON_SD_DPS,
     sensor: int | None = None,
     parquet: bool = False,
+    plan: PlannedRuns | None = None,
+    add_to: Session | None = None,
     progress: Progress | None = None,
 ) -> tuple[Session, dict[str, Any]]:
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
@@ -154,46 +146,57 @@ def simulate(
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are drawn
     for each run. A part, drawn by its number ``sensor`` (None: the seed), has a scale within 3 % and a bias within 10 deg/s on
     each axis. With ``vary`` they differ between scenarios. ``table2`` is ``paper`` with sensors and effects that make its
-    baseline err as the paper's. Returns the session and its truth; ``out`` None: nothing is written.
+    baseline err as the paper's. A ``plan`` takes the place of the campaign. Its runs follow those of the session
+    ``add_to``, of the same part where that was simulated with this seed and these effects. Returns the session and its truth;
+    ``out`` None: nothing is written.
     """
     _check(campaign, seconds)
+    if add_to is not None and (plan is None or add_to.sample_rate_hz != RATE_HZ):
+        raise InputError(f"--add-to: needs --plan, and a session at {RATE_HZ:g} Hz")
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
     if out is not None:
-        _check_new(Path(out))
+        check_new(Path(out))
     chosen = CAMPAIGNS[campaign]
-    plan = chosen.plan(scenarios, seconds)
+    runs_of = chosen.plan(scenarios, seconds) if plan is None else of_plan(plan)
     if campaign == HANDS:
-        return _by_hand(out, wanted, seed, seed if sensor is None else sensor, plan, parquet)
+        return _by_hand(out, wanted, seed, seed if sensor is None else sensor, runs_of, parquet)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
     own, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed if sensor is None else sensor), rng)
-    rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in sorted({p.day for p in plan})}
-    days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
+    mine = sorted({p.day for p in runs_of})
+    rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in (mine if add_to is None else add_to.days)}
     scale, bias_dps = own.draw(rng)
+    before = 0 if add_to is None else len(add_to.runs)
+    if before:
+        rng, weather = np.random.default_rng((seed, before)), np.random.default_rng((seed, before, 1))
+        rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in mine}
+    days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
     runs: list[Run] = []
     truths: list[RunTruth] = []
     shared: dict[str, base.Values] = {}
-    several = len({p.axis for p in plan}) > 1
+    several = len({p.axis for p in runs_of}) > 1
     turn_on_dps = np.zeros(3)
-    for i, planned in enumerate(plan):
+    for i, planned in enumerate(runs_of):
         day = days[planned.day]
-        if i == 0 or planned.scenario != plan[i - 1].scenario:
-            if i and planned.day == plan[i - 1].day:
-                day.switch_off(plan[i - 1].power_on_s + plan[i - 1].seconds)
-                cycles = len({p.scenario for p in plan[:i] if p.day == planned.day})
+        if i == 0 or planned.scenario != runs_of[i - 1].scenario:
+            if i and planned.day == runs_of[i - 1].day:
+                day.switch_off(runs_of[i - 1].power_on_s + runs_of[i - 1].seconds)
+                cycles = len({p.scenario for p in runs_of[:i] if p.day == planned.day})
                 day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
             turn_on_dps = np.array([own.turn_on_bias.draw_dps(rng) for _ in AXES])
             # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
             if vary or campaign == "table2":
                 scale, bias_dps = own.draw(rng)
-        truth = RunTruth(f"{i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
+        truth = RunTruth(f"{before + i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
         extra = table2_draw(rng) if campaign == "table2" else []
-        runs.append(simulate_run(i, planned, truth, [*planted, *extra], shared, own, day, several, rng))
+        runs.append(simulate_run(before + i, planned, truth, [*planted, *extra], shared, own, day, several, rng))
         truths.append(truth)
         if progress is not None:
-            progress(i + 1, len(plan))
-    session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
+            progress(i + 1, len(runs_of))
+    axis = runs_of[0].axis if not several else "z"
+    session = Session(RATE_HZ, tuple(runs), axis, "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
+    session = session if add_to is None else add_to.with_runs([*add_to.runs, *runs])
     record = _record(campaign, seed, {i for i, _ in wanted}, own, truths)
-    return (session if out is None else _saved(session, out, record, parquet)), record
+    return (session if out is None else saved(session, out, record, parquet)), record
 
 
 def _by_hand(
@@ -203,21 +206,15 @@ def _by_hand(
     """:func:`simulate` for the campaign ``hands``."""
     own, planted = Sensor.of(wanted, TURN_ON_SD_DPS, part(HANDS, number), np.random.default_rng(seed))
     scale, bias_dps = own.draw(np.random.default_rng((seed, 3)))
-    session, told, more = hands.simulate(planted, (scale, bias_dps), seed, round(plan[0].seconds))
-    truth = RunTruth(session.runs[0].file, scale.tolist(), bias_dps.tolist(), told)
-    record = {**_record(HANDS, seed, {i for i, _ in wanted}, own, [truth]), **more}
+    by_hand = hands.simulate(planted, (scale, bias_dps), seed, round(plan[0].seconds))
+    session = by_hand.session
+    truth = RunTruth(session.runs[0].file, scale.tolist(), bias_dps.tolist(), by_hand.planted)
+    record = {**_record(HANDS, seed, {i for i, _ in wanted}, own, [truth]), **by_hand.truth}
     record["noise"] = {
         "white_sd_dps": hands.WHITE_SD_DPS, "ou_sd_dps": hands.DRIFT.sd_dps, "ou_tau_s": hands.DRIFT.tau_s,
         "turn_on_sd_dps": 0.0,
     }  # fmt: skip
-    return (session if out is None else _saved(session, out, record, parquet)), record
-
-
-def _saved(session: Session, out: str | Path, record: Mapping[str, Any], parquet: bool) -> Session:
-    """The session in its folder, with its truth beside it."""
-    saved = session.save(out, parquet=parquet)
-    replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
-    return saved
+    return (session if out is None else saved(session, out, record, parquet)), record
 
 
 def _check(campaign: str, seconds: float | None) -> None:
@@ -228,7 +225,7 @@ def _check(campaign: str, seconds: float | None) -> None:
 
 
 def _record(campaign: str, seed: int, wanted: set[str], sensor: Sensor, truths: Sequence[RunTruth]) -> dict[str, Any]:
-    """What ``out.truth.json`` holds."""
+    """The content of ``out.truth.json``."""
     return {
         "format": TRUTH_FORMAT, "campaign": campaign, "seed": seed,
         "effects": sorted({e["id"] for t in truths for e in t.effects} | wanted),
@@ -238,23 +235,6 @@ def _record(campaign: str, seed: int, wanted: set[str], sensor: Sensor, truths: 
         },
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
-
-
-def _check_new(out: Path) -> None:
-    if out.exists():
-        raise InputError(f"{out}: is there already; choose another name or remove it")
-    _check_replaceable(Path(f"{out}.truth.json"))
-
-
-def _check_replaceable(truth: Path) -> None:
-    """InputError where a file of the truth's name is no truth: it is not ours to replace."""
-    if truth.exists():
-        try:
-            ours = json.loads(truth.read_text(encoding="utf-8"))["format"] == TRUTH_FORMAT
-        except (OSError, ValueError, KeyError, TypeError):
-            ours = False
-        if not ours:
-            raise InputError(f"{truth}: is there already and holds no truth of a simulation; choose another name")
 
 
 def table2_draw(rng: np.random.Generator) -> list[tuple[str, dict[str, float]]]:
@@ -278,9 +258,9 @@ def simulate_run(
     several: bool,
     rng: np.random.Generator,
 ) -> Run:
-    """One run; ``truth.effects`` is filled with what was planted, ``shared`` with what is the same in all runs.
+    """One run. The planted effects are added to ``truth.effects``, and those that are the same in all runs to ``shared``.
 
-    Where the table turns about ``several`` axes, an effect is on all of them, else on the table's.
+    An effect acts on all axes if the table turns about ``several``, otherwise only on the table's axis.
     """
     frame = _surroundings(planned, day, rng)
     n, axis = frame.height, AXES.index(planned.axis)
@@ -302,7 +282,7 @@ def simulate_run(
             shared[effect_id] = values
         drawn.append((kind, values))
         timing = kind.set(timing, values) if isinstance(kind, TimingEffect) else timing
-    seen = bare.timed(timing)  # every other effect is one of the rate that the reading shows
+    seen = bare.timed(timing)  # all other effects change the rate that is read
     rate_dps = np.zeros((n, 3))
     rate_dps[:, axis] = seen.rate_dps
     y_dps = (1 + np.array(truth.scale)) * rate_dps + np.array(truth.bias_dps)
@@ -328,7 +308,7 @@ def simulate_run(
 
 
 def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.DataFrame:
-    """The table of a run but for its rates, which are 0: time, acceleration, temperature, and a swinging table's encoder."""
+    """The table of a run with rates of zero: time, acceleration, temperature, and the encoder of a swinging table."""
     n = round(planned.seconds * RATE_HZ)
     t_s = np.round(np.arange(n) / RATE_HZ, 6)
     sign = 1.0 if planned.face == "up" else -1.0
@@ -336,14 +316,14 @@ def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.Da
     gravity[:, AXES.index(planned.axis)] = sign
     shaken = gravity + rng.normal(0, planned.shake_g, (n, 3)) if planned.shake_g else gravity
     acc_g = np.round((shaken + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
-    temp_c = np.round((day.on(planned.power_on_s + t_s) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
+    temp_c = np.round((day.on(planned.power_on_s + t_s, planned.air_c) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
     still = {f"g{a}_dps": np.zeros(n) for a in AXES}
     frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})
     return frame if planned.swing is None else frame.with_columns(**swinging(t_s, planned.swing, sign))
 
 
 def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]:
-    """What the encoder of a swinging table says: ``rate_ref_dps`` in the sensor's sign, ``table_angle_deg`` [n] each."""
+    """The encoder of a swinging table: ``rate_ref_dps`` in the sensor's sign and ``table_angle_deg``, [n] each."""
     sweep_hz_s = (swing.to_hz - swing.from_hz) / t_s[-1]
     rate_dps = swing.peak_dps * np.sin(2 * np.pi * (swing.from_hz + sweep_hz_s * t_s / 2) * t_s)
     steps = np.diff(t_s) * (rate_dps[1:] + rate_dps[:-1]) / 2
@@ -357,7 +337,7 @@ def swinging(t_s: Array, swing: Swing, face_sign: float) -> dict[str, pl.Series]
 def paper_windows(
     n_scenarios: int, seed: int, seconds: float = 6.0, *, effects: float = 1.0, phase_deg: tuple[float, float] | None = None
 ) -> dict[str, Any]:
-    """The first seconds of many scenarios of the campaign ``table2``, z axis: fast, and by the same equations.
+    """The first seconds of many scenarios of the campaign ``table2``, z axis, computed fast by the same equations.
 
     Ripple and transient are ``effects`` times the campaign's; the ripple's phase is drawn from ``phase_deg``, by default from a
     whole turn.

@@ -91,7 +91,7 @@ class Variable(ABC):
         return terms.functions(symbol, values)
 
     def steps(self, axis: int, edges: Array) -> list[Shape]:
-        """Steps of the variable, and steps times the true rate if the table turns about the axis."""
+        """Steps of the variable between edges [k], and steps times the true rate if the table turns about the axis."""
 
         def values(run: Run) -> Array | None:
             return self.values(run, axis)

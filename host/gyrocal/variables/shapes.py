@@ -103,6 +103,7 @@ class Waves(Columns):
 
 
 def per_turn(order: float) -> str:
+    """An order in words."""
     return "once per turn" if order == 1 else f"{order:.4g} per turn"
 
 
@@ -137,7 +138,7 @@ class TableWave(ShapeOfEachRun):
         self.order = order
 
     def words(self, sizes: Array) -> str:
-        """With the same phase in each run if the waves hardly cancel in the mean over the runs that turn."""
+        """The order and the phase in words, from coefficients [runs, 2]. The phases agree if their waves hardly cancel."""
         waves = sizes[:, 0] + 1j * sizes[:, 1]
         waves = waves[waves != 0]
         alike = waves.size > 1 and abs(waves.sum()) > SAME_PHASE * float(np.abs(waves).sum())

@@ -25,7 +25,7 @@ def functions(symbol: str, values: Array) -> list[str]:
 
 
 def of_time(symbol: str, values: Array) -> list[str]:
-    """Powers of a time, and exponential decays from zero."""
+    """Powers of a time with values [n], s, and exponential decays from zero."""
     low, high = np.quantile(values, [0.01, 0.99])
     if rounded((high - low) / 2) == 0:
         return []
@@ -40,7 +40,7 @@ def of_turns(symbol: str, angle: str) -> list[str]:
 
 
 def hinges(symbol: str, values: Array) -> list[str]:
-    """A line and a bend at each knot. Their sums are all piecewise-linear curves with these knots."""
+    """A line and a bend at each of the knots within values [n]. Their sums are the piecewise-linear curves with these knots."""
     if float(np.ptp(values)) == 0:
         return []
     knots = [rounded(float(k), 3) for k in np.quantile(values, np.arange(1, KNOTS + 1) / (KNOTS + 1))]

@@ -8,6 +8,7 @@ import html
 import time
 from collections.abc import Callable
 from importlib import import_module
+from urllib.parse import quote
 
 from nicegui import Event, app, ui
 
@@ -51,6 +52,11 @@ class Tab:
     def palette(self) -> charts.Palette:
         return charts.palette(self.dark)
 
+    def _query(self) -> str:
+        """The part of the address that names the session, so that the address opens it again."""
+        session = self.bench.session
+        return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
+
     def build(self) -> None:
         self._mode = ui.dark_mode(None)
         with ui.header().classes("top"):
@@ -85,7 +91,7 @@ class Tab:
         """Show a panel."""
         self.view = view
         if push:
-            ui.navigate.history.push(address(view))
+            ui.navigate.history.push(address(view) + self._query())
         for name, button in self._buttons.items():
             button.classes(add="on", remove="") if name == view else button.classes(remove="on")
             button.props('aria-current="page"' if name == view else 'aria-current="false"')
@@ -94,8 +100,8 @@ class Tab:
             if view in TITLES:
                 ui.html(f"<h1>{html.escape(TITLES[view])}</h1>", sanitize=False).classes("unseen")
             self._update = _panel("gravity" if self.bench.gravity is not None and view in OF_SESSION else view)(self)
+            ui.run_javascript(UNDRAWN % _chart_module())
         self._hunt()
-        ui.run_javascript(UNDRAWN % _chart_module())
 
     def _hear(self, topic: Topic) -> None:
         bench = self.bench
@@ -115,6 +121,8 @@ class Tab:
             if bench.gravity is not self._gravity:
                 self._gravity = bench.gravity
                 self.go(self.view, push=False)
+            if bench.session is not None:
+                ui.navigate.history.replace(address(self.view) + self._query())
         if topic in ("session", "model"):
             self._hunt()
         with self._content:
@@ -182,8 +190,15 @@ def register() -> None:
 
     ui.page("/")(index)
 
-    def at(view: str) -> Callable[[], None]:
-        return lambda: Tab(view).build()  # with no parameter, for those would be the address's own
+    def at(view: str) -> Callable[[str], None]:
+        def shown(session: str = "") -> None:
+            if session:
+                opening.append(asyncio.create_task(_bench[0].open_named(session)))
+            Tab(view).build()
+
+        return shown
+
+    opening: list[asyncio.Task[None]] = []  # a task that nobody holds may be collected
 
     for view in ("start", *TITLES):
         ui.page(address(view))(at(view))

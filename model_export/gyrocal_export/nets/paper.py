@@ -34,10 +34,12 @@ class Shape:
 
     @property
     def head_columns(self) -> int:
+        """Number of columns at the output of a head."""
         return (self.window - self.head_kernel + 1) // self.head_pool
 
     @property
     def combined_columns(self) -> int:
+        """Number of columns after both heads are combined."""
         return (self.head_columns - self.combined_kernel + 1) // self.combined_pool
 
 

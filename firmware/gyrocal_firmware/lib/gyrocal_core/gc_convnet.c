@@ -214,6 +214,9 @@ int gc_convnet_begin(const gc_convnet_t *net, const int16_t *counts, unsigned st
     if (!fits(net)) {
         return GC_E_NET_MEMORY;
     }
+    if (!(lsb_dps > 0.0)) {
+        return GC_E_NET_RANGE;
+    }
     work->convolved = false;
     work->channels = 0;
     work->hidden = 0;

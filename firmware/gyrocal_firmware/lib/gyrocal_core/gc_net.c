@@ -23,6 +23,9 @@ static int gyrocal_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_
     const gc_net_run_t *run = &runs[work->half ? GC_SENSE_NEGATIVE : GC_SENSE_POSITIVE];
     gc_convnet_face_t face;
     *done = false;
+    if (!(runs[GC_SENSE_POSITIVE].w_dps > 0.0) || !(runs[GC_SENSE_NEGATIVE].w_dps < 0.0)) {
+        return GC_E_NET_RATE; /* two runs of one sense do not tell scale from bias */
+    }
     if (!work->begun) {
         const int error = gc_convnet_begin(convnet, run->counts, stage, run->lsb_dps, run->w_dps, &work->face);
         work->begun = error == GC_OK;

@@ -1,4 +1,4 @@
-"""What other programs read: one file for each target, whose ``render`` turns a model into text.
+"""Models as files of other programs: one module for each target, whose ``render`` turns a model into text.
 
 A target lists under ``left`` what it cannot hold. ``gyrocal export --format NAME`` finds the targets in this folder.
 """

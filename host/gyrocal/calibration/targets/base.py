@@ -54,7 +54,7 @@ def render(name: str, model: Model, rate_hz: float | None = None) -> Rendered:
 
 
 def left_of(model: Model, held: set[str], why: str) -> dict[str, str]:
-    """The ids of the model's effects and noise components that are not in ``held``, each with the reason."""
+    """The ids of the model's effects and noise components that the target cannot hold, each with the reason."""
     return {i: why for i in model.ids if i not in held}
 
 

@@ -1,0 +1,78 @@
+"""Whether a session without a table determines a gyroscope, and which of its rests count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gyrocal.policy.threshold import threshold
+
+RESTS = "chosen by judgement; pytest tests/gravity/test_calibration.py"
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Thresholds of rests, of the calibration by gravity, and of its held-out data."""
+
+    # Rests
+    rest_factors: tuple[float, ...] = threshold(
+        (3.0, 10.0, 30.0), "factors by which the variance of a window at rest may exceed that of the stillest windows; "
+        "the first that yields `enough_rests` is used",
+        larger="slow movements count as rests", smaller="rests in a hand that trembles are not found",
+        chosen_by="noise reaches 1.5 once in 10^5 windows of 40 samples, the tremor of a hand 10; chosen by judgement",
+    )  # fmt: skip
+    enough_rests: int = threshold(
+        10, "number of rests with which no larger factor is tried",
+        larger="slow movements count as rests in short sessions", smaller="the accelerometer is calibrated from few poses",
+        chosen_by="the nine parameters of an accelerometer need ten poses; chosen by judgement",
+    )  # fmt: skip
+    fewest_rests: int = threshold(
+        4, "number of rests below which a session is refused",
+        larger="short sessions that would give an answer are refused", smaller="a scale is stated from one movement",
+    )  # fmt: skip
+    shortest_rest_s: float = threshold(
+        0.5, "shortest rest that is used, s",
+        larger="short rests are left out, and their movements with them", smaller="the noise of its mean spoils a movement",
+    )  # fmt: skip
+    rest_turns_deg: float = threshold(
+        0.3, "angle by which gravity must turn within a rest for the rest to be left out, deg",
+        larger="a moving sensor counts as a rest", smaller="noise of the accelerometer removes rests", chosen_by=RESTS,
+    )  # fmt: skip
+    rest_turns_errors: float = threshold(
+        6.0, "standard errors by which gravity must also turn within a rest for the rest to be left out",
+        larger="a moving sensor counts as a rest", smaller="noise of the accelerometer removes rests", chosen_by=RESTS,
+    )  # fmt: skip
+    rest_rate_dps: float = threshold(
+        1.0, "deviation of a rest's mean rate from the median of the rests for the rest to be left out, dps",
+        larger="a sensor that turns about gravity counts as a rest", smaller="warm-up and drift remove rests", chosen_by=RESTS,
+    )  # fmt: skip
+    rest_rate_spreads: float = threshold(
+        8.0, "standard deviations of the rests by which the mean rate must also deviate for the rest to be left out",
+        larger="a sensor that turns about gravity counts as a rest", smaller="ordinary scatter removes rests", chosen_by=RESTS,
+    )  # fmt: skip
+    gravity_size_g: float = threshold(
+        0.35, "deviation of the median acceleration at rest from 1 g above which a session is refused, g",
+        larger="accelerations in another unit are calibrated", smaller="poor accelerometers are refused",
+    )  # fmt: skip
+
+    # Calibration
+    unseen: float = threshold(
+        0.02, "standard error of a scale or misalignment above which it is not stated",
+        larger="values are stated that the movements do not determine", smaller="short sessions have no scale",
+    )  # fmt: skip
+    movement_misfit_errors: float = threshold(
+        4.0, "standard deviations by which the misfit of noise alone must be exceeded for the flag misfit",
+        larger="answers with unmodelled effects are trusted", smaller="sound answers are flagged",
+        chosen_by="python benchmarks/hands.py: none of 30 sound sessions exceeds it",
+    )  # fmt: skip
+
+    # Held-out data
+    movement_blocks: int = threshold(
+        8, "stretches of time that are left out in turn if days, power cycles and runs are too few",
+        larger="less is left out at a time, and neighbouring rests show slow effects of the left-out movements",
+        smaller="parameters are fitted to fewer movements than in the final fit",
+    )  # fmt: skip
+    fewest_units: int = threshold(
+        3, "number of power cycles or of runs from which on these are left out in turn",
+        larger="sessions of few power cycles are judged by stretches of time",
+        smaller="half of the movements are left out at a time",
+    )  # fmt: skip

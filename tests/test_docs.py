@@ -1,0 +1,92 @@
+"""The documentation: its tutorials do what they say, its links lead somewhere, and its pages are made from the code."""
+
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
+    for example in (ROOT / "docs" / "examples").glob("*.gz"):
+        shutil.copy(example, tmp_path)
+    started: list[subprocess.Popen[bytes]] = []
+    said = ""
+    try:
+        for language, block in BLOCK.findall(page.read_text(encoding="utf-8")):
+            if language == "python":
+                said += _done([sys.executable, "-c", block], tmp_path)
+                continue
+            for line in block.splitlines():
+                words = [sys.executable, "-m", "gyrocal", *line.rstrip("& ").split()[1:]]
+                if line.endswith("&"):
+                    started.append(subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.DEVNULL))
+                    _wait_for(tmp_path / "PORT")
+                else:
+                    said += _done(words, tmp_path)
+    finally:
+        for process in started:
+            process.terminate()
+            process.wait(timeout=60)
+    assert "adequate" in said
+
+
+def _done(words: list[str], folder: Path) -> str:
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, f"{' '.join(words[2:])}: {done.stderr}"
+    assert done.stderr == "" or done.stderr.startswith("warning:"), done.stderr
+    return done.stdout
+
+
+def _wait_for(path: Path) -> None:
+    for _ in range(600):
+        if path.exists():
+            return
+        time.sleep(0.1)
+    pytest.fail(f"{path.name} did not appear")
+
+
+@pytest.fixture(scope="module")
+def site() -> ModuleType:
+    folder = ROOT / "docs" / "_site"
+    sys.path.insert(0, str(folder))
+    try:
+        spec = importlib.util.spec_from_file_location("site_of_docs", folder / "site.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+    finally:
+        sys.path.remove(str(folder))
+
+
+def test_the_site_has_no_broken_link_and_every_page_is_in_its_menu(site: ModuleType) -> None:
+    done = subprocess.run([sys.executable, site.__file__], capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    pages = {p.relative_to(site.PAGES).as_posix() for p in site.PAGES.rglob("*.md")}
+    menu = set(re.findall(r"(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE))
+    assert menu <= pages
+    assert {p for p in pages - menu if not p.startswith("effects/")} == set()
+    built = site.PAGES.parent / "site"
+    outside = {a for p in built.rglob("*.html") for a in re.findall(r'(?:src|<link[^>]*href)="(https?:[^"]*)"', p.read_text())}
+    assert outside == set()
+
+
+def test_a_link_to_nowhere_is_refused(site: ModuleType) -> None:
+    places = {"docs/a.md": "a.md", "README.md": "index.md"}
+    text = "[b](../README.md#start) ![c](images/d.png) [e](#here) [f](https://f.org)"
+    turned = site._turned(text, "docs/a.md", "a.md", places)
+    assert turned == "[b](index.md#start) ![c](images/d.png) [e](#here) [f](https://f.org)"
+    with pytest.raises(SystemExit, match=r"docs/a.md: the link b.md leads to no page"):
+        site._turned("[b](b.md)", "docs/a.md", "a.md", places)

@@ -1,0 +1,73 @@
+"""Public functions and methods are documented, those that take or give arrays with shapes or units; results have names."""
+
+import ast
+import importlib
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import FunctionType, ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+HOST = ROOT / "host/gyrocal"
+FILES = [p for p in sorted(HOST.rglob("*.py")) if p.parent.name not in ("web", "panels") and p.stem != "__main__"]
+"""The panels of the workbench are documented by their files."""
+ARRAYS = re.compile(r"Array|Index|Mask")
+SHAPE_OR_UNIT = re.compile(
+    r"\[|deg|dps|\bs\b|Hz|\bg\b|counts?\b|samples|rad|[Uu]nit|rows|shape|probabilit|likelihood|columns|number"
+)
+KEYS = {"_best_first", "order", "key", "_shape"}
+"""Functions that give a tuple to sort or to compare by."""
+
+
+def module_of(path: Path) -> ModuleType:
+    parts = path.relative_to(HOST.parent).with_suffix("").parts
+    return importlib.import_module(".".join(p for p in parts if p != "__init__"))
+
+
+def documented(module: ModuleType) -> Iterator[tuple[str, FunctionType, str]]:
+    """Name, function and documentation (an overridden method's where it has none of its own) of all that is public."""
+    own = [o for o in vars(module).values() if getattr(o, "__module__", "") == module.__name__]
+    for item in own:
+        name = getattr(item, "__name__", "_")
+        if name.startswith("_"):
+            continue
+        if inspect.isfunction(item):
+            yield name, item, inspect.getdoc(item) or ""
+        for key, value in vars(item).items() if inspect.isclass(item) else ():
+            function = value.fget if isinstance(value, property) else getattr(value, "__func__", getattr(value, "func", value))
+            written = (
+                inspect.isfunction(function)
+                and function.__name__ != "<lambda>"
+                and function.__code__.co_filename == module.__file__
+            )
+            if written and not key.startswith("_") and key != "to_json":
+                yield f"{name}.{key}", function, inspect.getdoc(getattr(item, key)) or inspect.getdoc(function) or ""
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(HOST)))
+def test_what_is_public_is_documented(path: Path) -> None:
+    bare = [name for name, _, text in documented(module_of(path)) if not text]
+    assert bare == []
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(HOST)))
+def test_arrays_have_a_shape_or_a_unit(path: Path) -> None:
+    bare = [
+        name
+        for name, function, text in documented(module_of(path))
+        if ARRAYS.search(" ".join(map(str, function.__annotations__.values()))) and not SHAPE_OR_UNIT.search(text)
+    ]
+    assert bare == []
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(HOST)))
+def test_a_result_of_three_and_more_has_names(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef) and node.returns is not None and node.name not in KEYS:
+            given = node.returns
+            if isinstance(given, ast.Subscript) and ast.unparse(given.value) == "tuple" and isinstance(given.slice, ast.Tuple):
+                kinds = [ast.unparse(e) for e in given.slice.elts]
+                assert len(kinds) < 3 or set(kinds) == {"float"}, f"{node.name} gives {ast.unparse(given)}"
