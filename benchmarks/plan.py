@@ -1,8 +1,8 @@
 """Does a plan answer its question as often as it promises? python benchmarks/plan.py [sessions for each truth]
 
-A session with a known effect is simulated and planned for. Then the session and the planned runs are simulated many times, each
-effect in question true in turn at the size that the first session gives it, and diagnosed. The answer is right where the verdict
-is the true effect alone, or where the standard error is a tenth of the value.
+A session with a known effect is simulated and planned for. Then session and planned runs are simulated many times, each effect
+in question true in turn at the size that the first session gives it, and diagnosed. The answer is right if the verdict is only
+the true effect, or if the standard error is a tenth of the value.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
 
-PARTS = {"blind": {"cases_of", "kinds", "limit", "workers", "results"}, "soak": {"hours", "seed"}}
+PARTS = {"blind": {"cases_of", "kinds", "limit", "skip", "workers", "results"}, "soak": {"hours", "seed"}}
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
 
@@ -72,8 +72,8 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
     module = _module(name)
     if not part.keys() <= PARTS.get(name, frozenset()):
         raise InputError(
-            f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --workers and --results with blind, "
-            "--hours and --seed with soak"
+            f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers and --results "
+            "with blind, --hours and --seed with soak"
         )
     return partial(module.benchmark if name == "blind" else module.run, **part)
 

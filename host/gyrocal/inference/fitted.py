@@ -1,4 +1,4 @@
-"""What a fit found: one axis, and a session's model with its axes."""
+"""The result of a fit on one axis, and a session's model with its axes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class AxisFit:
         return self.scenario_sd(self.spreads.scenario, Role.BIAS)
 
     def scenario_sd(self, of: Array, role: Role) -> float:
-        """Of values [k], one for each spread over power cycles, that of the bias or the scale; 0 where there is none."""
+        """The value of the bias or the scale in values [k], one for each spread over power cycles; 0 if there is none."""
         for k, j in enumerate(self.design.layout.scenario):
             if self.design.terms[self.design.layout.fixed[j][0]].effect.role is role:
                 return float(np.nan_to_num(of[k]))

@@ -54,7 +54,7 @@ class Tab:
 
     def _query(self) -> str:
         """The part of the address that names the session, so that the address opens it again."""
-        session = self.bench.session
+        session = self.bench.session or self.bench.gravity
         return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
 
     def build(self) -> None:
@@ -118,11 +118,11 @@ class Tab:
         elif topic == "session":
             opened = bench.session or bench.gravity
             self._name.text = "" if opened is None else bench.places.name(opened.path)
+            if opened is not None:
+                ui.navigate.history.replace(address(self.view) + self._query())
             if bench.gravity is not self._gravity:
                 self._gravity = bench.gravity
                 self.go(self.view, push=False)
-            if bench.session is not None:
-                ui.navigate.history.replace(address(self.view) + self._query())
         if topic in ("session", "model"):
             self._hunt()
         with self._content:

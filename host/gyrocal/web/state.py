@@ -51,11 +51,11 @@ class Workbench:
         self.opening = False
         self.session: SessionView | None = None
         self.traces: Traces | None = None
-        self.gravity: GravityView | None = None
-        """The open session if its reference is gravity; :attr:`session` is None then."""
         self.excluded: frozenset[str] = frozenset()
         """The files of the runs that are left out of every fit."""
         self.models = Models()
+        self.gravity: GravityView | None = None
+        """The open session if its reference is gravity; :attr:`session` is None then."""
         self.steps: list[Step] = []
         self.undone: list[Step] = []
         self._views: dict[str, ModelView] = {}
