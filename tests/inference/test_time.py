@@ -1,6 +1,7 @@
 """Delays, low-passes and clock errors of any size in the joint fit, against planted truth and against scipy's least squares."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
