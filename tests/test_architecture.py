@@ -15,7 +15,7 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 LAYERS = [
     "__init__", "errors", "parameter", "threads", "warning", "files", "policy", "shown",
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
-    "plausibility", "diagnosis", "calibration", "gravity", "fleet",
+    "plausibility", "diagnosis", "planning", "calibration", "gravity", "fleet",
     "core", "device", "present",
     "api", "demo", "benchmark", "web", "commands", "cli", "__main__",
 ]  # fmt: skip

@@ -39,6 +39,8 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError
 from gyrocal.inference import fit as _fit
 from gyrocal.inference.fitted import Fit
+from gyrocal.planning import plan as _plan
+from gyrocal.planning.plan import Plan
 from gyrocal.plausibility import check
 from gyrocal.present import notebook
 from gyrocal.recording.importer import import_recording as _import_recording
@@ -48,8 +50,8 @@ from gyrocal.warning import Warning
 
 __all__ = [
     "Calibration", "Candidate", "Comparison", "DeviceError", "Diagnosis", "Estimate", "Explanation", "Fit", "FormulaEffect",
-    "GyrocalError", "InputError", "Model", "Run", "Session", "Term", "Warning", "add", "apply", "calibrate", "check", "compare",
-    "diagnose", "explain", "fit", "import_recording", "notebook", "residual_table", "simulate",
+    "GyrocalError", "InputError", "Model", "Plan", "Run", "Session", "Term", "Warning", "add", "apply", "calibrate", "check",
+    "compare", "diagnose", "explain", "fit", "import_recording", "notebook", "plan", "residual_table", "simulate",
 ]  # fmt: skip
 
 P = ParamSpec("P")
@@ -95,6 +97,7 @@ compare = _of_folder(_compare.compare)
 diagnose = _of_folder(_diagnose.diagnose)
 explain = _of_folder(_explain.explain)
 fit = _of_folder(_fit.fit)
+plan = _of_folder(_plan.plan)
 apply = _in_python(_apply)
 import_recording = _in_python(_import_recording)
 simulate = _in_python(_simulate)

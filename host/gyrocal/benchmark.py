@@ -19,7 +19,7 @@ BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
 }
 
 PARTS = {
-    "blind": {"cases_of", "kinds", "limit", "workers", "results"}, "soak": {"hours", "seed"},
+    "blind": {"cases_of", "kinds", "limit", "skip", "workers", "results"}, "soak": {"hours", "seed"},
     "field": {"kinds", "limit", "workers", "results", "seed"},
 }  # fmt: skip
 
@@ -75,8 +75,8 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
     module = _module(name)
     if not part.keys() <= PARTS.get(name, frozenset()):
         raise InputError(
-            f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --workers and --results with blind, "
-            "all of these but --cases, and --seed, with field, --hours and --seed with soak"
+            f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers and --results "
+            "with blind, --kind, --limit, --workers, --results and --seed with field, --hours and --seed with soak"
         )
     return partial(module.benchmark if name == "blind" else module.run, **part)
 

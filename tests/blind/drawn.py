@@ -4,7 +4,8 @@ A drawn case is fixed by its kind, its number and the set's seed. Every rule bel
 
 - An effect counts where it stands out by `SEEN` standard errors for one who knows its shape and the noise, and by `APART`
   beside each rival of the documented table (`generator.told_apart`): else the draw is repeated.
-- A confounded case stands out by `SEEN`, and by less than `ALIKE` beside at least one rival: those are its rivals.
+- A confounded case stands out by `SEEN`, and by less than `ALIKE` beside at least one rival of physical size: those are its
+  rivals.
 - An unknown shape keeps at least `OWN_SHAPE` of its size beside every effect of the table. Nobody knows it, so it counts by
   its power: that of the Fourier coefficients that hold it stands `SEEN_UNKNOWN` standard errors over the noise's.
 - In a set, each effect stands out by `SEEN` beside all others together, and by `APART` beside each rival as well.
@@ -195,12 +196,12 @@ CONFOUNDED: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("g_sensitivity", "paper", {}),
     ("scale_asymmetry", "full", ONE_RATE),
     ("centripetal", "full", ONE_RATE | STILL),
-    ("order_tone", "paper", {}),
-    ("table_ripple", "paper", {}),
+    ("order_tone", "paper", {"table_angle": False}),
+    ("misalignment", "paper", {}),
     ("scale_temperature", "long", WARM),
-    ("spin_up", "long", {}),
-    ("warmup", "long", {}),
-    ("drift", "long", {}),
+    ("bias_temperature", "long", WARM),
+    ("warmup", "long", WARM),
+    ("order_tone", "long", {"table_angle": False}),
 )
 """An effect, and a protocol that cannot tell it from another."""
 
@@ -315,7 +316,7 @@ def _kept(case: Case) -> Case | None:
         truth = make(case, scratch)
     rivals: list[str] = []
     for effect in case.effects:
-        seen, beside = told_apart(truth, effect.id)
+        seen, beside = told_apart(truth, effect.id, physical=case.kind == "confounded")
         nearest = min(beside.values(), default=seen)
         if seen < SEEN or (case.kind == "unknown" and power(truth, effect.id) < SEEN_UNKNOWN):
             return None

@@ -32,7 +32,10 @@ ALLOWED = {
         }.items() for name in names
     },
     ("host/gyrocal/device/monitor.py", "scale"): "a field of the sentence $CAL",
-    ("host/gyrocal/web/panels/live.py", "scale"): "a field of the sentence $CAL",
+    **{
+        (f"host/gyrocal/web/{name}.py", field): "a field of an answer"
+        for name in ("coach", "scatter") for field in ("scale", "bias")
+    },
 }
 
 

@@ -61,7 +61,7 @@ def serve() -> Iterator[Callable[..., Served]]:
             process.kill()
             raise
         assert process.returncode == 0, problems
-        assert "Traceback" not in problems, problems
+        assert "(most recent call last)" not in problems, problems
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,7 @@ import pytest
 from gyrocal.errors import GyrocalError
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.jobs import Cancelled, Jobs
+from gyrocal.web.views import Recording
 
 from .loop import finish
 
@@ -29,11 +30,11 @@ def test_results_errors_and_a_stop(tmp_path: Path) -> None:
             with pytest.raises(GyrocalError, match=r"no such file; a session is a folder"):
                 await jobs.run("open", "open", tmp_path / "none")
             with pytest.raises(GyrocalError, match="model nonsense: neither"):
-                await jobs.run("compare", "compare", folder, "nonsense")
+                await jobs.run("compare", "compare", Recording(folder), "nonsense")
 
             words.clear()
-            running = asyncio.create_task(jobs.run("look", "diagnose", folder, "default"))
-            waiting = asyncio.create_task(jobs.run("look", "compare", folder, "default"))
+            running = asyncio.create_task(jobs.run("look", "diagnose", Recording(folder), "default"))
+            waiting = asyncio.create_task(jobs.run("look", "compare", Recording(folder), "default"))
             while not any("fitting" in w for w in words):
                 await asyncio.sleep(0.01)
             assert jobs.current is not None

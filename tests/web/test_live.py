@@ -55,7 +55,7 @@ def test_unplugged_and_plugged_in_again(served: Any, look: Callable[..., Any], s
     with SimulatedDevice(scenario, 1.0, symlink=link):
         page.get_by_text(f"Connected to {link}").wait_for()
         state = page.locator("[aria-label='what to do']")
-        state.get_by_text(re.compile("recording (up|down)")).wait_for()
+        state.get_by_text(re.compile("measuring (up|down)")).wait_for()
         first = page.locator(".reading b").first.inner_text()
         page.wait_for_function("(first) => document.querySelector('.reading b').innerText !== first", arg=first)
     page.get_by_text("Unplugged: waiting for it to come back").wait_for()
@@ -76,6 +76,7 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     assert abs(rates(page)[2] - down_dps) < 1.0
     assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
 
+    page.get_by_text("All answers").click()
     results = page.locator("[aria-label=results] tbody tr")
     methods = {row.split("\t")[1] for row in results.all_inner_texts()}
     assert {"baseline", "cnn"} <= methods
@@ -123,14 +124,15 @@ def test_each_sensor_of_a_board_has_its_own(
     device._outlet = gate = Gate(device._outlet)
     with device:
         board.get_by_role("button", name=re.compile("sensor 0: "), pressed=True).wait_for()
-        board.get_by_role("button", name=re.compile("sensor 1: recording up")).wait_for()
+        board.get_by_role("button", name=re.compile("sensor 1: measuring up")).wait_for()
         board.get_by_role("button", name=second).click()
         board.get_by_role("button", name=second, pressed=True).wait_for()
         page.get_by_role("button", name="Record", exact=True).click()
-        page.get_by_text("waiting for a run").wait_for()
+        page.get_by_text("Nothing is written until the next run of the device begins.").wait_for()
         gate.is_open = True
         page.get_by_text("Unplugged: waiting for it to come back").wait_for()
         page.get_by_text(re.compile(r"\d recordings, \d+ s, are in recorded")).wait_for()  # the recorder is done
+        page.get_by_text("All answers").click()
         shown = [row.split("\t") for row in page.locator("[aria-label=results] tbody tr").all_inner_texts()]
     said = [s for s in replay(parts[1]) if s.tag == "CAL" and s.fields["method"] == "baseline"]
     assert [row[3] for row in shown if row[1] == "baseline"] == [f"{100 * (s.real('scale') or 0):.4f}" for s in said]

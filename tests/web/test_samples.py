@@ -14,21 +14,33 @@ def test_a_frame_holds_every_spike_of_the_last_seconds_and_no_other() -> None:
     rows[100, 1], rows[2500, 1], rows[2600, 3] = 9.0, 7.0, -5.0  # the first is older than what is shown
     for chunk in np.array_split(rows, 200):
         samples.extend(chunk.tolist())
-    newest_s, curves = samples.frame()
-    assert newest_s == t_s[-1]
-    x, y, z = (np.array(curve, dtype=float) for curve in curves[:3])
-    assert len(x) <= 2 * (STRETCHES + 1)
-    assert (x[:, 1].max(), z[:, 1].min(), np.abs(y[:, 1]).max()) == (7.0, -5.0, 0.0)
-    assert abs(x[np.argmax(x[:, 1]), 0] - t_s[2500]) <= SHOWN_S / STRETCHES
-    assert np.all(np.diff(x[:, 0]) > 0)
+    frame = samples.frame()
+    assert (frame.first_s, frame.newest_s) == (0.0, t_s[-1])
+    low, width = (np.array(curves, dtype=float) for curves in (frame.lows, frame.widths))
+    high = low[..., 1] + width[..., 1]
+    assert low.shape[1] <= STRETCHES + 1
+    assert (high[0].max(), low[2, :, 1].min(), np.abs(width[1, :, 1]).max()) == (7.0, -5.0, 0.0)
+    assert abs(low[0, np.argmax(high[0]), 0] - t_s[2500]) <= SHOWN_S / STRETCHES
+    assert np.all(np.diff(low[0, :, 0]) > 0)
+
+
+def test_white_noise_is_drawn_as_a_band_and_its_mean_not_as_a_wave() -> None:
+    samples = Samples()
+    noise = np.random.default_rng(1).normal(0, 1.0, 4000)
+    samples.extend([[i / 400, 0.0, 0.0, z, 0.0, 0.0, 1.0, 25.0] for i, z in enumerate(noise.tolist())])
+    frame = samples.frame(5.0)
+    line = np.array(frame.means[2], dtype=float)[:, 1]
+    assert line.std() < 0.5  # the mean of 11 samples and more
+    assert np.corrcoef(line[1:], line[:-1])[0, 1] > -0.3  # a zigzag has -1
+    assert np.array(frame.widths[2], dtype=float)[1:-1, 1].min() > 1.0
 
 
 def test_what_the_device_has_not_is_a_gap() -> None:
     samples = Samples()
     samples.extend([[0.01 * i, 1.0, 2.0, 3.0, None, None, None, 25.0] for i in range(1200)])
-    _, curves = samples.frame()
-    assert {value for _, value in curves[3]} == {None}
-    assert {value for _, value in curves[6]} == {25.0}
+    means = samples.frame().means
+    assert {value for _, value in means[3]} == {None}
+    assert {value for _, value in means[6]} == {25.0}
 
 
 def test_a_clock_that_begins_anew_forgets_what_was() -> None:

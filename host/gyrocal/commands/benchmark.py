@@ -24,7 +24,8 @@ def run(
     kind: Annotated[
         list[str] | None, typer.Option(metavar="KIND", help="blind, field: this kind of case alone; may be repeated.")
     ] = None,
-    limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field: the first N cases of each kind.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field: N cases of each kind.")] = None,
+    skip: Annotated[int, typer.Option(min=0, metavar="N", help="blind: without the first N cases of each kind.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field: processes (2 and 1).")] = None,
     results: Annotated[
         Path | None, typer.Option(metavar="FILE", help="blind, field: finished cases (JSONL); those there are not run again.")
@@ -38,7 +39,8 @@ def run(
     from gyrocal.present.output import emit
 
     part = {
-        "cases_of": cases, "kinds": kind, "limit": limit, "workers": workers, "results": results, "hours": hours, "seed": seed,
+        "cases_of": cases, "kinds": kind, "limit": limit, "skip": skip, "workers": workers, "results": results, "hours": hours,
+        "seed": seed,
     }  # fmt: skip
     given = {key: value for key, value in part.items() if value}
     found = benchmark(name, sample=sample, quiet=as_json, **given)

@@ -11,6 +11,9 @@ from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
 def run(
     session: SessionFolder,
     model: GivenModel = None,
+    as_is: Annotated[
+        bool, typer.Option("--as-is", help="Keep the file's parameters: does it still hold, and what has moved?")
+    ] = False,
     html: Annotated[Path | None, typer.Option(help="Write a page with pictures.")] = None,
     pictures: Annotated[Path | None, typer.Option(help="Write the pictures alone, as PNG, into a folder.")] = None,
     residuals: Annotated[
@@ -34,10 +37,10 @@ def run(
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_compare
 
-        show_compare(opened, model, residuals, html or pictures, as_json)
+        show_compare(opened, model, residuals, html or pictures, as_json, as_is)
         return
     with working(as_json) as say:
-        found = compare(opened, model, progress=say)
+        found = compare(opened, model, as_is=as_is, progress=say)
         if residuals is not None:
             write_residuals(found, residuals)
         if html is not None:

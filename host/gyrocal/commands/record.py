@@ -2,12 +2,18 @@
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from gyrocal.device.record import Report
+    from rich.console import Console
+    from rich.status import Status
+
+    from gyrocal.device.port import Link
+    from gyrocal.device.record import Recorder, Report
+    from gyrocal.device.run_writer import Recorded
+    from gyrocal.recording.plan_file import PlannedRuns
 
 
 def run(
@@ -23,10 +29,13 @@ def run(
     turn_deg: Annotated[float | None, typer.Option(help="The run's known net angle instead of --rate, deg.")] = None,
     scenario: Annotated[str, typer.Option(help="Runs of one power cycle share it.")] = "s000",
     day: Annotated[int | None, typer.Option(help="A label of groups.")] = None,
+    plan: Annotated[
+        Path | None, typer.Option(metavar="PLAN.toml", help="Carry out a plan, run by run; runs that OUT has are left out.")
+    ] = None,
     imu: Annotated[int, typer.Option(min=0, help="Which sensor of the board.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Record a run from a device into a session folder.
+    """Record a run, or the runs of a plan, from a device into a session folder.
 
     What was received is on disk at once. Ctrl-C, SIGTERM and SIGHUP end the recording; if the device goes away, what came is
     kept, and the report is printed all the same (exit 3; exit 1 where the disk is full).
@@ -36,24 +45,19 @@ def run(
     from gyrocal.device import record
     from gyrocal.device.port import Link
     from gyrocal.errors import DeviceError, GyrocalError, InputError
+    from gyrocal.recording.plan_file import PlannedRuns
     from gyrocal.warning import Warning
 
-    wanted = None if follow else record.wanted(face, rate, seconds, turn_deg, axis)
+    if plan is not None and (follow or any(v is not None for v in (face, rate, seconds, turn_deg, axis, day))):
+        raise InputError("--plan says which runs there are; leave out --follow, --face, --rate, --seconds, --axis and --day")
+    wanted = None if follow or plan is not None else record.wanted(face, rate, seconds, turn_deg, axis)
+    planned = None if plan is None else PlannedRuns.open(plan)
     console = Console(stderr=True)
     report = record.Report(str(out))
     try:
-        with Link(port) as link, console.status(f"{port}: waiting for the device") as status:
-            recorder = record.Recorder(
-                link,
-                out,
-                wanted=wanted,
-                scenario=scenario,
-                day=day,
-                imu=imu,
-                progress=lambda run: status.update(
-                    f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost, {run.missed} missed"
-                ),
-            )
+        with Link(port, reconnect=plan is not None) as link, console.status(f"{port}: waiting for the device") as status:
+            one = {"wanted": wanted, "scenario": scenario, "day": day}
+            recorder = _recorder(link, out, planned, one, imu, console, status)
             report = recorder.report
             with recorder.stopped_by_signals():
                 recorder.record()
@@ -65,6 +69,24 @@ def run(
         _finish(report, as_json)
         raise
     _finish(report, as_json)
+
+
+def _recorder(
+    link: "Link", out: Path, plan: "PlannedRuns | None", one: dict[str, Any], imu: int, console: "Console", status: "Status"
+) -> "Recorder":  # fmt: skip
+    """What records the plan, or else the runs that ``one`` describes, and shows how far it is."""
+    from gyrocal.device.record import Recorder
+    from gyrocal.device.record_plan import PlanRecorder
+
+    def progress(run: "Recorded") -> None:
+        status.update(f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost, {run.missed} missed")
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, highlight=False)
+
+    if plan is None:
+        return Recorder(link, out, imu=imu, progress=progress, **one)
+    return PlanRecorder(link, out, plan, say, imu=imu, progress=progress)
 
 
 def _finish(report: "Report", as_json: bool) -> None:

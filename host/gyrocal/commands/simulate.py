@@ -27,15 +27,28 @@ def run(
     ] = None,
     scenarios: Annotated[int | None, typer.Option(help="How many scenarios (paper: 48) or days (others: 3).")] = None,
     seconds: Annotated[float | None, typer.Option(help="Length of a run, s (paper: 70, full: 40).")] = None,
+    plan: Annotated[Path | None, typer.Option(metavar="PLAN.toml", help="Carry out a plan instead of a campaign.")] = None,
+    add_to: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SESSION", help="With --plan: OUT begins with these runs, simulated with the same --seed and --effect."
+        ),
+    ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet instead of CSV.")] = False,
 ) -> None:
-    """Simulate a campaign with known truth: a session folder, and what was planted beside it."""
+    """Simulate a campaign or a plan with known truth: a session folder, and what was planted beside it."""
+    from gyrocal.errors import InputError
     from gyrocal.present.output import stdout, working
+    from gyrocal.recording.plan_file import PlannedRuns
+    from gyrocal.recording.session import Session
     from gyrocal.simulation.simulate import simulate
 
+    if plan is not None and (campaign != "paper" or scenarios is not None or seconds is not None):
+        raise InputError("--plan says which runs there are; leave out --campaign, --scenarios and --seconds")
     with working() as say:
         session, truth = simulate(
             out, campaign, effect or (), seed, scenarios=scenarios, seconds=seconds, sensor=sensor, parquet=parquet,
+            plan=None if plan is None else PlannedRuns.open(plan), add_to=None if add_to is None else Session.open(add_to),
             progress=lambda done, total: say(f"run {done} of {total}"),
         )  # fmt: skip
     samples = sum(len(r) for r in session.runs)

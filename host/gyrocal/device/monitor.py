@@ -49,6 +49,10 @@ class Sensor:
 
     state: str = "?"
     face: str = ""
+    waits: str = ""
+    """What the device waits for, as its ``$STA`` says; empty if it does not say."""
+    second: bool = False
+    """True while the run in progress is the second one of a pair, or would be."""
     missed: int = 0
     hello: dict[str, str] = field(default_factory=dict)
     samples: int = 0
@@ -61,6 +65,12 @@ class Sensor:
         self.samples += len(samples)
         self.latest = samples[-1]
         self._arrivals.append((time.monotonic(), len(samples)))
+
+    def run_s(self) -> float:
+        """The length of the device's run in progress so far in s; 0 between runs."""
+        rate_hz = parse_real(self.hello.get("rate_hz", ""))
+        number = -1 if self.latest is None else self.latest["n"]
+        return 0.0 if self.state != "recording" or not rate_hz else (number + 1) / rate_hz
 
     def rate_hz(self) -> float:
         """The mean number of samples per second over the last two seconds of this machine's time."""
@@ -116,6 +126,10 @@ class Monitor:
         r = self.link.reader
         return {"good": r.good, "lost": r.lost, "bad": r.bad + r.overlong, "restarts": r.restarts}
 
+    def ask_state(self) -> None:
+        """Ask the device for its state, which the next ``$STA`` tells."""
+        self._tell("status")
+
     def _ask(self) -> None:
         self.link.send("stream raw")
         self.link.send("status")
@@ -168,11 +182,14 @@ class Monitor:
                 self._tell("hello")
         elif kind == "state":
             sensor.state, sensor.face = fields.get("state", "?"), fields.get("face", "")
+            sensor.waits = fields.get("waits", "")
+            sensor.second = sensor.state == "flip" or (sensor.second and sensor.state == "recording")
             missed = parse_real(fields.get("missed", ""))
             sensor.missed = sensor.missed if missed is None else int(missed)
         elif kind == "run":
             sensor.face = fields.get("face", "")
             sensor.state = "recording" if fields.get("state") == "start" else "idle"
+            sensor.waits = ""
             if sensor.state == "idle":
                 self._tell("status")  # the device may be waiting for a flip, or be done
         elif kind == "result":

@@ -78,6 +78,9 @@ class Recorder:
     ``report`` is also valid after an error.
     """
 
+    patience_s = 2 * SILENCE_S
+    """Time without a word between runs after which the device counts as gone."""
+
     def __init__(
         self,
         link: Link,
@@ -201,8 +204,8 @@ class Recorder:
                 if self._heard and self._imu not in self._heard:
                     there = " or ".join(f"--imu {imu}" for imu in sorted(self._heard))
                     raise DeviceError(f"{self.link.name}: there is no sensor {self._imu}; want {there}")
-                if now - heard_at > 2 * SILENCE_S:
-                    raise DeviceError(f"{self.link.name}: no word for {2 * SILENCE_S:g} s{self._said}")
+                if now - heard_at > self.patience_s:
+                    raise DeviceError(f"{self.link.name}: no word for {self.patience_s:g} s{self._said}")
                 self.link.send("status")
                 sampled_at = now
             if self._digest(sentences):

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gyrocal.diagnosis import naming
+from gyrocal.diagnosis.as_is import compare_as_is
 from gyrocal.diagnosis.comparison import Comparison, measure
 from gyrocal.error_model.model import Model
 from gyrocal.policy import POLICY
@@ -23,13 +24,17 @@ Progress = Callable[[str], None]
 
 @one_thread
 def compare(
-    session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, progress: Progress | None = None,
+    session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, as_is: bool = False,
+    progress: Progress | None = None,
 ) -> Comparison:  # fmt: skip
     """Fit a model to a session, judge it on held-out data, and find where it fails.
 
-    ``only_day`` restricts the held-out data to one day. Raises InputError if the model has no term on any axis, or if the day
-    cannot be left out.
+    ``only_day`` restricts the held-out data to one day. ``as_is`` keeps the model's parameters; ``moved`` of the result tells
+    what has become of them (:mod:`gyrocal.diagnosis.as_is`). Raises InputError if the model has no term on any axis, if the
+    day cannot be left out, or if a model without parameters is to be kept as it is.
     """
+    if as_is:
+        return compare_as_is(session, model, progress=progress)
     measured = measure(session, model, only_day=only_day, progress=progress)
     if measured.where or measured.implausible:
         return measured

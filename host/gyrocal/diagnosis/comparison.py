@@ -1,4 +1,4 @@
-"""A model held against the measurements: how much error exceeds the noise, and where it appears.
+"""Comparison of a model with the measurements: the error beyond the noise, and where it appears.
 
 ``rms`` is computed from held-out samples. ``floor`` is the rms that noise alone would leave, ``excess`` the remainder; both are
 computed in :mod:`gyrocal.diagnosis.levels`. A missing effect increases the excess. :func:`measure` runs the tests of the
@@ -20,6 +20,7 @@ from gyrocal.diagnosis.drawn import described, most_visible
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
 from gyrocal.diagnosis.misfit import Misfit, find_misfit
+from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.probes import of_session
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -39,7 +40,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Comparison(Shown):
-    """A model held against a session. ``fit`` holds the model fitted to all data; levels are in deg/s."""
+    """Comparison of a model with a session. ``fit`` has the model fitted to all data; levels are in deg/s."""
 
     fit: Fit
     pooled: Level
@@ -58,8 +59,10 @@ class Comparison(Shown):
     note: str = ""
     """A remark for the user about how this comparison was made; empty if there is none."""
     warnings: list[Warning] = field(default_factory=list)
+    moved: list[Moved] | None = None
+    """What has become of the parameters of a model that is held against the session as it is; else None."""
     angles: Angles | None = field(default=None, repr=False)
-    """Net angles of the runs, by which the session is judged where a run's rate is not known; else None."""
+    """Net angles of the runs, by which the session is judged if a run's rate is not known; otherwise None."""
 
     @property
     def cycles(self) -> int:
@@ -114,6 +117,7 @@ class Comparison(Shown):
                 {"effect": p.effect, "axis": None, "name": p.name, "value": p.value, "se": p.se}
                 for p in self.fit.session.registration_parameters
             ],
+            **({} if self.moved is None else {"as_is": True, "moved": [m.to_json() for m in self.moved]}),
             "warnings": [w.to_json() for w in self.warnings],
         }
 
@@ -129,17 +133,18 @@ class _Measured:
 
 @one_thread
 def measure(
-    session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, progress: Progress | None = None,
+    session: Session, model: Model | str | Path | None = None, *, only_day: int | None = None, about: bool = False,
+    progress: Progress | None = None,
 ) -> Comparison:  # fmt: skip
     """Fit a model to a session, judge it on held-out data, and test its residual.
 
-    ``only_day`` restricts the held-out data to one day. Raises InputError if the model has no term on any axis, or if the day
-    cannot be left out.
+    ``only_day`` restricts the held-out data to one day; ``about`` is that of :func:`gyrocal.inference.fit.fit`. Raises
+    InputError if the model has no term on any axis, or if the day cannot be left out.
     """
     opened = Model.open(model)
     session = registered(session)
     warnings = plausibility.check(session, opened)
-    fitted = fit(session, opened, progress=progress)
+    fitted = fit(session, opened, about=about, progress=progress)
     if not fitted.axes:
         raise InputError("the model has no term on any axis; give it scale and bias at least")
     folds = heldout.folds(fitted, only_day)
@@ -180,7 +185,7 @@ def measure(
 def _left_over(
     fitted: Fit, misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
 ) -> list[Finding]:
-    """An excess that noise does not leave, on axes where the other findings describe little of it."""
+    """An excess beyond that of noise, on axes where the other findings describe little of it."""
     out = []
     for axis in judged:
         told = sum(f.amplitude_dps**2 / 2 for f in misfit.found if f.axis == axis)
@@ -200,7 +205,7 @@ def _strongest_first(found: Sequence[Finding], untold: Sequence[Finding]) -> lis
 
 
 def _as_drawn(fitted: Fit, finding: Finding) -> Finding:
-    """An excess told against the variable that the residual follows, in the words of the picture."""
+    """An excess as a finding against the variable that the residual follows, in the words of the picture."""
     shapes = [(against, s) for against, shapes in of_session(fitted.session, AXES.index(finding.axis)) for s in shapes]
     current = fitted.axes[finding.axis]
     seen = most_visible(current, shapes)

@@ -45,6 +45,11 @@ def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple
     None if no shape describes ``Policy.visible`` of the residual's mean square about its mean.
     """
     residual = np.concatenate([current.block_residuals(i) for i in range(len(current.design.blocks))])
+    return most_visible_of(current, residual, shapes)
+
+
+def most_visible_of(current: AxisFit, residual: Array, shapes: Sequence[tuple[str, Shape]]) -> tuple[str, Shape] | None:
+    """The same of any ``residual`` [m] in the blocks of an axis, deg/s."""
     power = float(np.sum((residual - residual.mean()) ** 2))
     parts = []
     for name, shape in shapes:

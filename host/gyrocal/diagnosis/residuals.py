@@ -23,6 +23,8 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
         return comparison.angles.table
     fitted = comparison.fit
     folds = heldout.folds(fitted) if comparison.held_out != "none" else []
+    if comparison.held_out == heldout.SESSION:
+        folds = [heldout.whole(fitted)]
     source = heldout.predictions(fitted, folds) if folds else heldout.fitted(fitted)
     parts = [
         pl.DataFrame({

@@ -12,6 +12,7 @@ from gyrocal.recording.session import Array, Run
 class Drift(Effect):
     id = "drift"
     title = "Drift of the bias"
+    offered_as = "a drift of the bias"
     cause = (
         "The bias changes linearly from power-on, in the same way in each power cycle. Causes are slow charging of the sense "
         "electrodes, or a warm-up that takes much longer than the recording. Noise also wanders, but "

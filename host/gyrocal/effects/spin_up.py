@@ -15,6 +15,7 @@ from gyrocal.recording.session import Array, Run
 class SpinUp(OfEachRun):
     id = "spin_up"
     title = "The table is still spinning up"
+    offered_as = "a table that is slow to reach its rate"
     cause = (
         "The recording starts before the table, its belt or its speed controller has settled. The true rate approaches "
         "the set rate over a few seconds, from below or after an overshoot. The error is largest in the first seconds, "

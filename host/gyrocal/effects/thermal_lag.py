@@ -16,6 +16,7 @@ LEAST_CHANGE_C = 0.2
 class ThermalLag(Effect):
     id = "thermal_lag"
     title = "Thermal lag"
+    offered_as = "a bias that follows changes of temperature"
     cause = (
         "While the part warms or cools, the vibrating mass, the package and the thermometer are at different "
         "temperatures, and the gradient between them bends the structure. The bias at 40 degC differs between "

@@ -15,6 +15,7 @@ from gyrocal import plausibility
 from gyrocal.diagnosis.angles import Level
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.moved import Moved
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
@@ -46,7 +47,10 @@ class Comparison:
     held_out: str
     warnings: list[Warning]
     evidence: Evidence = field(repr=False)
+    held: HeldOut = field(repr=False)
     note: str = ""
+    moved: list[Moved] | None = None
+    """What has become of the parameters of a model that is held against the session as it is; else None."""
 
     @property
     def implausible(self) -> bool:
@@ -73,6 +77,7 @@ class Comparison:
                 {"effect": line.id, "axis": line.axis, "name": name, "value": value, "se": line.se.get(name)}
                 for line in self.fit.model.lines() for name, value in line.values.items()
             ],
+            **({} if self.moved is None else {"as_is": True, "moved": [m.to_json() for m in self.moved]}),
             "warnings": [w.to_json() for w in self.warnings],
         }  # fmt: skip
 
@@ -97,8 +102,8 @@ def measure(session: Session, model: Model | str | Path | None = None) -> Compar
         note = f"a session by gravity does not show {', '.join(fitted.left_out)}; the model's values of these stay as they are"
     held = evidence.before
     return Comparison(
-        fitted, held.level(np.arange(len(scene.movements))), _per_axis(fitted, held), _where(evidence), evidence.cut.unit,
-        warnings, evidence, note,
+        fitted, held.level(np.arange(len(scene.movements))), level_by_axis(fitted, held), _where(evidence), evidence.cut.unit,
+        warnings, evidence, held, note,
     )  # fmt: skip
 
 
@@ -110,7 +115,8 @@ def main_axis(fitted: GravityFit) -> Rows:
     return np.asarray(np.argmax(np.abs(across), axis=1))
 
 
-def _per_axis(fitted: GravityFit, held: HeldOut) -> dict[str, Level]:
+def level_by_axis(fitted: GravityFit, held: HeldOut) -> dict[str, Level]:
+    """The level of the movements that mainly turn about each axis."""
     about = main_axis(fitted)
     return {axis: held.level(np.flatnonzero(about == i)) for i, axis in enumerate(AXES)}
 
@@ -181,7 +187,7 @@ def residual_table(c: Comparison) -> pl.DataFrame:
     scene, seen = c.fit.scene, c.fit.observations
     about = main_axis(c.fit)
     rows = []
-    held = c.evidence.before.residual
+    held = c.held.residual
     for k, m in enumerate(scene.movements):
         run = scene.session.runs[m.run]
         two = np.nan_to_num(held[2 * k : 2 * k + 2])

@@ -224,12 +224,14 @@ def _merged(model: Model, terms: Sequence[Term]) -> tuple[Term, ...]:
 def _noisy(model: Model, scene: Scene, wander: Sequence[Wander]) -> Model:
     """The model with the noise of the rests in the components that it has."""
     noise: dict[str, AxisNoise] = {}
+    one_cycle = len(scene.cycles) == 1
     for i, axis in enumerate(AXES):
         had = model.noise_on(axis)
+        turn_on = TurnOnBias() if one_cycle else TurnOnBias(wander[i].turn_on_sd_dps)
         noise[axis] = replace(
             had, white_sd_dps=float(scene.white_dps[i]),
             drift=None if had.drift is None else wander[i].drift,
-            turn_on_bias=None if had.turn_on_bias is None else TurnOnBias(wander[i].turn_on_sd_dps),
+            turn_on_bias=None if had.turn_on_bias is None else turn_on,
         )  # fmt: skip
     return replace(model, noise=noise)
 

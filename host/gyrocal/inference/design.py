@@ -7,8 +7,8 @@ cycle) are the effects' columns as block means of each run. A column that depend
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from gyrocal.effects.base import Role, Values, with_role
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
+from gyrocal.inference.layout import Layout
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise, Summed
 from gyrocal.recording.session import Array, Run
@@ -35,45 +36,25 @@ LEAST_CONTRAST = 0.1
 """Spread of the true rates of a power cycle over their rms from which on they determine its scale beside its offset."""
 
 
-@dataclass(frozen=True)
-class Layout:
-    """The assignment of columns to terms: ``fixed`` and ``run`` hold pairs of term index and column within the term."""
-
-    fixed: tuple[tuple[int, int], ...]
-    run: tuple[tuple[int, int], ...]
-    run_group: tuple[int, ...]
-    scenario: tuple[int, ...]
-    """Fixed columns whose coefficients also vary at random from power cycle to power cycle."""
-
-    @property
-    def random(self) -> np.ndarray[Any, np.dtype[np.intp]]:
-        """Columns of ``[y | fixed | run]`` with random coefficients: those of each run and those of each power cycle."""
-        own = 1 + len(self.fixed) + np.arange(len(self.run))
-        return np.concatenate([own, np.array(self.scenario) + 1]).astype(np.intp)
-
-    @property
-    def n_groups(self) -> int:
-        """Number of groups of coefficients that differ from run to run."""
-        return max(self.run_group, default=-1) + 1
-
-
 class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
 
     ``noise_model`` lists the noise components; with a turn-on bias, the bias is random from power cycle to power cycle.
     ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block. ``color`` is the correlation of the white
-    noise of neighbouring blocks.
+    noise of neighbouring blocks. ``about`` holds values of terms by the id of their effect: what they make is subtracted from
+    the readings, and the coefficients are determined as differences from them.
     """
 
     def __init__(
         self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise, cell_s: float = 0.0,
-        like: Design | None = None, color: float = 0.0,
+        like: Design | None = None, color: float = 0.0, about: Mapping[str, Values] | None = None,
     ) -> None:  # fmt: skip
         self.axis = axis
         self.noise_model = noise_model
         self.cell_s = cell_s
         self.color = color
         self.terms = tuple(terms)
+        self.about = about or {}
         self.given = list(blocks)
         self.timing = timing_of(terms)
         self.faults = [term for term in terms if term.fault is not None]
@@ -92,11 +73,14 @@ class Design:
 
     def changed(self, terms: Sequence[Term]) -> Design:
         """The same runs with other terms. Columns of unchanged terms are not computed again."""
-        return Design(self.given, self.axis, terms, self.noise_model, self.cell_s, like=self, color=self.color)
+        return self._like(terms, self.color)
 
     def colored(self, color: float) -> Design:
         """The same runs and terms with another ``color`` of the noise."""
-        return Design(self.given, self.axis, self.terms, self.noise_model, self.cell_s, like=self, color=color)
+        return self._like(self.terms, color)
+
+    def _like(self, terms: Sequence[Term], color: float) -> Design:
+        return Design(self.given, self.axis, terms, self.noise_model, self.cell_s, like=self, color=color, about=self.about)
 
     def with_values(self, i: int, values: Values) -> Design:
         """The design with other values of one term, the same in all runs."""
@@ -109,7 +93,7 @@ class Design:
         cell_s = self.cell_s if cell_s is None else cell_s
         terms = self.terms if terms is None else terms
         color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else 0.0
-        return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color)
+        return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color, about=self.about)
 
     def _means(self, i: int, like: Design | None) -> list[Array | None]:
         """Block means of each term's columns in one run, [m, k]; None for a term without columns."""
@@ -131,7 +115,7 @@ class Design:
         return lacks & (not lacks.all())
 
     def _level(self, t: int) -> Array:
-        """What a term's columns are, as a multiple of bias or scale, over the runs that have its data, shape [k]."""
+        """A term's columns as multiples of bias or scale over the runs that have its data, shape [k]."""
         top, norm = np.zeros(1), 0.0
         for i in np.flatnonzero(~self.lacking[t]):
             b, means = self.blocks[i], self.means[i][t]
@@ -151,7 +135,7 @@ class Design:
         return self._unit(t, b) * self.levels[t]
 
     def _noises(self, i: int, like: Design | None) -> list[Array | None]:
-        """What the noise of measured data adds to the squared norm of each term's columns in one run, and its standard error.
+        """The part of the squared norm of each term's columns in one run that comes from noise, and its standard error.
 
         [k, 2] for each term, in (deg/s per unit)^2 summed over samples; None for a term whose columns have no noise.
         """
@@ -232,20 +216,21 @@ class Design:
         """Subtract from the normal equations what the noise of the columns is expected to add (Fuller 1987, section 2.2).
 
         The residual holds the reference's noise with the opposite sign, so its product with the scale's column has lost as much
-        as the column's square has gained.
+        as the column's square has gained. The same holds of what ``about`` subtracts.
         """
         for j in np.flatnonzero(self.column_noise.any(axis=(0, 2))).tolist():
-            of_rate = self.terms[fixed[j][0]].effect.role is Role.SCALE
+            term, column = fixed[j]
+            of_rate = self.terms[term].effect.role is Role.SCALE
+            known = self._known(term)[column] if self.terms[term].effect_id in self.about else 0.0
             for index, s in zip(self.alike, summed, strict=True):
                 power = self.column_noise[index, j, 0]
                 s.gram[:, 1 + j, 1 + j] -= power
-                if of_rate:
-                    s.gram[:, 0, 1 + j] += power
-                    s.gram[:, 1 + j, 0] += power
+                s.gram[:, 0, 1 + j] += (of_rate + known) * power
+                s.gram[:, 1 + j, 0] += (of_rate + known) * power
 
     def _varies(self, role: Role | None) -> bool:
-        """True if an effect with this role varies from power cycle to power cycle."""
-        if self.noise_model.turn_on_bias is None:
+        """True if an effect with this role varies over the power cycles of these runs. A single one has a bias of its own."""
+        if self.noise_model.turn_on_bias is None or np.unique(self.scenarios).size < 2:
             return False
         return role is Role.BIAS or (role is Role.SCALE and self._scale_within_scenarios)
 
@@ -263,11 +248,28 @@ class Design:
 
     @cached_property
     def origin(self) -> Array:
-        """The values about which the shared coefficients are determined, shape [p]; zero except for effects of time."""
-        terms = [self.terms[i] for i, _ in self.layout.fixed]
-        return np.array([
-            t.effect.coefficients(t.values)[0] if isinstance(t.effect, TimingEffect) and t.values else 0.0 for t in terms
-        ])  # fmt: skip
+        """The values about which the shared coefficients are determined, shape [p]: of effects of time and of ``about``."""
+        out = np.zeros(len(self.layout.fixed))
+        for k, (i, j) in enumerate(self.layout.fixed):
+            term = self.terms[i]
+            if term.effect_id in self.about:
+                out[k] = self._known(i)[j]
+            elif isinstance(term.effect, TimingEffect) and term.values:
+                out[k] = term.effect.coefficients(term.values)[0]
+        return out
+
+    def _known(self, t: int) -> Array:
+        """The coefficients [k] of a term that ``about`` holds."""
+        return self.terms[t].effect.coefficients(self.about[self.terms[t].effect_id])
+
+    def subtracted(self, columns: Callable[[int], Array | None], size: int) -> Array:
+        """What the terms of ``about`` make of their ``columns``, given by a term's index, [size], deg/s."""
+        out = np.zeros(size)
+        for t, term in enumerate(self.terms):
+            found = columns(t) if term.effect_id in self.about and term.fault is None else None
+            if found is not None:
+                out += found @ self._known(t)
+        return out
 
     def sample_columns(self, b: Blocks) -> dict[int, Array]:
         """Each term's columns at every sample of a run, by the term's index."""
@@ -322,6 +324,8 @@ class Design:
     def _columns(self, i: int, fixed: Sequence[tuple[int, int]], run: Sequence[tuple[int, int]]) -> Array:
         out = np.empty((1 + len(fixed) + len(run), self.blocks[i].t_s.size))
         out[0] = self.blocks[i].y_dps[:, self.axis]
+        if self.about:
+            out[0] -= self.subtracted(lambda t: self.means[i][t], out.shape[1])
         for row, (term, j) in zip(out[1:], (*fixed, *run), strict=True):
             means = self.means[i][term]
             assert means is not None

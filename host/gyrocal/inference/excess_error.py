@@ -22,11 +22,11 @@ from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.design import Mask
 from gyrocal.inference.expected import UNDETERMINED, of_cycle
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.heldout import EVERYTHING, Fold, time_masks
+from gyrocal.inference.heldout import EVERYTHING, SESSION, Fold, time_masks
 from gyrocal.recording.session import Array
 
 CELLS = 120
-"""Number of cells of time of all runs together, or one for each run where there are more runs."""
+"""Number of cells of time of all runs together, or one for each run if there are more runs."""
 
 SETTLED = 0.02
 """Log-likelihood by which a search for the noise typically stops short of the maximum."""
@@ -65,11 +65,14 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, floa
     rest = max(0, cells.blocks - cells.n.size)  # blocks within a cell, which are white
     white = axis.noise.white_sd_dps**2
     information[0, 0] += rest / 2
+    of_others = bool(folds) and folds[0].label == SESSION
     out = []
     for form in (all_power, all_power - taken):
         of_data = form @ covariance
         slope = np.array([float(np.sum(form * d)) for d in derivatives])
         slope[0] += rest * white
+        if of_others:  # the spreads of power cycles were not fitted to these residuals
+            slope[1 + (axis.noise.ou_sd_dps > 0) :] = 0.0
         common = slope @ np.linalg.pinv(information, rcond=1e-10, hermitian=True) @ slope
         variance = 2 * float(np.sum(of_data * of_data.T)) + 2 * rest * white**2
         out.append(float(np.sqrt(max(variance - (1 - 2 * SETTLED) * common, 0.0))))
@@ -153,11 +156,14 @@ def _residual(
         inside, near = _masks(axis, cells, fold, net)
         used = np.flatnonzero(~inside & ~near) if folds else np.arange(cells.n.size)
         held = np.flatnonzero(inside)
-        if not used.size or not held.size:
+        if not held.size:
             continue
-        whitened = np.linalg.solve(covariance[np.ix_(used, used)], x[used])
         beta = np.zeros((p, cells.n.size))
-        beta[:, used] = np.linalg.pinv(x[used].T @ whitened, hermitian=True) @ whitened.T
+        if used.size:
+            whitened = np.linalg.solve(covariance[np.ix_(used, used)], x[used])
+            beta[:, used] = np.linalg.pinv(x[used].T @ whitened, hermitian=True) @ whitened.T
+        elif fold.label != SESSION:
+            continue
         rows.append(np.eye(cells.n.size)[held] - x[held] @ beta)
         held_cells.append(held)
     if not rows:

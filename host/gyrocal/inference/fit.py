@@ -12,11 +12,12 @@ composes the same ones: ``structure.choose_variant`` adds a term, ``nonlinear.re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from gyrocal.effects.base import Values
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.blocks import Blocks, by_sample, reduce_session
@@ -45,10 +46,13 @@ LONGEST_CELL_S = SLOW_S / 4
 
 @one_thread
 def fit(
-    session: Session, model: Model, *, blocks: list[Blocks] | None = None, axes: Iterable[str] = AXES,
+    session: Session, model: Model, *, blocks: list[Blocks] | None = None, axes: Iterable[str] = AXES, about: bool = False,
     progress: Progress | None = None,
 ) -> Fit:  # fmt: skip
-    """Fit a model's terms and noise to a session; the model returned carries values and standard errors."""
+    """Fit a model's terms and noise to a session; the model returned carries values and standard errors.
+
+    ``about``: linear parameters that the session does not show stay at the model's values instead of zero.
+    """
     if blocks is None:
         session = refined(session, model)
     reduced = reduce_session(session) if blocks is None else blocks
@@ -57,7 +61,8 @@ def fit(
     def on(axis: str) -> AxisFit:
         if progress is not None:
             progress(f"fitting {axis}")
-        return fit_axis(seen[axis], AXES.index(axis), model.on(axis), model.noise_on(axis))
+        terms = model.on(axis)
+        return fit_axis(seen[axis], AXES.index(axis), terms, model.noise_on(axis), linear_values(terms) if about else None)
 
     covered = [axis for axis in axes if axis in model.axes]
     fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))
@@ -69,18 +74,30 @@ def fit(
     return Fit(session, reduced, result, fitted)
 
 
-def fit_axis(blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise) -> AxisFit:
-    """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML."""
+def linear_values(terms: Sequence[Term]) -> dict[str, Values]:
+    """The values of the terms whose columns do not depend on them, by the id of the effect."""
+    fixed = [t for t in terms if t.values and t.fault is None and t.effect.scope == "session" and not t.effect.nonlinear]
+    return {t.effect_id: t.values for t in fixed if not isinstance(t.effect, TimingEffect)}
+
+
+def fit_axis(
+    blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise,
+    about: Mapping[str, Values] | None = None,
+) -> AxisFit:  # fmt: skip
+    """Fit one axis: structure and nonlinear parameters by grid and refinement, noise and spreads by REML.
+
+    ``about``: see :class:`gyrocal.inference.design.Design`.
+    """
     terms = started([_prepared(t, blocks, axis) for t in terms], [b.run for b in blocks], axis)
     if any(t.effect.fast for t in terms):
         blocks = by_sample(blocks)
     pending = [i for i, t in enumerate(terms) if _needs_choice(t)]
     settled = [t for i, t in enumerate(terms) if i not in pending]
-    current = settle(fit_noise(Design(blocks, axis, settled, noise_model)))
+    current = settle(fit_noise(Design(blocks, axis, settled, noise_model, about=about)))
     settled = list(current.design.terms)
     cell_s = _drift_cell_s(current) if current.design.n_blocks.sum() > MANY_BLOCKS else 0.0
     if cell_s:
-        design = Design(blocks, axis, settled, noise_model, cell_s, like=current.design)
+        design = Design(blocks, axis, settled, noise_model, cell_s, like=current.design, about=about)
         current = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
     current = shaped(current)
     for i in pending:

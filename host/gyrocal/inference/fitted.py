@@ -1,4 +1,4 @@
-"""What a fit found: one axis, and a session's model with its axes."""
+"""The result of a fit on one axis, and a session's model with its axes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class AxisFit:
         return self.scenario_sd(self.spreads.scenario, Role.BIAS)
 
     def scenario_sd(self, of: Array, role: Role) -> float:
-        """Of values [k], one for each spread over power cycles, that of the bias or the scale; 0 where there is none."""
+        """The value of the bias or the scale in values [k], one for each spread over power cycles; 0 if there is none."""
         for k, j in enumerate(self.design.layout.scenario):
             if self.design.terms[self.design.layout.fixed[j][0]].effect.role is role:
                 return float(np.nan_to_num(of[k]))
@@ -49,7 +49,7 @@ class AxisFit:
     @property
     def attenuation_se(self) -> Array:
         """Standard error of each shared parameter [p] from the uncertain noise of measured columns."""
-        slope = self.solution.beta.copy()
+        slope = self.solution.beta + self.design.origin
         for j, (term, _) in enumerate(self.design.layout.fixed):
             slope[j] += self.design.terms[term].effect.role is Role.SCALE  # the residual holds the reference's noise too
         noise_se = self.design.column_noise[:, :, 1].sum(axis=0) / self.noise.white_sd_dps**2
@@ -97,7 +97,7 @@ class AxisFit:
     def predict(self, run: int, beta: Array, u: Array) -> Array:
         """Modelled minus true rate at every sample of a run, shape [n], deg/s."""
         columns = self.design.sample_columns(self.design.blocks[run])
-        out = np.zeros(len(self.design.blocks[run].run))
+        out = self.design.subtracted(columns.get, len(self.design.blocks[run].run))
         for (i, j), b in zip(self.design.layout.fixed, beta, strict=True):
             out += b * columns[i][:, j]
         for (i, j), b in zip(self.design.layout.run, u, strict=True):

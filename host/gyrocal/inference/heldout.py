@@ -32,7 +32,9 @@ class Fold:
 
 
 EVERYTHING = Fold("all", ())
-"""Stands for a prediction in sample, where nothing can be left out."""
+"""The name of a prediction in sample, which is used if nothing can be left out."""
+SESSION = "session"
+"""Label of the fold that leaves out all runs: the parameters are those of another session."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,11 @@ def folds(fit: Fit, only_day: int | None = None) -> list[Fold]:
     ]
 
 
+def whole(fit: Fit) -> Fold:
+    """The fold of all runs, for parameters that come from another session."""
+    return Fold(SESSION, tuple(range(len(fit.blocks))))
+
+
 def _identified(fit: Fit, fold: Fold) -> bool:
     kept = np.ones(len(fit.blocks), dtype=bool)
     kept[list(fold.runs)] = False
@@ -124,7 +131,9 @@ def steps(axis: AxisFit, all_folds: list[Fold]) -> Iterator[Step]:
     The shared parameters and the spreads over runs are fitted to the rest. The noise stays as fitted to all data.
     """
     for fold in all_folds:
-        if fold.time is None:
+        if fold.label == SESSION and len(fold.runs) == len(axis.design.blocks):
+            yield Step(fold, axis, axis.solution, axis.spreads, {})
+        elif fold.time is None:
             held = np.zeros(len(axis.design.blocks), dtype=bool)
             held[list(fold.runs)] = True
             spreads = axis.spreads_without(held)

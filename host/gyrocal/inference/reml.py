@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Role
-from gyrocal.inference.design import Design, Layout
+from gyrocal.inference.design import Design
+from gyrocal.inference.layout import Layout
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 

@@ -37,7 +37,7 @@ def _unread(key: str, schema: type[RunEntry] | type[SessionFile]) -> str:
 
 
 def _unaccepted(entry: str) -> str:
-    """What is wrong with an entry of ``accept``; empty where nothing is."""
+    """The error in an entry of ``accept`` in words; empty if there is none."""
     code, colon, axis = entry.partition(":")
     (nearest,) = get_close_matches(code, CODES, n=1, cutoff=0.0)
     if code in CODES and (axis in AXES if colon else True):

@@ -15,6 +15,7 @@ from gyrocal.policy.diagnosis import Diagnosis
 from gyrocal.policy.fleet import Fleet
 from gyrocal.policy.gravity import Gravity
 from gyrocal.policy.inference import Inference
+from gyrocal.policy.planning import Planning
 from gyrocal.policy.plausibility import Plausibility
 from gyrocal.policy.threshold import JUDGEMENT
 
@@ -22,7 +23,7 @@ __all__ = ["JUDGEMENT", "POLICY", "Policy"]
 
 
 @dataclass(frozen=True)
-class Policy(Plausibility, Inference, Diagnosis, Calibration, Gravity, Fleet):
+class Policy(Plausibility, Inference, Diagnosis, Calibration, Gravity, Fleet, Planning):
     """Every threshold of all kinds of verdict."""
 
 

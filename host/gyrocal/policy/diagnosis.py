@@ -108,11 +108,11 @@ class Diagnosis:
     )  # fmt: skip
     alike: float = threshold(
         0.1, "fraction of the residual's mean square by which two variables describe an excess equally well",
-        larger="a variable of few steps is told although the picture of another shows more",
-        smaller="time in the run is told wherever the cause moves smoothly in time",
+        larger="a variable of few steps is reported although the picture of another shows more",
+        smaller="time in the run is reported for every cause that changes smoothly in time",
     )  # fmt: skip
     visible: float = threshold(
-        0.5, "fraction of the residual's mean square that follows a variable, from which on an excess is told against it",
+        0.5, "fraction of the residual's mean square that follows a variable, from which on an excess is reported against it",
         larger="an excess that a picture shows is said to have no shape", smaller="noise names the variable of an excess",
     )  # fmt: skip
     excess_errors: float = threshold(
@@ -172,6 +172,11 @@ class Diagnosis:
         0.01, "probability that any effect is named in a session without effects, over all candidates",
         larger="more false names; together with misfit_alarm it must stay below 0.02", smaller="small effects are not named",
         chosen_by="half of the 2 % allowed for all tests together; gyrocal benchmark blind: 0 of 72 nulls",
+    )  # fmt: skip
+    moved_alarm: float = threshold(
+        0.002, "probability that a parameter of another session's model is said to have moved when none has, over all of them",
+        larger="more false alarms beside those of misfit_alarm and name_alarm", smaller="small changes are not told",
+        chosen_by="a tenth of the 2 % allowed for all tests together; pytest tests/diagnosis/test_as_is.py",
     )  # fmt: skip
     gain_errors: float = threshold(
         2.0, "standard errors by which the held-out gain must exceed zero",

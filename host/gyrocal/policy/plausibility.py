@@ -74,7 +74,7 @@ class Plausibility:
     )  # fmt: skip
     turning_errors: float = threshold(
         5.0, "standard errors by which the slope of a turning run must differ from zero; also the tolerances of a common line",
-        larger="readings in rad/s at low rates are not recognised", smaller="a table that stands still is called a wrong unit",
+        larger="readings in rad/s at low rates are not recognised", smaller="a table at rest is called a wrong unit",
         chosen_by=SLOPES,
     )  # fmt: skip
     slope_se: float = threshold(

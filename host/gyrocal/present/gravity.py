@@ -1,4 +1,4 @@
-"""What the verbs answer, and people see, of sessions whose reference is gravity."""
+"""The output of the verbs for sessions whose reference is gravity."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration
 from gyrocal.gravity import compare as comparison
 from gyrocal.gravity import diagnose as diagnosis
+from gyrocal.gravity.as_is import compare_as_is
 from gyrocal.gravity.budget import budget
 from gyrocal.gravity.calibrate import Calibration, misalignment
 from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
 from gyrocal.gravity.scene import Scene
 from gyrocal.present.output import emit, mdps, plus_minus, stdout, table
-from gyrocal.present.report import ANGLES, BLOCKED, REJECTED_SHOWN, angle_row, deg, print_warnings, sizes
+from gyrocal.present.report import ANGLES, BLOCKED, MOVED, REJECTED_SHOWN, angle_row, deg, moved_rows, print_warnings, sizes
 from gyrocal.recording.session import Session
 
 
@@ -29,11 +30,13 @@ def show_calibration(
     emit(found.to_json()) if as_json else print_calibration(found)
 
 
-def show_compare(session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool) -> None:
-    """Raises InputError if a page or pictures are asked for, which show rates over time."""
+def show_compare(
+    session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool, as_is: bool = False
+) -> None:
+    """Compare a session by gravity and print the result. Raises InputError if a page or pictures are wanted."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; use --residuals for a table of movements")
-    found = comparison.compare(session, model)
+    found = (compare_as_is if as_is else comparison.compare)(session, model)
     if residuals is not None:
         frame = comparison.residual_table(found)
         try:
@@ -51,7 +54,7 @@ def show_diagnose(session: Session, path: Path, model: str | None, formulas: Seq
 
 
 def show_add(session: Session, effect: str, model: Path, only_day: int | None, as_json: bool) -> None:
-    """Raises InputError for ``--heldout-day``: movements of all units are judged."""
+    """Raise InputError for ``--heldout-day``, because the movements of all units are judged."""
     if only_day is not None:
         raise InputError(f"--heldout-day {only_day}: a session by gravity is judged on all its movements; leave the option out")
     before, after = diagnosis.add(session, model if model.exists() else None, effect)
@@ -72,7 +75,7 @@ def show_add(session: Session, effect: str, model: Path, only_day: int | None, a
 def show_explain(
     session: Session, path: Path, model: Path, most_steps: int, page: Path | None, as_json: bool
 ) -> None:
-    """Raises InputError if a page is asked for."""
+    """Raise InputError if a page is wanted."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; leave --html out")
     found = diagnosis.explain(session, model if model.exists() else None, most_steps)
@@ -95,13 +98,16 @@ def headline(c: Comparison) -> str:
     if c.verdict == "implausible":
         return BLOCKED
     if c.verdict == "adequate":
-        return "The model is adequate: what is left over is noise."
+        fits = "The model is adequate" if c.moved is None else "The model still holds, and no parameter has moved"
+        return f"{fits}: what is left over is noise."
     first = c.where[0]
+    if c.moved is not None:
+        return f"The model no longer holds: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
     return f"The model does not fit: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
 
 
 def print_comparison(c: Comparison) -> None:
-    """Levels by the axis that a movement mainly turns about, and where the model fails."""
+    """Print the levels by the axis about which a movement mainly turns, and where the model fails."""
     print_warnings(c.warnings)
     scene = c.fit.scene
     stdout.print(f"{len(scene.rests)} rests, {len(scene.movements)} movements; rests begin at {_begins(scene)} s")
@@ -112,11 +118,13 @@ def print_comparison(c: Comparison) -> None:
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+    if c.moved is not None:
+        table("What has moved", MOVED, moved_rows(c.moved))
     stdout.print(headline(c), style="bold", markup=False)
 
 
 def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
-    """Candidates, what such a session cannot show, and the verdict."""
+    """Print the candidates, the effects that such a session cannot show, and the verdict."""
     print_warnings(d.comparison.warnings)
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
@@ -146,7 +154,7 @@ def _candidate(c: Candidate) -> list[str]:
 
 
 def print_calibration(c: Calibration) -> None:
-    """Rests, estimates, misalignment and the budget of the errors."""
+    """Print the rests, the estimates, the misalignment and the error budget."""
     print_warnings(c.warnings)
     for name, fitted in c.fits.items():
         scene = fitted.scene

@@ -1,8 +1,9 @@
-"""How results are shown in Python and in a notebook: their words, tables and pictures, registered by the import."""
+"""The words, tables and pictures of results in Python and in a notebook. Importing this module registers them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,10 @@ from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import Explanation
 from gyrocal.error_model.model import Model
+from gyrocal.planning.plan import Plan
 from gyrocal.present import pictures
 from gyrocal.present.output import mdps, plus_minus
+from gyrocal.present.plan import promise, words
 from gyrocal.present.preview import preview
 from gyrocal.present.report import deg, headline, verdict_text
 from gyrocal.recording.session import Session
@@ -54,7 +57,7 @@ def _comparison_words(found: Comparison) -> str:
         v = found.angles.level()
         levels = f"rms {deg(v.rms_deg)} deg, noise floor {deg(v.floor_deg)} deg, excess {deg(v.excess_deg)} deg"
     where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
-    return "\n".join([f"{found.verdict}; {levels}", headline(found), *where])
+    return "\n".join([f"{found.verdict}; {levels}", headline(found), *where, *([found.note] if found.note else [])])
 
 
 def _comparison_table(found: Comparison) -> pl.DataFrame:
@@ -70,7 +73,7 @@ def _diagnosis_words(found: Diagnosis) -> str:
 
 
 def _diagnosis_table(found: Diagnosis) -> pl.DataFrame:
-    """One row a candidate, best first."""
+    """One row for each candidate, best first."""
     keys = ("effect", "axis", "decision", "heldout_gain", "heldout_gain_se", "q_value", "explained", "next_measurement")
     return _table([{key: row[key] for key in keys} for row in (c.to_json() for c in found.candidates)])
 
@@ -120,7 +123,7 @@ def _model_rows(model: Model) -> list[dict[str, Any]]:
 
 
 def _model_table(model: Model) -> pl.DataFrame:
-    """One row a fitted parameter."""
+    """One row for each fitted parameter."""
     schema = {"effect": pl.String, "axis": pl.String, "parameter": pl.String, "value": pl.Float64, "se": pl.Float64}
     return pl.DataFrame(_model_rows(model), schema=schema)
 
@@ -138,6 +141,26 @@ def _model_figure(model: Model) -> Figure:
     return figure
 
 
+def _plan_words(plan: Plan) -> str:
+    named = [f"{run.scenario}: {words(run)}, {run.seconds:g} s" for run in plan.runs]
+    return "\n".join([promise(plan), plan.question.why, *([plan.advice] if plan.advice else []), *named])
+
+
+def _plan_figure(plan: Plan) -> Figure:
+    """The rate of the table over the recorded minutes; chamber temperatures beside the runs."""
+    figure = Figure(figsize=(8, 3), layout="constrained")
+    axes, start_min = figure.subplots(), 0.0
+    for run in plan.runs:
+        stop_min = start_min + run.seconds / 60
+        axes.plot([start_min, stop_min], [run.table_rate_dps] * 2, color="C0" if run.face == "up" else "C1", linewidth=3)
+        if run.temp_c is not None:
+            axes.annotate(f"{run.temp_c:g} degC", (start_min, run.table_rate_dps), fontsize=6)
+        start_min = stop_min
+    axes.set_xlabel("recorded time, min")
+    axes.set_ylabel("table, deg/s (blue: face up)")
+    return figure
+
+
 def _of_last(view: View) -> View:
     """An explanation is shown as its last diagnosis."""
     return View(lambda e: view.summary(e.last), lambda e: view.table(e.last), lambda e: view.figure(e.last))
@@ -150,5 +173,6 @@ VIEWS.update({
     Diagnosis: _DIAGNOSIS,
     Explanation: _of_last(_DIAGNOSIS),
     Calibration: View(_calibration_words, lambda found: _table([e.to_json() for e in found]), _calibration_figure),
+    Plan: View(_plan_words, lambda plan: _table([asdict(run) for run in plan.runs]), _plan_figure),
     Model: View(_model_words, _model_table, _model_figure),
 })  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,14 @@ from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
+from gyrocal.diagnosis.moved import Moved
 from gyrocal.policy import POLICY
 from gyrocal.present.output import mdps, plus_minus, stdout, table
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
 BLOCKED = (
-    "The session's own axis is not judged, because a warning stands against it. Correct what the warnings describe, or "
+    "The session's own axis is not judged, because it has a blocking warning. Correct what the warnings describe, or "
     "overrule them with accept in session.toml."
 )
 
@@ -40,8 +41,11 @@ def headline(c: Comparison) -> str:
     if c.verdict == "implausible":
         return BLOCKED
     if c.verdict == "adequate":
-        return UNTIMED if _is_untimed(c) else "The model is adequate: what is left over is noise."
+        fits = "The model is adequate" if c.moved is None else "The model still holds, and no parameter has moved"
+        return UNTIMED if _is_untimed(c) else f"{fits}: what is left over is noise."
     first = c.where[0]
+    if c.moved is not None:
+        return f"The model no longer holds: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
     return f"The model does not fit: on {first.axis}, against {first.against.replace('_', ' ')} ({first.note})."
 
 
@@ -50,7 +54,7 @@ def _is_untimed(c: Comparison) -> bool:
 
 
 def axis_names(c: Comparison) -> tuple[dict[str, str], str]:
-    """What tables call each axis and all of them together: an axis that a warning blocks is marked in both."""
+    """Names of each axis and of all together in tables, where an axis with a blocking warning is marked."""
     blocked = [axis for axis in c.per_axis if axis not in c.judged]
     names = {axis: f"{axis} (not judged)" if axis in blocked else axis for axis in c.per_axis}
     return names, f"all (with {', '.join(blocked)})" if blocked else "all"
@@ -94,7 +98,28 @@ def print_comparison(c: Comparison) -> None:
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+    if c.moved is not None:
+        table("What has moved", MOVED, moved_rows(c.moved))
+        print_note(c.note)
     stdout.print(headline(c), style="bold")
+
+
+MOVED = ["parameter:", "axis:", "file", "this session", "moved by", "±", "z", "unit:"]
+
+
+def moved_rows(moved: Sequence[Moved]) -> list[list[str]]:
+    """One row for each parameter of the file; a dash where this session does not show it."""
+    return [
+        [f"{m.effect} {m.name}", m.axis, f"{m.file:.6g}", "-" if m.session is None else f"{m.session:.6g}",
+         "-" if m.session is None else f"{m.session - m.file:+.3g}", "-" if m.se is None else f"{m.se:.2g}",
+         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else m.unit]
+        for m in moved
+    ]  # fmt: skip
+
+
+def print_note(note: str) -> None:
+    if note:
+        stdout.print(note, markup=False)
 
 
 def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
@@ -123,6 +148,8 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
         stdout.print(f"next: gyrocal explain {session} --model {target}")
     elif d.verdict == "add" and d.best is not None:
         stdout.print(f"next: gyrocal add {d.best.effect.id} {session} --model {target}")
+    if d.verdict == "ambiguous":
+        stdout.print(f"next: gyrocal plan {session} --out plan.toml")
     if d.verdict == "unknown" and not unproven(d):
         stdout.print(
             f"next: gyrocal keep {session} --model {target} finds a formula for it and keeps it as an effect of your own"
@@ -159,7 +186,7 @@ def verdict_text(d: Diagnosis) -> str:
 
 
 def unproven(d: Diagnosis) -> list[Candidate]:
-    """The candidates that a diagnosis suggests on the axis of what is unknown."""
+    """The candidates that a diagnosis suggests on the axis of the unknown misfit."""
     return [c for c in d.candidates if d.unknown is not None and c.decision == "suggest" and c.axis == d.unknown["axis"]]
 
 
@@ -210,7 +237,8 @@ def write_page(path: Path, c: Comparison) -> None:
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
-        parameters=parameter_rows(c),
+        parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
+        note=c.note,
     )  # fmt: skip
     page.write(path, text)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.recording.header import Axis, Face
+from gyrocal.recording.plan_file import PlannedRuns
 from gyrocal.recording.session import AXES
 
 TABLE_RATE_DPS = 78.0
@@ -44,6 +45,8 @@ class Planned:
     swing: Swing | None = None
     shake_g: float = 0.0
     """Root mean square of a vibration along each of the sensor's axes, g."""
+    air_c: float | None = None
+    """The air of a chamber that holds its temperature, degC; None = the room."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +146,20 @@ CAMPAIGNS = {
 }
 HANDS = "hands"
 """The campaign without a table."""
+
+
+def of_plan(planned: PlannedRuns) -> list[Planned]:
+    """The runs of a plan file, to the letter; a person takes some seconds before each."""
+    hands = np.random.default_rng(2025)
+    out: list[Planned] = []
+    for run in planned.runs:
+        first = not out or out[-1].scenario != run.scenario
+        power_on_s = _hand(hands, 3.0) if first else out[-1].power_on_s + out[-1].seconds + _hand(hands, 9.0)
+        out.append(Planned(
+            run.scenario, planned.day or 1, run.face, run.table_rate_dps, round(power_on_s, 1), run.seconds, run.axis,
+            air_c=run.temp_c,
+        ))  # fmt: skip
+    return out
 
 
 def _days(days: int | None) -> range:

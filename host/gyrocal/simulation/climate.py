@@ -38,10 +38,15 @@ class Day:
         self.above_c *= float(np.exp(-seconds / SELF_HEATING_TAU_S))
         self.clock_s += seconds
 
-    def on(self, power_on_s: Array) -> Array:
-        """Temperature [n], degC, at times since power-on, s; the part was switched on at the clock's time."""
+    def on(self, power_on_s: Array, air_c: float | None = None) -> Array:
+        """Temperature [n], degC, at times since power-on, s; the part was switched on at the clock's time.
+
+        ``air_c`` is the air of a chamber that holds its temperature, degC; None = the room.
+        """
         at_s = self.clock_s + power_on_s
         above_c = SELF_HEATING_C - (SELF_HEATING_C - self.above_c) * np.exp(-power_on_s / SELF_HEATING_TAU_S)
+        if air_c is not None:
+            return np.asarray(air_c + above_c)
         cycle_c = AIR_CONDITIONING_C * np.sin(2 * np.pi * at_s / AIR_CONDITIONING_S + self.phase_rad)
         chamber_c = self.chamber_c * np.sin(2 * np.pi * at_s / CHAMBER_S)
         return np.asarray(self.room_c + WARMING_C_PER_H * at_s / 3600 + cycle_c + chamber_c + above_c)

@@ -7,7 +7,6 @@ polled at 145 Hz, so that what lies above half the sampling rate folds back.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -20,12 +19,12 @@ from gyrocal.effects import base
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.errors import InputError, did_you_mean
-from gyrocal.files import replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.component import NoiseComponent
 from gyrocal.noise.drift import Drift, ou_noise
 from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.parameter import Described
+from gyrocal.recording.plan_file import PlannedRuns
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation import hands
 from gyrocal.simulation.campaigns import (
@@ -39,10 +38,11 @@ from gyrocal.simulation.campaigns import (
     TRANSIENT,
     Planned,
     Swing,
+    of_plan,
 )
 from gyrocal.simulation.climate import ROOM_SD_C, Day
+from gyrocal.simulation.truth import TRUTH_FORMAT, RunTruth, check_new, saved
 
-TRUTH_FORMAT = "gyrocal-truth/1"
 RATE_HZ = 145.0
 LSB_DPS = 0.00875
 FULL_SCALE_DPS = 250.0
@@ -65,16 +65,6 @@ TRANSIENT_TAU_S = (0.7, 5.0)
 LOG_TAU = (float(np.log(TRANSIENT_TAU_S[0])), float(np.log(TRANSIENT_TAU_S[1])))
 
 Progress = Callable[[int, int], None]
-
-
-@dataclass
-class RunTruth:
-    """The truth of one run; scale and bias for the axes x, y, z."""
-
-    file: str
-    scale: list[float]
-    bias_dps: list[float]
-    effects: list[dict[str, Any]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -147,6 +137,8 @@ def simulate(
     turn_on_sd_dps: float = TURN_ON_SD_DPS,
     sensor: int | None = None,
     parquet: bool = False,
+    plan: PlannedRuns | None = None,
+    add_to: Session | None = None,
     progress: Progress | None = None,
 ) -> tuple[Session, dict[str, Any]]:
     """Simulate a campaign; write it to the folder ``out`` with its truth beside it as ``out.truth.json``.
@@ -154,46 +146,57 @@ def simulate(
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are drawn
     for each run. A part, drawn by its number ``sensor`` (None: the seed), has a scale within 3 % and a bias within 10 deg/s on
     each axis. With ``vary`` they differ between scenarios. ``table2`` is ``paper`` with sensors and effects that make its
-    baseline err as the paper's. Returns the session and its truth. Nothing is written if ``out`` is None.
+    baseline err as the paper's. A ``plan`` takes the campaign's place; its runs follow those of the session ``add_to``, of the
+    same part where that was simulated with this seed and these effects. Returns both; ``out`` None: nothing is written.
     """
-    _check(campaign, seconds)
+    _check(campaign, seconds, plan, add_to)
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
-    if out is not None:
-        _check_new(Path(out))
+    check_new(out)
     chosen = CAMPAIGNS[campaign]
-    plan = chosen.plan(scenarios, seconds)
+    runs_of = chosen.plan(scenarios, seconds) if plan is None else of_plan(plan)
     if campaign == HANDS:
-        return _by_hand(out, wanted, seed, seed if sensor is None else sensor, plan, parquet)
+        return _by_hand(out, wanted, seed, seed if sensor is None else sensor, runs_of, parquet)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
     own, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed if sensor is None else sensor), rng)
-    rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in sorted({p.day for p in plan})}
-    days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
+    mine, before = sorted({p.day for p in runs_of}), 0 if add_to is None else len(add_to.runs)
+    rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in (mine if add_to is None else add_to.days)}
     scale, bias_dps = own.draw(rng)
-    runs: list[Run] = []
-    truths: list[RunTruth] = []
+    if before:
+        rng, weather = np.random.default_rng((seed, before)), np.random.default_rng((seed, before, 1))
+        rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in mine}
+    days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
+    runs, truths = list[Run](), list[RunTruth]()
     shared: dict[str, base.Values] = {}
-    several = len({p.axis for p in plan}) > 1
+    several = len({p.axis for p in runs_of}) > 1
     turn_on_dps = np.zeros(3)
-    for i, planned in enumerate(plan):
-        day = days[planned.day]
-        if i == 0 or planned.scenario != plan[i - 1].scenario:
-            if i and planned.day == plan[i - 1].day:
-                day.switch_off(plan[i - 1].power_on_s + plan[i - 1].seconds)
-                cycles = len({p.scenario for p in plan[:i] if p.day == planned.day})
-                day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
+    for i, planned in enumerate(runs_of):
+        if _begins_cycle(runs_of, i, days):
             turn_on_dps = np.array([own.turn_on_bias.draw_dps(rng) for _ in AXES])
-            # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
-            if vary or campaign == "table2":
+            if vary or campaign == "table2":  # the paper's scenarios differ by more than a turn-on (its Fig. 4)
                 scale, bias_dps = own.draw(rng)
-        truth = RunTruth(f"{i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
+        truth = RunTruth(f"{before + i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
         extra = table2_draw(rng) if campaign == "table2" else []
-        runs.append(simulate_run(i, planned, truth, [*planted, *extra], shared, own, day, several, rng))
+        runs.append(simulate_run(before + i, planned, truth, [*planted, *extra], shared, own, days[planned.day], several, rng))
         truths.append(truth)
         if progress is not None:
-            progress(i + 1, len(plan))
-    session = Session(RATE_HZ, tuple(runs), "z", "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
+            progress(i + 1, len(runs_of))
+    axis = "z" if several else runs_of[0].axis
+    session = add_to or Session(RATE_HZ, (), axis, "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
+    session = session.with_runs([*session.runs, *runs])
     record = _record(campaign, seed, {i for i, _ in wanted}, own, truths)
-    return (session if out is None else _saved(session, out, record, parquet)), record
+    return (session if out is None else saved(session, out, record, parquet)), record
+
+
+def _begins_cycle(plan: Sequence[Planned], i: int, days: Mapping[int, Day]) -> bool:
+    """True if a run begins a power cycle; the part then was without power since the run before it."""
+    if i and plan[i].scenario == plan[i - 1].scenario:
+        return False
+    if i and plan[i].day == plan[i - 1].day:
+        day = days[plan[i].day]
+        day.switch_off(plan[i - 1].power_on_s + plan[i - 1].seconds)
+        cycles = len({p.scenario for p in plan[:i] if p.day == plan[i].day})
+        day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
+    return True
 
 
 def _by_hand(
@@ -211,17 +214,12 @@ def _by_hand(
         "white_sd_dps": hands.WHITE_SD_DPS, "ou_sd_dps": hands.DRIFT.sd_dps, "ou_tau_s": hands.DRIFT.tau_s,
         "turn_on_sd_dps": 0.0,
     }  # fmt: skip
-    return (session if out is None else _saved(session, out, record, parquet)), record
+    return (session if out is None else saved(session, out, record, parquet)), record
 
 
-def _saved(session: Session, out: str | Path, record: Mapping[str, Any], parquet: bool) -> Session:
-    """The session in its folder, with its truth beside it."""
-    saved = session.save(out, parquet=parquet)
-    replace_text(Path(f"{out}.truth.json"), json.dumps(record, indent=1) + "\n")
-    return saved
-
-
-def _check(campaign: str, seconds: float | None) -> None:
+def _check(campaign: str, seconds: float | None, plan: PlannedRuns | None, add_to: Session | None) -> None:
+    if add_to is not None and (plan is None or add_to.sample_rate_hz != RATE_HZ):
+        raise InputError(f"--add-to: needs --plan, and a session at {RATE_HZ:g} Hz")
     if campaign not in CAMPAIGNS:
         raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}{did_you_mean(campaign, CAMPAIGNS)}")
     if seconds is not None and not 2.0 / RATE_HZ <= seconds < np.inf:
@@ -239,23 +237,6 @@ def _record(campaign: str, seed: int, wanted: set[str], sensor: Sensor, truths: 
         },
         "runs": [asdict(t) for t in truths],
     }  # fmt: skip
-
-
-def _check_new(out: Path) -> None:
-    if out.exists():
-        raise InputError(f"{out}: is there already; choose another name or remove it")
-    _check_replaceable(Path(f"{out}.truth.json"))
-
-
-def _check_replaceable(truth: Path) -> None:
-    """Raise InputError if a file with the truth's name is not a truth, because it must not be replaced."""
-    if truth.exists():
-        try:
-            ours = json.loads(truth.read_text(encoding="utf-8"))["format"] == TRUTH_FORMAT
-        except (OSError, ValueError, KeyError, TypeError):
-            ours = False
-        if not ours:
-            raise InputError(f"{truth}: is there already and holds no truth of a simulation; choose another name")
 
 
 def table2_draw(rng: np.random.Generator) -> list[tuple[str, dict[str, float]]]:
@@ -337,7 +318,7 @@ def _surroundings(planned: Planned, day: Day, rng: np.random.Generator) -> pl.Da
     gravity[:, AXES.index(planned.axis)] = sign
     shaken = gravity + rng.normal(0, planned.shake_g, (n, 3)) if planned.shake_g else gravity
     acc_g = np.round((shaken + rng.normal(0, 0.0012, (n, 3))) / 6.1e-5) * 6.1e-5
-    temp_c = np.round((day.on(planned.power_on_s + t_s) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
+    temp_c = np.round((day.on(planned.power_on_s + t_s, planned.air_c) + rng.normal(0, 0.02, n) - 25.0) * 256.0) / 256.0 + 25.0
     still = {f"g{a}_dps": np.zeros(n) for a in AXES}
     frame = pl.DataFrame({"t_s": t_s, **still, **{f"a{a}_g": acc_g[:, i] for i, a in enumerate(AXES)}, "temp_c": temp_c})
     return frame if planned.swing is None else frame.with_columns(**swinging(t_s, planned.swing, sign))

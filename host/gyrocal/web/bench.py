@@ -17,38 +17,43 @@ from gyrocal.core.verify import verify
 from gyrocal.diagnosis.keep import keep
 from gyrocal.effects import base
 from gyrocal.inference import heldout
-from gyrocal.inference.blocks import Blocks, known_dps
-from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.inference.blocks import known_dps
+from gyrocal.policy import POLICY
 from gyrocal.present import report
-from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.recording.session import AXES, Array
+from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
-from gyrocal.web.decimate import Pyramid, thinned
+from gyrocal.web.decimate import Pyramid
+from gyrocal.web.doubt import doubts
+from gyrocal.web.fall import Levels
+from gyrocal.web.hero import picture
+from gyrocal.web.mend import Mend, apply
+from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
 from gyrocal.web.views import (
     Bar,
     CalibrationView,
     Card,
-    Curve,
     DiagnosisView,
     ExportView,
     ModelView,
+    Picture,
+    Recording,
     RunView,
     SessionView,
-    Signature,
 )
 
 Progress = Callable[[str], None]
-
-CURVE_POINTS = 1500
-SIGNATURE_DOTS = 140
-
+UNPAIRED = "No power cycle has both a face-up and a face-down run, so one answer comes from all recordings."
 
 class Bench:
     """Holds the current session and its last comparison. Results that are too large to send are written to ``scratch``."""
 
     def __init__(self, scratch: Path) -> None:
         self._scratch = scratch
-        self._session: Session | None = None
+        self._whole: Session | None = None
+        self._used: tuple[Recording, Session] | None = None
+        """The session without the runs that are left out."""
         self._compared: Comparison | None = None
         self._number = 0
 
@@ -58,7 +63,7 @@ class Bench:
         """Read and check a session, and write its traces."""
         progress("reading the recordings")
         session = Session.open(folder)
-        self._session, self._compared = session, None
+        self._whole, self._used, self._compared = session, None, None
         progress("preparing the pictures")
         traces = self._room()
         firsts = np.cumsum([0, *(len(run) for run in session.runs)]).tolist()
@@ -88,42 +93,65 @@ class Bench:
         )  # fmt: skip
         return out
 
-    def compare(self, folder: Path, model: str, progress: Progress) -> ModelView:
-        """Compare a model (TOML text, or the name of a built-in model) with the session."""
-        return self._view(compare(self._opened(folder), self._model(model), progress=progress), progress)
+    def mend(self, folder: Path, mend: Mend, out: Path, progress: Progress) -> Path:
+        """Mend a session, in place or as a new one at ``out``. Returns the folder to open."""
+        mended = apply(folder, mend, lambda: out)
+        self._whole = self._used = self._compared = None
+        return mended
 
-    def diagnose(self, folder: Path, model: str, progress: Progress) -> DiagnosisView:
+    def look(self, file: Path, asked: intake.Asked, progress: Progress) -> intake.Looked:
+        """Look at a file that may be imported."""
+        return intake.look(file, asked)
+
+    def look_by_gravity(self, folder: Path, progress: Progress) -> by_gravity.GravityView:
+        """Compare the default model with a session by gravity."""
+        return by_gravity.look(folder, progress)
+
+    def missing_by_gravity(self, folder: Path, progress: Progress) -> tuple[str, list[list[str]]]:
+        """Diagnose a session by gravity."""
+        return by_gravity.missing(folder)
+
+    def take(self, file: Path, asked: intake.Asked, out: Path, progress: Progress) -> Path:
+        """Import a file as a new session."""
+        intake.take(file, asked, out)
+        return out
+
+    def compare(self, recording: Recording, model: str, progress: Progress) -> ModelView:
+        """Compare a model (TOML text, or the name of a built-in model) with the session."""
+        return self._view(compare(self._opened(recording), self._model(model), progress=progress), progress)
+
+    def diagnose(self, recording: Recording, model: str, progress: Progress) -> DiagnosisView:
         """Diagnose which effect is missing."""
-        found = diagnose(self._opened(folder), self._model(model), progress=progress)
+        found = diagnose(self._opened(recording), self._model(model), progress=progress)
         self._compared = found.comparison
         return _diagnosis_view(found)
 
-    def add(self, folder: Path, model: str, effect: str, progress: Progress) -> tuple[dict[str, Any], ModelView]:
+    def add(self, recording: Recording, model: str, effect: str, progress: Progress) -> tuple[dict[str, Any], ModelView]:
         """Add an effect. Returns the comparison before it, over the richer model's floor, and the model with it."""
-        before, after, _ = add_effect(self._opened(folder), self._model(model), effect, progress=progress)
+        before, after, _ = add_effect(self._opened(recording), self._model(model), effect, progress=progress)
         if before.note:
             raise InputError(before.note)
         return before.to_json(), self._view(after, progress)
 
-    def keep(self, folder: Path, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
+    def keep(self, recording: Recording, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
         """Find a formula for an unknown misfit. Returns the formula and the model with it."""
-        proposed, _, after, _ = keep(self._opened(folder), self._model(model), name, progress=progress)
+        proposed, _, after, _ = keep(self._opened(recording), self._model(model), name, progress=progress)
         return proposed.formula, self._view(after, progress)
 
-    def without(self, folder: Path, model: str, effect: str, progress: Progress) -> ModelView:
+    def without(self, recording: Recording, model: str, effect: str, progress: Progress) -> ModelView:
         """Remove an effect, and return the model without it."""
-        return self._view(compare(self._opened(folder), self._model(model).without(effect), progress=progress), progress)
+        return self._view(compare(self._opened(recording), self._model(model).without(effect), progress=progress), progress)
 
-    def calibrate(self, folder: Path, models: dict[str, str], progress: Progress) -> CalibrationView:
+    def calibrate(self, recording: Recording, models: dict[str, str], progress: Progress) -> CalibrationView:
         """Scale and bias from the first seconds by baseline, network and each model (name: TOML); the last is the best."""
-        session = self._opened(folder)
+        session = self._opened(recording)
         progress("calibrating from the first seconds")
         longest_s = min(
             (min(a.duration_s, b.duration_s) for _, runs in session.by_scenario() for a, b in pairs(runs)), default=None
         )
         if longest_s is None:
             found = calibrate(session, None, None, self._model(list(models.values())[-1]))
-            return CalibrationView(_estimates(found), {}, "No face-up and face-down pair: one answer from all recordings.")
+            return CalibrationView(_estimates(found), {}, UNPAIRED)
         spans = [s for s in DEFAULT_SECONDS if s < 0.9 * longest_s]
         best = self._model(list(models.values())[-1])
         warnings = check(session, best)
@@ -155,22 +183,28 @@ class Bench:
         return ExportView(folder, opened.effect_ids, self.verify(network, progress))
 
     def report(
-        self, folder: Path, source: str, toml: str, bars: Sequence[Bar], floor_mdps: float,
+        self, recording: Recording, source: str, toml: str, bars: Sequence[Bar], floor_mdps: float,
         diagnosis: DiagnosisView | None, calibration: CalibrationView | None, progress: Progress,
     ) -> str:  # fmt: skip
         """Write everything on the screen as one HTML file."""
-        session, found = self._opened(folder), self._compared
+        session, found = self._opened(recording), self._compared
         if found is None or found.fit.model.toml() != toml:
             found = compare(session, self._model(source), progress=progress)
         progress("drawing")
-        return page(folder.name, found, bars, floor_mdps, diagnosis, calibration)
+        return page(recording.path.name, found, bars, floor_mdps, diagnosis, calibration)
 
     # Functions that several of these methods use.
 
-    def _opened(self, folder: Path) -> Session:
-        if self._session is None or self._session.path != folder:
-            self._session, self._compared = Session.open(folder), None
-        return self._session
+    def _opened(self, recording: Recording) -> Session:
+        if self._whole is None or self._whole.path != recording.path:
+            self._whole, self._used, self._compared = Session.open(recording.path), None, None
+        if self._used is None or self._used[0] != recording:
+            kept = [run for run in self._whole.runs if run.file not in recording.excluded]
+            if not kept:
+                raise InputError("every run is excluded; include one at least")
+            session = self._whole.with_runs(kept) if recording.excluded else self._whole
+            self._used, self._compared = (recording, session), None
+        return self._used[1]
 
     def _model(self, model: str) -> Model:
         if "\n" not in model:
@@ -193,41 +227,21 @@ class Bench:
     def _view(self, found: Comparison, progress: Progress) -> ModelView:
         self._compared = found
         progress("preparing the pictures")
-        traces = self._room()
-        session = found.fit.session
-        first = dict(
-            zip((r.index for r in session.runs), np.cumsum([0, *(len(r) for r in session.runs)]).tolist(), strict=False)
-        )
-        n = sum(len(r) for r in session.runs)
-        residuals: dict[str, list[Array]] = {axis: [] for axis in found.fit.axes}
-        means: dict[tuple[int, int], Array] = {}
-        blocks = {b.run.index: b for b in found.fit.blocks}
-
-        def fill_modelled(modelled: Any) -> None:
-            def fill_residual(residual: Any) -> None:
-                for p in heldout.fitted(found.fit):
-                    rows = slice(first[p.run.index], first[p.run.index] + len(p.run))
-                    modelled[p.axis, rows] = p.modelled_dps - known_dps(p.run, p.axis)
-                    residual[p.axis, rows] = p.residual_dps
-                    residuals[AXES[p.axis]].append(p.residual_dps)
-                    means[p.run.index, p.axis] = blocks[p.run.index].mean(p.residual_dps[:, None])[:, 0]
-
-            Pyramid.write(traces / "residual", 3, n, fill_residual)
-
-        Pyramid.write(traces / "modelled", 3, n, fill_modelled)
-        points = _points(found.fit.blocks, means)
-        np.savez(traces / "points.npz", **points)
-        progress("Allan deviation")
-        allan = {axis: _allan(found, axis, r) for axis, r in residuals.items() if r}
-        spectra = {}
-        for axis, s in found.spectra.items():
-            x, y = thinned(s.frequency_hz, np.sqrt(s.power), CURVE_POINTS)
-            level = np.interp(x, s.frequency_hz, np.sqrt(s.level)) if x.size else x
-            spectra[axis] = Curve(x.tolist(), y.tolist(), level.tolist())
-        against = [p.name for p in panels() if any(np.isfinite(points[p.key(axis)]).any() for axis in AXES)]
+        assert self._whole is not None
+        traces, runs = self._room(), self._whole.runs
+        first = dict(zip((r.index for r in runs), np.cumsum([0, *map(len, runs)]).tolist(), strict=False))
+        residuals = Residuals(found, traces, first, self._whole.rows)
+        np.savez(traces / "points.npz", **residuals.points)
+        progress("spectra")
+        against = [p.name for p in panels() if any(np.isfinite(residuals.points[p.key(axis)]).any() for axis in AXES)]
+        compared = found.to_json()
+        levels = None
+        if found.angles is None:
+            levels = Levels(found.squares, found.floors, found.cycles, len(compared["parameters"]))
         return ModelView(
-            found.fit.model.toml(), found.to_json(), report.headline(found), report.level_rows(found),
-            _effects(found.fit.model), traces, against, spectra, allan,
+            found.fit.model.toml(), compared, report.headline(found), report.level_rows(found), _effects(found.fit.model),
+            traces, against, levels, residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
+            residuals.allan(),
         )  # fmt: skip
 
 
@@ -237,43 +251,19 @@ def _effects(model: Model) -> list[tuple[str, str, bool]]:
     return list(listed.values())
 
 
-def _points(blocks: Sequence[Blocks], means: dict[tuple[int, int], Array]) -> dict[str, Any]:
-    """Block means of the residual of each axis and of every variable for its plots; shape [blocks] each."""
-
-    def stacked(of: Callable[[Run], Array | None]) -> Any:
-        parts = []
-        for b in blocks:
-            values = None if b.run.rate_is_mean else of(b.run)
-            parts.append(np.full(b.t_s.size, np.nan) if values is None else b.mean(values[:, None])[:, 0])
-        return np.concatenate(parts).astype(np.float32)
-
-    out: dict[str, Any] = {"run": np.concatenate([np.full(b.t_s.size, b.run.index, np.int32) for b in blocks])}
-    for axis, name in enumerate(AXES):
-        parts = [means.get((b.run.index, axis), np.full(b.t_s.size, np.nan)) for b in blocks]
-        out[name] = np.concatenate(parts).astype(np.float32)
-    runs = [b.run for b in blocks]
-    for panel in panels():
-        variable = panel.variable(runs)
-        for axis, name in enumerate(AXES if variable.of_axis else AXES[:1]):
-            values = stacked(lambda run, p=panel, v=variable, i=axis: p.values(v, run, i))  # type: ignore[misc]
-            out[panel.key(name)] = values if variable.period is None else values % variable.period
-    return out
-
-
-def _allan(found: Comparison, axis: str, residuals: list[Array]) -> Curve:
-    rate_hz = found.fit.session.sample_rate_hz
-    tau_s, deviation = allan_deviation(residuals, rate_hz)
-    expected = model_deviation(tau_s, found.fit.axes[axis].noise, rate_hz)
-    return Curve(tau_s.tolist(), deviation.tolist(), expected.tolist())
-
-
 def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
-    residuals = {(p.run.index, AXES[p.axis]): p.residual_dps for p in heldout.fitted(found.comparison.fit)}
+    fit = found.comparison.fit
+    means: dict[tuple[int, int], Array] = {}
+    blocks = {b.run.index: b for b in fit.blocks}
+    for p in heldout.fitted(fit):
+        means[p.run.index, p.axis] = blocks[p.run.index].mean(p.residual_dps[:, None])[:, 0]
+    drawn = points(fit.blocks, means)
+    few = found.comparison.cycles < POLICY.few_cycles
     cards = [
         Card(
             c.to_json(), c.effect.title, c.effect.cause, c.effect.equation,
-            [_title(i) for i in c.group if i != c.effect.id], report.sizes(c),
-            _signature(c, found.comparison, residuals) if c.decision in ("add", "suggest") else None,
+            [_title(i) for i in c.group if i != c.effect.id], report.sizes(c), doubts(c, found.comparison), few,
+            _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
         )
         for c in found.candidates
     ]  # fmt: skip
@@ -285,40 +275,13 @@ def _title(effect_id: str) -> str:
     return kinds[effect_id].title if effect_id in kinds else effect_id
 
 
-def _signature(c: Candidate, found: Comparison, residuals: dict[tuple[int, str], Array]) -> Signature | None:
-    """The run in which the effect is largest: its residual without the effect, and the fitted effect."""
+def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture | None:
     blocks = found.fit.blocks
-    if c.effect.fast:
-        s = found.spectra[c.axis]
-        x, y = thinned(s.frequency_hz, np.sqrt(s.power) * 1e3, SIGNATURE_DOTS)
-        return Signature("spectrum of the residual", "Hz", [], list(zip(x.tolist(), y.tolist(), strict=True)))
-    if c.signal is None or c.signal.size != sum(b.t_s.size for b in blocks):
+    samples = np.concatenate([b.n for b in blocks])
+    if c.signal is None or c.signal.size != samples.size or not np.isfinite(drawn[c.axis]).any():
         return None
-    parts = np.split(c.signal, np.cumsum([b.t_s.size for b in blocks])[:-1])
-    strongest = max(
-        (i for i, b in enumerate(blocks) if (b.run.index, c.axis) in residuals),
-        key=lambda i: float(np.sum(parts[i] ** 2)),
-        default=None,
-    )
-    if strongest is None:
-        return None
-    b = blocks[strongest]
-    left = b.mean(residuals[b.run.index, c.axis][:, None])[:, 0]
-    line = parts[strongest] / np.sqrt(b.n)
-    t_s = b.t_s - b.run.t_s[0]
-    group = max(1, -(-t_s.size // SIGNATURE_DOTS))
-    starts = np.arange(0, t_s.size, group)
-    sizes = np.diff([*starts, t_s.size])
-
-    def coarse(values: Array) -> list[float]:
-        return (np.add.reduceat(values, starts) / sizes).tolist()
-
-    times = coarse(t_s)
-    return Signature(
-        f"run {b.run.file}", "s",
-        list(zip(times, coarse((left - left.mean()) * 1e3), strict=True)),
-        list(zip(times, coarse((line - line.mean()) * 1e3), strict=True)),
-    )  # fmt: skip
+    files = {b.run.index: b.run.file for b in blocks}
+    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files)
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:

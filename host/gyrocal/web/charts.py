@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import html
+import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gyrocal.web.views import Bar
+    from gyrocal.web.views import Bar, Picture
 
 Options = dict[str, Any]
 Points = Sequence[Any]
@@ -33,6 +36,7 @@ DARK = Palette(
     "#e8eaed", "#a0a8b3", "#333a43", {"x": "#E69F00", "y": "#2BC79B", "z": "#56B4E9"}, "#2BC79B", "#FF8A4C",
     ("#9aa3ad", "#E29AC4", "#E69F00", "#56B4E9"), "#1c2026",
 )  # fmt: skip
+FONT = "Roboto, system-ui, sans-serif"
 METHODS = ("baseline", "network", "model at first", "model now")
 SYMBOLS = ("rect", "triangle", "diamond", "circle")
 
@@ -45,7 +49,7 @@ def base(p: Palette, **more: Any) -> Options:
     return {
         "animation": False,
         "backgroundColor": "transparent",
-        "textStyle": {"fontFamily": "inherit", "color": p.ink},
+        "textStyle": {"fontFamily": FONT, "color": p.ink},
         **more,
     }
 
@@ -60,6 +64,25 @@ def axis(p: Palette, name: str = "", *, kind: str = "value", label: Options | No
     }  # fmt: skip
 
 
+PLAIN = "v => String(+Number(v).toPrecision(4))"
+"""A tick's number in JavaScript, without digits that only a division has produced."""
+
+
+def logarithmic(p: Palette, values: Sequence[float], name: str = "", **more: Any) -> Options:
+    """A logarithmic axis that begins and ends at 1, 2 or 5 times a power of ten around the positive ``values``."""
+    there = [v for v in values if v > 0] or [1.0, 10.0]
+    ends = {"min": _plain(min(there), down=True), "max": _plain(max(there), down=False)}
+    return axis(p, name, kind="log", scale=False, label={":formatter": PLAIN}, **ends, **more)
+
+
+def _plain(value: float, *, down: bool) -> float:
+    """The next number at or beyond ``value`` that is 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    steps = [m * power for m in (0.5, 1.0, 2.0, 5.0, 10.0)]
+    fits = [s for s in steps if (s <= value * (1 + 1e-9) if down else s >= value * (1 - 1e-9))]
+    return float(f"{(max(fits) if down else min(fits)):.3g}")
+
+
 def line(name: str, data: Points, colour: str, *, on: int = 0, style: Options | None = None, **more: Any) -> Options:
     """A line in the grid ``on``."""
     return {
@@ -67,6 +90,41 @@ def line(name: str, data: Points, colour: str, *, on: int = 0, style: Options | 
         "xAxisIndex": on, "yAxisIndex": on, "lineStyle": {"color": colour, "width": 1, **(style or {})},
         "itemStyle": {"color": colour}, **more,
     }  # fmt: skip
+
+
+INTERVAL = """(params, api) => {
+    const low = api.coord([api.value(0), api.value(2)]), high = api.coord([api.value(1), api.value(3)]);
+    const x = Math.round(low[0]), y = Math.round(high[1]);
+    return {type: "rect", style: {fill: api.visual("color"), opacity: %g}, shape: {
+        x, y, width: Math.max(1, Math.round(high[0]) - x), height: Math.max(1, Math.round(low[1]) - y)}};
+}"""
+
+
+def band(name: str, data: Points, colour: str, opacity: float, *, on: int = 0) -> Options:
+    """Filled intervals [x from, x to, lowest, highest] in the grid ``on``. Nothing joins one interval to the next."""
+    return {
+        "type": "custom", "name": name, "data": data, "silent": True, "animation": False, "clip": True,
+        "xAxisIndex": on, "yAxisIndex": on, "encode": {"x": [0, 1], "y": [2, 3]}, "tooltip": {"show": False},
+        "itemStyle": {"color": colour}, "z": 1, ":renderItem": INTERVAL % opacity,
+    }  # fmt: skip
+
+
+def script(value: Any) -> str:
+    """A chart's options as JavaScript. The value of a key that begins with a colon is JavaScript already."""
+    if isinstance(value, dict):
+        parts = (
+            f"{json.dumps(k[1:])}:({v})" if k.startswith(":") and isinstance(v, str) else f"{json.dumps(k)}:{script(v)}"
+            for k, v in value.items()
+        )
+        return "{" + ",".join(parts) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(script, value)) + "]"
+    return json.dumps(value)
+
+
+def words(lines: Sequence[str]) -> str:
+    """Lines of text as one HTML attribute."""
+    return html.escape(", ".join(lines), quote=True)
 
 
 def grid(**place: Any) -> Options:
@@ -79,16 +137,41 @@ def title(p: Palette, text: str, top: Any, left: Any = 62) -> Options:
     return {"text": text, "left": left, "top": top, "padding": 0, "textStyle": style}
 
 
-def legend(p: Palette, names: Sequence[str], **more: Any) -> Options:
+def legend(p: Palette, names: Sequence[Any], **more: Any) -> Options:
     return {
         "data": list(names), "textStyle": {"color": p.dim, "fontSize": 11}, "itemWidth": 16, "itemHeight": 8,
-        "selectedMode": False, "icon": "roundRect", **more,
+        "icon": "roundRect", "inactiveColor": p.line, **more,
     }  # fmt: skip
 
 
-def tooltip(p: Palette) -> Options:
+def tooltip(p: Palette, unit: str = "", x_unit: str = "") -> Options:
+    """A crosshair with the values of all lines at its place. Both units are written behind the numbers."""
     text = {"color": p.ink, "fontSize": 12}
-    return {"trigger": "axis", "backgroundColor": p.face, "borderColor": p.line, "textStyle": text, "confine": True}
+    shown: Options = {"trigger": "axis", "backgroundColor": p.face, "borderColor": p.line, "textStyle": text, "confine": True}
+    if unit:
+        label = {"backgroundColor": p.dim, ":formatter": f"o => {NUMBER} + ' {x_unit}'"}
+        shown["axisPointer"] = {"type": "line", "label": label, "lineStyle": {"color": p.dim}}
+        shown[":formatter"] = TOLD % (unit, x_unit)
+    return shown
+
+
+NUMBER = "String(+Number(o.value).toPrecision(5))"
+TOLD = """items => {
+    const lines = items.filter(i => i.seriesType !== "custom" && i.value && i.value[1] !== null && i.seriesName[0] !== " ");
+    if (!lines.length) return "";
+    const told = lines.map(i => `${i.marker}${i.seriesName} <b>${+Number(i.value[1]).toPrecision(4)}</b> %s`);
+    return [`${+Number(lines[0].value[0]).toPrecision(6)} %s`, ...new Set(told)].join("<br>");
+}"""
+"""The text beside the crosshair. A series whose name begins with a space is a part of another one and not told."""
+
+
+def _box(y: bool) -> Options:
+    zoom = {"filterMode": "none", "brushStyle": {"color": "rgba(128,128,128,0.25)"}, **({} if y else {"yAxisIndex": "none"})}
+    return {"left": -60, "top": -60, "itemSize": 1, "feature": {"dataZoom": zoom}}
+
+
+BOX, BOX_OF_TIME = _box(True), _box(False)
+"""ECharts' box zoom. Its own icons lie outside of the chart, because a keyboard cannot reach them; buttons call it."""
 
 
 def marks(p: Palette, data: Sequence[Options], colour: str, kind: str = "dotted") -> Options:
@@ -122,6 +205,61 @@ def blocks(p: Palette, bars: Sequence[Bar]) -> list[Block]:
     return out
 
 
+MOTION: Options = {":animation": "!matchMedia('(prefers-reduced-motion: reduce)').matches"}
+"""Animation, unless the person has asked for none."""
+
+
+def hero(p: Palette, shown: Picture, left: Sequence[float], curve: Sequence[float], lines: Sequence[str]) -> Options:
+    """The residual's means and the effect's curve against the accused variable, with the band where the means should lie.
+
+    ``lines`` are the words above the picture. The vertical axis is that of the residual without the effect, so that the
+    picture shows the residual flatten when the effect is added.
+    """
+    low, high = _extent(shown)
+    moved: Options = {"animationDurationUpdate": 1100, "animationEasingUpdate": "cubicInOut", **MOTION}
+    halves = [(b - a) / 2 for a, b in zip(shown.edges, shown.edges[1:], strict=False)]
+    half = min(halves) if halves else 0.5
+    filled = [
+        [round(x - half, 6), round(x + half, 6), round(y - 2 * se, 3), round(y + 2 * se, 3)]
+        for x, y, se in zip(shown.centres, curve, shown.se, strict=True)
+    ]
+    names = ["left over, means", "the effect", "where the means should lie (± 2 se)"]
+    through = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, curve, strict=True)]
+    dots = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, left, strict=True)]
+    few = len(shown.centres) < 8
+    faint = {"name": names[2], "itemStyle": {"opacity": 0.35}}
+    ends: Options = {} if few else {"min": shown.edges[0], "max": float(f"{shown.edges[-1]:.6g}")}
+    return base(
+        p, **moved,
+        title=[title(p, text, 4 + 17 * k, 12) | ({"textStyle": _heading(p)} if k == 0 else {}) for k, text in enumerate(lines)],
+        legend=legend(p, [*names[:2], faint], left=54, top=4 + 17 * len(lines)), tooltip=tooltip(p, "mdps", ""),
+        grid=grid(left=54, right=16, top=34 + 17 * len(lines), bottom=40),
+        xAxis=axis(p, shown.x_label, nameGap=22, label={":formatter": PLAIN}, **ends),
+        yAxis=axis(p, "mdps", nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
+        series=[
+            {**line(names[1], through, p.axes[shown.axis], style={"width": 2.5}), **moved, "showSymbol": few},
+            {
+                "type": "scatter", "name": names[0], "data": dots, "symbolSize": 6, "itemStyle": {"color": p.ink},
+                "silent": True, **moved,
+            },
+            band(names[2], filled, p.axes[shown.axis], 0.25),
+        ],
+    )  # fmt: skip
+
+
+def _heading(p: Palette) -> Options:
+    return {"color": p.ink, "fontSize": 14, "fontWeight": "bold"}
+
+
+def _extent(shown: Picture) -> tuple[float, float]:
+    """The ends of the vertical axis: all means and the curve with its band, and zero, in round numbers."""
+    values = [0.0, *shown.left]
+    values += [y + k * se for y, se in zip(shown.curve, shown.se, strict=True) for k in (-2, 2)]
+    low, high = min(values), max(values)
+    step = 10.0 ** math.floor(math.log10((high - low) or 1.0)) / 2
+    return math.floor(low / step) * step, math.ceil(high / step) * step
+
+
 def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
     """Excess error step by step above the floor (zero). The last bar is the remaining excess."""
     drawn = blocks(p, bars)
@@ -136,10 +274,10 @@ def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
     ]
     return base(
         p,
-        animation=True, animationDuration=700, animationEasing="cubicOut",
+        animationDuration=700, animationEasing="cubicOut", **MOTION,
         grid=grid(left=54, right=16, top=18, bottom=40),
         xAxis=axis(p, kind="category", data=[b.label for b in drawn], axisTick={"show": False}, label=wrapped),
-        yAxis=axis(p, "excess error, mdps", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
+        yAxis=axis(p, "excess, mdps rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
         series=[
             {"type": "bar", "stack": "s", "silent": True, "data": [b.low for b in drawn],
              "itemStyle": {"color": "transparent"}, "animation": False},
@@ -174,10 +312,17 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
     )  # fmt: skip
 
 
-def signature_svg(dots: Sequence[tuple[float, float]], curve: Sequence[tuple[float, float]], label: str) -> str:
-    """A small plot of the residual (dots) and the fitted effect (line), in the colours of the page."""
+def signature_svg(
+    dots: Sequence[tuple[float, float]], curve: Sequence[tuple[float, float]], label: str,
+    band: Sequence[tuple[float, float, float]] = (),
+) -> str:  # fmt: skip
+    """A small plot of the residual (dots) and the fitted effect (line), in the colours of the page.
+
+    ``band`` is filled between its lowest and highest values at each x.
+    """
     width, height = 220.0, 76.0
-    everything = [*dots, *curve]
+    edges = [*((x, low) for x, low, _ in band), *((x, high) for x, _, high in reversed(band))]
+    everything = [*dots, *curve, *edges]
     if not everything:
         return ""
     xs, ys = [x for x, _ in everything], [y for _, y in everything]
@@ -187,9 +332,13 @@ def signature_svg(dots: Sequence[tuple[float, float]], curve: Sequence[tuple[flo
     def place(point: tuple[float, float]) -> tuple[float, float]:
         return 2 + (point[0] - min(xs)) / across * (width - 4), height - 4 - (point[1] - low) / up * (height - 8)
 
-    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.4"/>' for x, y in map(place, dots))
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(place, curve))
+    def path(points: Sequence[tuple[float, float]]) -> str:
+        return " ".join(f"{x:.1f},{y:.1f}" for x, y in map(place, points))
+
+    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.6"/>' for x, y in map(place, dots))
+    filled = f'<polygon class="band" points="{path(edges)}"/>' if edges else ""
     return (
-        f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{label}" '
-        f'preserveAspectRatio="none"><g class="dots">{circles}</g><polyline class="curve" points="{path}"/></svg>'
+        f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{html.escape(label, quote=True)}" '
+        f'preserveAspectRatio="none">{filled}<g class="dots">{circles}</g>'
+        f'<polyline class="curve" points="{path(curve)}"/></svg>'
     )

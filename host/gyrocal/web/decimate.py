@@ -1,7 +1,8 @@
-"""Reduction of long traces to the resolution of a screen by the minimum and maximum of each interval, which keeps spikes.
+"""Reduction of long traces to the resolution of a screen: minimum, maximum and mean of each interval.
 
-A :class:`Pyramid` stores minima and maxima of 16, 256, 4096, ... samples in memory-mapped files beside the samples. Any
-interval of ten million samples then costs the same few thousand numbers.
+The minimum and the maximum keep spikes, and the mean shows what is not noise. A :class:`Pyramid` stores them for 16, 256,
+4096, ... samples in memory-mapped files beside the samples. Any interval of ten million samples then costs the same few
+thousand numbers.
 """
 
 from __future__ import annotations
@@ -13,19 +14,33 @@ from typing import Any, NamedTuple
 import numpy as np
 
 FACTOR = 16
+STORED = ("min", "max", "mean")
 
 Array = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
 
+class Stretches(NamedTuple):
+    """Intervals of a trace: rows ``first`` to ``last`` [k], and the minimum, maximum and mean in them [k].
+
+    An interval of one row is that sample; its three values are the same.
+    """
+
+    first: Array
+    last: Array
+    low: Array
+    high: Array
+    mean: Array
+
+
 class Pyramid:
-    """Channels [k, n] with their minima and maxima in a folder of ``.npy`` files."""
+    """Channels [k, n] with their minima, maxima and means in a folder of ``.npy`` files."""
 
     def __init__(self, folder: Path) -> None:
         self.samples: Array = np.load(folder / "samples.npy", mmap_mode="r")
-        self.levels: list[tuple[Array, Array]] = []
+        self.levels: list[tuple[Array, Array, Array]] = []
         while (folder / f"min{len(self.levels)}.npy").is_file():
-            i = len(self.levels)
-            self.levels.append((np.load(folder / f"min{i}.npy", mmap_mode="r"), np.load(folder / f"max{i}.npy", mmap_mode="r")))
+            low, high, mean = (np.load(folder / f"{name}{len(self.levels)}.npy", mmap_mode="r") for name in STORED)
+            self.levels.append((low, high, mean))
 
     @staticmethod
     def write(folder: Path, channels: int, n: int, fill: Callable[[Array], None]) -> None:
@@ -37,33 +52,45 @@ class Pyramid:
         samples.flush()
         low: Array = samples
         high: Array = samples
+        mean: Array = samples
         i = 0
         while low.shape[1] > FACTOR:
             starts = np.arange(0, low.shape[1], FACTOR)
             low, high = np.fmin.reduceat(low, starts, axis=1), np.fmax.reduceat(high, starts, axis=1)
-            np.save(folder / f"min{i}.npy", low)
-            np.save(folder / f"max{i}.npy", high)
+            mean = means(mean, starts)
+            for name, level in zip(STORED, (low, high, mean), strict=True):
+                np.save(folder / f"{name}{i}.npy", level)
             i += 1
 
-    def window(self, channel: int, start: int, stop: int, stretches: int) -> tuple[Array, Array]:
-        """Rows ``start:stop`` of a channel as (row, value), at most two for each interval: its minimum and maximum.
+    def window(self, channel: int, start: int, stop: int, stretches: int) -> Stretches:
+        """Rows ``start:stop`` of a channel, as at most so many intervals.
 
         Short windows are not reduced. The bounds of an interval are those of the stored level, within 6 % of its length.
         """
         n = stop - start
         if n <= 2 * stretches:
-            return np.arange(start, stop, dtype=float), np.asarray(self.samples[channel, start:stop], dtype=float)
+            rows, values = np.arange(start, stop, dtype=float), np.asarray(self.samples[channel, start:stop], dtype=float)
+            return Stretches(rows, rows, values, values, values)
         size, level = 1, -1
         while level + 1 < len(self.levels) and size * FACTOR * FACTOR <= n / stretches:
             size, level = size * FACTOR, level + 1
-        low, high = (self.samples, self.samples) if level < 0 else self.levels[level]
+        low, high, mean = (self.samples,) * 3 if level < 0 else self.levels[level]
         first, last = start // size, -(-stop // size)
         edges = np.unique(np.linspace(first, last, stretches + 1).astype(np.intp))
         inside = edges[:-1] - first
-        minima = np.fmin.reduceat(low[channel, first:last], inside)
-        maxima = np.fmax.reduceat(high[channel, first:last], inside)
-        rows = np.clip(quarters(edges[:-1].astype(float), edges[1:].astype(float)) * size, start, stop - 1)
-        return rows, zigzag(minima, maxima).astype(float)
+        bounds = np.clip(edges.astype(float) * size, start, stop - 1)
+        return Stretches(
+            bounds[:-1], bounds[1:], np.fmin.reduceat(low[channel, first:last], inside).astype(float),
+            np.fmax.reduceat(high[channel, first:last], inside).astype(float), means(mean[channel, first:last], inside),
+        )  # fmt: skip
+
+
+def means(values: Array, starts: Any) -> Array:
+    """Means over intervals of the last axis that begin at ``starts``; NaN where an interval holds no finite value."""
+    there = np.isfinite(values)
+    total = np.add.reduceat(np.where(there, values, 0.0), starts, axis=-1, dtype=float)
+    count = np.add.reduceat(there, starts, axis=-1, dtype=float)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1.0), np.nan))
 
 
 def zigzag(low: Array, high: Array, first: int = 0) -> Array:
@@ -105,10 +132,16 @@ def binned(x: Array, y: Array, bins: int) -> Binned:
     return Binned(low + (np.flatnonzero(kept) + 0.5) * width, mean, error)
 
 
-def thinned(x: Array, y: Array, stretches: int) -> tuple[Array, Array]:
-    """A curve [n], reduced to minimum and maximum of each interval if it has more points than a screen shows."""
-    if x.size <= 2 * stretches:
-        return x, y
-    edges = np.unique(np.linspace(0, x.size, stretches + 1).astype(np.intp))[:-1]
-    ends = np.append(x[edges[1:]], x[-1])
-    return quarters(x[edges], ends), zigzag(np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges))
+def by_octave(x: Array, y: Array, stretches: int) -> tuple[Array, Stretches]:
+    """A curve over positive ``x`` [n], ascending, as at most so many intervals of equal ratio: centres [k] and intervals.
+
+    An interval with one point is that point. Where all have one, nothing is lost.
+    """
+    none = np.zeros(0)
+    if x.size == 0:
+        return none, Stretches(none, none, none, none, none)
+    place = np.floor(np.log(x / x[0]) / max(np.log(x[-1] / x[0]), 1e-300) * stretches * (1 - 1e-12))
+    starts = np.flatnonzero(np.diff(place, prepend=-1.0))
+    ends = np.append(starts[1:], x.size) - 1
+    middle = np.sqrt(x[starts] * x[ends])
+    return middle, Stretches(x[starts], x[ends], np.fmin.reduceat(y, starts), np.fmax.reduceat(y, starts), means(y, starts))

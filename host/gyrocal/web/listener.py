@@ -23,6 +23,8 @@ from gyrocal.errors import DeviceError, GyrocalError
 
 RETRY_S = 1.0
 STATUS_S = 0.2
+ASK_S = 1.0
+"""Time between two questions to the device what it waits for."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ class Listener:
         self._monitor: Monitor | None = None
         self._recording: Recording | None = None
         self._sending = threading.Lock()
-        self._told = 0.0
+        self._told = self._asked = 0.0
         self._problem = ""
         self._ended = False
 
@@ -134,12 +136,19 @@ class Listener:
             time.sleep(RETRY_S)
 
     def _heard(self, events: list[dict[str, Any]]) -> None:
-        samples = [(e["imu"], e["t_us"], *(e[name] for name in SAMPLE_UNITS)) for e in events if e["event"] == "sample"]
+        replays = self._link is not None and self._link.replays  # between its runs it has no readings to replay
+        samples = [
+            (e["imu"], e["t_us"], *(e[name] for name in SAMPLE_UNITS))
+            for e in events if e["event"] == "sample" and not (replays and e["n"] < 0)
+        ]  # fmt: skip
         others = [e for e in events if e["event"] not in ("sample", "ack")]
         now = time.monotonic()
         due = now - self._told > STATUS_S or others
         if due:
             self._told = now
+        if now - self._asked > ASK_S and self._monitor is not None and self.tap is None:
+            self._asked = now
+            self._monitor.ask_state()
         if samples or due:
             self._send(News(samples, others, self._status() if due else None))
 
@@ -206,7 +215,8 @@ class Listener:
 
 def _sensor_status(sensor: Sensor) -> dict[str, Any]:
     return {
-        "state": sensor.state, "face": sensor.face, "hello": sensor.hello, "rate_hz": sensor.rate_hz(),
+        "state": sensor.state, "face": sensor.face, "waits": sensor.waits, "second": sensor.second,
+        "run_s": sensor.run_s(), "hello": sensor.hello, "rate_hz": sensor.rate_hz(),
         "missed": sensor.missed, "results": list(sensor.results.values()),
     }  # fmt: skip
 

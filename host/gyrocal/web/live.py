@@ -26,6 +26,16 @@ PORTS = re.compile(r"/dev/(tty|cu)[\w.-]+|/dev/pts/\d+|COM\d+|socket://(127\.0\.
 """Names of ports that the page may open: serial devices, and sockets of this machine."""
 
 
+def described(port: Any) -> str:
+    """A port of pyserial's list in words: its name, maker, product, USB numbers and serial number, as far as it tells them."""
+    parts = [text for text in (port.manufacturer, port.product or port.description) if text and text != "n/a"]
+    if port.vid is not None:
+        parts.append(f"USB {port.vid:04x}:{port.pid:04x}")
+    if port.serial_number:
+        parts.append(f"no. {port.serial_number}")
+    return f"{port.device}: {', '.join(dict.fromkeys(parts))}" if parts else str(port.device)
+
+
 class Live:
     """The connection to at most one device. ``changed`` is called in the event loop for all news except samples."""
 
@@ -47,7 +57,7 @@ class Live:
         return bool(self.status.get("connected"))
 
     def sensor(self, imu: int) -> dict[str, Any]:
-        """State, face, hello, rate_hz, missed and results of one sensor; empty before its first sentence."""
+        """State, face, waits, run_s, hello, rate_hz, missed and results of one sensor; empty before its first sentence."""
         found: dict[str, Any] = self.status.get("sensors", {}).get(imu, {})
         return found
 
@@ -60,11 +70,12 @@ class Live:
         """True if a simulated device has played its recording to the end."""
         return self._simulated is not None and self._simulated.poll() is not None
 
-    def ports(self) -> list[str]:
-        """The devices that are plugged in, and the ports named on the command line."""
+    def ports(self) -> dict[str, str]:
+        """The ports named on the command line and the devices that are plugged in, each with what it is."""
         from serial.tools.list_ports import comports
 
-        return list(dict.fromkeys([*sorted(self.trusted), *(p.device for p in comports() if p.hwid != "n/a")]))
+        found = {port.device: described(port) for port in sorted(comports()) if port.hwid != "n/a"}
+        return {name: f"{name} (given by --port)" for name in sorted(self.trusted - set(found))} | found
 
     def check(self, name: str) -> None:
         """Raise InputError if the page may not open a port of that name."""
@@ -95,6 +106,7 @@ class Live:
             self._process.join(2.0)
             self._process.kill()
         if self._simulated is not None and not keep_simulated:
+            self.trusted.discard(self.port)
             self._simulated.terminate()
             self._simulated.wait()
             self._simulated = None

@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import html
 import time
 from collections.abc import Callable
 from importlib import import_module
+from urllib.parse import quote
 
 from nicegui import Event, app, ui
 
 from gyrocal.web import charts
 from gyrocal.web.state import Topic, Workbench
+from gyrocal.web.surprise import Hunt
 
 PANELS = {"live": "Live", "compare": "Compare", "diagnose": "Diagnose", "calibrate": "Calibrate & export"}
 """The panels, each a file of ``panels``. They are imported when they are shown, or after the first page is drawn."""
+OF_SESSION = ("compare", "diagnose", "calibrate")
+"""The panels of a session on a table; one by gravity has a panel of its own in their place."""
+TITLES = PANELS | {"import_": "Import"}
 DRAWN_S = 1.0
+UNDRAWN = """import("%s").then(({default: chart}) => {
+    chart.beforeUnmount = function () { this.chart?.dispose(); };
+}, () => {})"""
+"""NiceGUI's chart is made shortly after its element, and cannot be removed in between without this."""
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
+_hunts: list[Hunt] = []
 
 
 def serve(bench: Workbench) -> None:
     """Use this workbench for every tab that opens the page."""
     _bench[:] = [bench]
+    _hunts[:] = [Hunt(bench)]
 
 
 class Tab:
@@ -31,11 +44,18 @@ class Tab:
         self.bench = _bench[0]
         self.view = view
         self.dark = False
+        self.hunt = _hunts[0]
+        self._gravity = self.bench.gravity
         self._update: Callable[[Topic], None] = lambda _: None
 
     @property
     def palette(self) -> charts.Palette:
         return charts.palette(self.dark)
+
+    def _query(self) -> str:
+        """The part of the address that names the session, so that the address opens it again."""
+        session = self.bench.session or self.bench.gravity
+        return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
 
     def build(self) -> None:
         self._mode = ui.dark_mode(None)
@@ -58,6 +78,7 @@ class Tab:
             ui.spinner(size="18px")
             self._job_text = ui.label().props('role="status"')
             ui.button("Stop", icon="stop", on_click=lambda: self.bench.jobs.cancel(), color=None).props("flat dense no-caps")
+        self._hunted = ui.element("section").classes("hunt").props('aria-label="hidden effect"')
         self._content = ui.element("div").classes("content")
         self.go(self.view, push=False)
         self._hear("session")
@@ -70,13 +91,17 @@ class Tab:
         """Show a panel."""
         self.view = view
         if push:
-            ui.navigate.history.push(f"/{view}")
+            ui.navigate.history.push(address(view) + self._query())
         for name, button in self._buttons.items():
             button.classes(add="on", remove="") if name == view else button.classes(remove="on")
             button.props('aria-current="page"' if name == view else 'aria-current="false"')
         self._content.clear()
         with self._content:
-            self._update = _panel(view)(self)
+            if view in TITLES:
+                ui.html(f"<h1>{html.escape(TITLES[view])}</h1>", sanitize=False).classes("unseen")
+            self._update = _panel("gravity" if self.bench.gravity is not None and view in OF_SESSION else view)(self)
+        self._hunt()
+        ui.run_javascript(UNDRAWN % _chart_module())
 
     def _hear(self, topic: Topic) -> None:
         bench = self.bench
@@ -91,13 +116,37 @@ class Tab:
             with self._content:
                 ui.notify(bench.message, position="bottom", timeout=9000, close_button="Close", multi_line=True)
         elif topic == "session":
-            self._name.text = "" if bench.session is None else bench.places.name(bench.session.path)
+            opened = bench.session or bench.gravity
+            self._name.text = "" if opened is None else bench.places.name(opened.path)
+            if opened is not None:
+                ui.navigate.history.replace(address(self.view) + self._query())
+            if bench.gravity is not self._gravity:
+                self._gravity = bench.gravity
+                self.go(self.view, push=False)
+        if topic in ("session", "model"):
+            self._hunt()
         with self._content:
             self._update(topic)
 
+    def _hunt(self) -> None:
+        """The line of a session with a hidden effect: the task, then the truth."""
+        secret = self.hunt.secret
+        self._hunted.clear()
+        self._hunted.set_visibility(secret is not None and self.view in PANELS)
+        if secret is None:
+            return
+        with self._hunted:
+            if secret.told:
+                ui.label(self.hunt.truth()).props('role="status"')
+                ui.button("Another one", on_click=self.hunt.begin, color=None).props("flat dense no-caps")
+            else:
+                ui.label("An effect is hidden in this session. See where the model fails, find what is missing, and add it.")
+                ui.button("Show the truth", on_click=self.hunt.tell, color=None).props("flat dense no-caps")
+
     async def _ask_dark(self) -> None:
-        if await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5.0):
-            self._set_dark(True)
+        with contextlib.suppress(TimeoutError):  # the tab was closed meanwhile
+            if await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5.0):
+                self._set_dark(True)
 
     def _toggle_dark(self) -> None:
         self._mode.value = not self.dark
@@ -114,6 +163,18 @@ MARK = (
 )
 
 
+def _chart_module() -> str:
+    from nicegui import __version__
+
+    assert ui.echart.component is not None
+    return f"/_nicegui/{__version__}/components/{ui.echart.component.key}"
+
+
+def address(view: str) -> str:
+    """The path of a panel's page; the underscore keeps a module's name from being a keyword."""
+    return f"/{view.rstrip('_')}"
+
+
 def _panel(view: str) -> Callable[[Tab], Callable[[Topic], None]]:
     show: Callable[[Tab], Callable[[Topic], None]] = import_module(f"gyrocal.web.panels.{view}").show
     return show
@@ -123,16 +184,24 @@ def register() -> None:
     """Register the addresses of the page."""
 
     def index() -> None:
-        looking = _bench[0].opening or _bench[0].session is not None
-        Tab("compare" if looking else "start").build()
+        bench = _bench[0]
+        looking = bench.opening or bench.session is not None or bench.gravity is not None
+        Tab("compare" if looking else "live" if bench.live.port else "start").build()
 
     ui.page("/")(index)
 
-    def at(view: str) -> Callable[[], None]:
-        return lambda: Tab(view).build()  # with no parameter, for those would be the address's own
+    def at(view: str) -> Callable[[str], None]:
+        def shown(session: str = "") -> None:
+            if session:
+                opening.append(asyncio.create_task(_bench[0].open_named(session)))
+            Tab(view).build()
 
-    for view in ("start", *PANELS):
-        ui.page(f"/{view}")(at(view))
+        return shown
+
+    opening: list[asyncio.Task[None]] = []  # a task that nobody holds may be collected
+
+    for view in ("start", *TITLES):
+        ui.page(address(view))(at(view))
 
     async def prepare() -> None:
         """Import what the next panels need, after the first page has been drawn."""

@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 import shutil
 import stat
+import tomllib
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -19,6 +22,20 @@ LARGEST_RATIO = 200
 """Largest compression ratio of a zip member. Tables of rates stay below it; zip bombs exceed it."""
 DEPTH = 2
 MOST_SHOWN = 200
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A session as a list shows it, read from its session.toml alone; ``problem`` says why it cannot be read."""
+
+    path: Path
+    name: str
+    sensor: str
+    date: str
+    """Of the recording if the session states it, otherwise of the file."""
+    runs: int
+    size_bytes: int
+    problem: str = ""
 
 
 class Places:
@@ -77,6 +94,40 @@ class Places:
                     if folder in self.roots or any(r in folder.parents for r in self.roots):
                         found[folder] = header.stat().st_mtime
         return sorted(found, key=lambda f: -found[f])[:MOST_SHOWN]
+
+    def files(self, kinds: Sequence[str]) -> list[Path]:
+        """Files of these endings that belong to no session, in the chosen folders and those directly in them."""
+        found: list[Path] = []
+        for root in self.roots:
+            for folder in (root, *sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))):
+                if not (folder / "session.toml").is_file():
+                    found += sorted(p for p in folder.iterdir() if p.name.lower().endswith(tuple(kinds)) and p.is_file())
+        return [file for file in found if self._is_inside(file)][:MOST_SHOWN]
+
+    def _is_inside(self, path: Path) -> bool:
+        return any(root in path.resolve().parents for root in self.roots)
+
+    def listed(self) -> list[Listed]:
+        """The sessions with what a person knows them by, newest first."""
+        return [self._listed(folder) for folder in self.sessions()]
+
+    def _listed(self, folder: Path) -> Listed:
+        header = folder / "session.toml"
+        date = datetime.fromtimestamp(header.stat().st_mtime).date().isoformat()
+        try:
+            told = tomllib.loads(header.read_text(encoding="utf-8"))
+            files = [folder / str(run["file"]) for run in told["run"]]
+            size = sum(file.stat().st_size for file in files if file.resolve().parent == folder)
+        except (OSError, ValueError, TypeError, KeyError):
+            return Listed(folder, self.name(folder), "", date, 0, 0, "cannot be read")
+        made = told.get("made_on", date)
+        return Listed(folder, self.name(folder), str(told.get("sensor") or "gyroscope"), str(made), len(files), size)
+
+    def is_by_gravity(self, folder: Path) -> bool:
+        """True if session.toml says that the reference is gravity."""
+        with (folder / "session.toml").open("rb") as header:
+            reference = tomllib.load(header).get("reference")
+        return isinstance(reference, dict) and reference.get("kind") == "gravity"
 
     def name(self, path: Path) -> str:
         """The name of a folder for display, relative to the folder in which it was found."""

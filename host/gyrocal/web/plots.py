@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gyrocal.web import charts
 from gyrocal.web.against import Panel
 from gyrocal.web.charts import Options, Palette
-from gyrocal.web.decimate import Pyramid, binned, thinned
+from gyrocal.web.decimate import Pyramid, binned
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, Curve, RunView
 
@@ -20,9 +20,13 @@ BINS = 48
 MOST_LINES = 40
 FEW = 12
 """Curves with fewer points than this show each point."""
+SINGLE = 300
+"""Traces with fewer samples than this on the screen show each sample."""
+GAP = 2.5
+"""Widths of a bin by which two means must be apart for the line between them to be left out."""
 MOST_BOUNDS = 60
 MOST_NAMED = 20
-LEGEND_RIGHT = 130
+LEGEND_RIGHT = 270
 
 Window = tuple[float, float]
 """The ends of the visible part of the timeline, in per cent."""
@@ -61,15 +65,16 @@ class Timeline:
                 charts.title(p, "measured and modelled, less the true rate, mdps", 8),
                 charts.title(p, "left over: measured less modelled, mdps", "51%"),
             ]
-            kinds = ["measured", "model"]
+            kinds = ["measured", "model", "left over"]
         last = len(grids) - 1
         zoom["xAxisIndex"] = list(range(len(grids)))
         labels = {"showMinLabel": False, "showMaxLabel": False}
         return charts.base(
             p,
             grid=grids,
-            legend=charts.legend(p, [f"{axis} {kind}" for axis in self.axes for kind in kinds], right=LEGEND_RIGHT, top=4),
-            title=titles,
+            legend=charts.legend(p, self._names(kinds), right=LEGEND_RIGHT, top=4),
+            title=titles, tooltip=charts.tooltip(p, "mdps", "s"), axisPointer={"link": [{"xAxisIndex": "all"}]},
+            toolbox=charts.BOX_OF_TIME,
             xAxis=[
                 *(charts.axis(p, gridIndex=k, label={"show": False}, **across) for k in range(last)),
                 charts.axis(p, x_name, gridIndex=last, nameGap=20, label=labels, **across),
@@ -79,22 +84,29 @@ class Timeline:
             series=self.series(window),
         )
 
+    def _names(self, kinds: Sequence[str]) -> list[str]:
+        return [f"{axis} {kind}" for axis in self.axes for kind in kinds]
+
     def series(self, window: Window) -> list[Options]:
-        """The curves of one axis or of all three, within the window."""
+        """The traces of one axis or of all three within the window, each as filled extremes and a line through the means."""
         p = self.palette
         modelled, residual = self.traces.modelled, self.traces.residual
         out = []
         for axis in self.axes:
             i, colour, alone = AXES.index(axis), p.axes[axis], len(self.axes) == 1
-            faint = {"opacity": 0.55 if alone else 0.35}
-            measured = self._seen(self.traces.measured, i, window)
-            out.append(charts.line(f"{axis} measured", measured, p.dim if alone else colour, style=faint))
+            out += self._trace(f"{axis} measured", self._seen(self.traces.measured, i, window), p.dim if alone else colour)
             if modelled is not None and residual is not None:
-                line, left = self._seen(modelled, i, window), self._seen(residual, i, window)
-                out.append(charts.line(f"{axis} model", line, colour, style={"width": 2.2}))
-                out.append(charts.line(f"{axis} left over", left, colour, on=1))
-        out[-1]["markLine"] = self._bounds()
+                model = p.ink if alone else colour
+                out += self._trace(f"{axis} model", self._seen(modelled, i, window), model, style={"width": 2})
+                out += self._trace(f"{axis} left over", self._seen(residual, i, window), colour, on=1)
+        out[-2]["markLine"] = self._bounds()
         return out
+
+    @staticmethod
+    def _trace(name: str, seen: Seen, colour: str, *, on: int = 0, style: Options | None = None) -> list[Options]:
+        few = len(seen.line) < SINGLE
+        line = charts.line(name, seen.line, colour, on=on, style=style, showSymbol=few, symbolSize=4)
+        return [line, charts.band(name, seen.band, colour, 0.3, on=on)]
 
     def _bounds(self) -> Options:
         """The boundaries between recordings."""
@@ -108,10 +120,11 @@ class Timeline:
             at += run.seconds
         return charts.marks(p, data, p.dim)
 
-    def _seen(self, pyramid: Pyramid, axis: int, window: Window) -> list[list[float | None]]:
+    def _seen(self, pyramid: Pyramid, axis: int, window: Window) -> Seen:
         """The visible part of one trace in mdps, with a gap between recordings."""
         low, high = (w / 100 * self.total_s for w in window)
-        points: list[list[float | None]] = []
+        filled: list[list[float]] = []
+        line: list[Any] = []
         at = 0.0
         for _, run in self.runs:
             begins, at = at, at + run.seconds
@@ -123,15 +136,25 @@ class Timeline:
             if stop <= start:
                 continue
             share = (min(at, high) - max(begins, low)) / max(high - low, 1e-9)
-            stretches = max(2, round(STRETCHES * share))
-            rows, values = pyramid.window(axis, run.first + start, run.first + stop, stretches)
-            x = begins + t_s[(rows - run.first).astype(np.intp)]
-            there = ~np.isnan(values)
-            points += [
-                list(pair) for pair in zip(x[there].round(4).tolist(), (values[there] * 1e3).round(2).tolist(), strict=True)
-            ]
-            points.append([round(at, 4), None])
-        return points
+            s = pyramid.window(axis, run.first + start, run.first + stop, max(2, round(STRETCHES * share)))
+            first, last = (begins + t_s[(rows - run.first).astype(np.intp)] for rows in (s.first, s.last))
+            there = ~np.isnan(s.mean)
+            if np.any(s.first != s.last):
+                filled += _rows(first[there], last[there], s.low[there] * 1e3, s.high[there] * 1e3)
+            if there.any():
+                line += [*_rows((first[there] + last[there]) / 2, s.mean[there] * 1e3), [round(at, 4), None]]
+        return Seen(filled, line)
+
+
+class Seen(NamedTuple):
+    """The visible part of a trace: intervals [x from, x to, lowest, highest], and a line through the means."""
+
+    band: list[list[float]]
+    line: list[Any]
+
+
+def _rows(*columns: Any) -> list[list[float]]:
+    return np.column_stack(columns).round(4).tolist()
 
 
 def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str]) -> Options:
@@ -155,45 +178,90 @@ def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int]
             one = points["run"] == i
             cx, cy, _ = binned(x[one], y[one], BINS)
             few = {"showSymbol": cx.size < FEW, "symbolSize": 7}
-            series.append(charts.line("a recording", _pairs(cx, cy), p.axes[axis], on=k, style={"opacity": 0.35}, **few))
+            style = {"opacity": 0.35}
+            series.append(charts.line("each recording", _broken(x[one], cx, cy), p.axes[axis], on=k, style=style, **few))
         cx, cy, se = binned(x[mine], y[mine], BINS)
-        band: Options = {"stack": f"band {k}", "stackStrategy": "all", "on": k, "style": {"opacity": 0}}
-        filled: Options = {"areaStyle": {"color": p.ink, "opacity": 0.15}}
-        series.append(charts.line("twice the mean's error", _pairs(cx, cy - 2 * se), p.ink, **band))
-        series.append(charts.line("twice the mean's error", _pairs(cx, 4 * se), p.ink, **band, **filled))
-        series.append(charts.line("mean", _pairs(cx, cy), p.ink, on=k, style={"width": 2.2}, showSymbol=cx.size < FEW))
-    return charts.base(p, grid=grids, title=titles, xAxis=xs, yAxis=ys, series=series, dataZoom=_zoom(len(axes)))
+        half = _width(x[mine]) / 2
+        few = {"showSymbol": cx.size < FEW, "symbolSize": 6}
+        series.append(charts.line("mean of all", _broken(x[mine], cx, cy), p.ink, on=k, style={"width": 2.2}, **few))
+        series.append(charts.band(WITHIN, _rows(cx - half, cx + half, cy - 2 * se, cy + 2 * se), p.ink, 0.18, on=k))
+    names = ["mean of all", WITHIN, *(["each recording"] if shown else [])]
+    return charts.base(
+        p, grid=grids, title=titles, xAxis=xs, yAxis=ys, series=series, dataZoom=_zoom(len(axes)), toolbox=charts.BOX,
+        legend=charts.legend(p, names, right=LEGEND_RIGHT, top=0), axisPointer={"link": [{"xAxisIndex": "all"}]},
+        tooltip=charts.tooltip(p, "mdps", panel.variable.unit if panel.variable.unit != "up 1, down -1" else ""),
+    )  # fmt: skip
+
+
+WITHIN = "twice the mean's error"
+
+
+def _width(x: Any) -> float:
+    """The width of a bin over values [n]."""
+    there = x[np.isfinite(x)]
+    return (float(np.ptp(there)) / BINS or 1.0) if there.size else 1.0
+
+
+def _broken(x: Any, centre: Any, mean: Any) -> list[Any]:
+    """A line through the means of bins over ``x``, without strokes over stretches that hold no values."""
+    pairs = _pairs(centre, mean)
+    out: list[Any] = []
+    for k, pair in enumerate(pairs):
+        if k and pair[0] - pairs[k - 1][0] > GAP * _width(x):
+            out.append([(pair[0] + pairs[k - 1][0]) / 2, None])
+        out.append(pair)
+    return out
 
 
 def curves(
     p: Palette, found: dict[str, Curve], axes: Sequence[str], what: str, expected: str, x_name: str,
-    lines: Sequence[dict[str, Any]] = (),
+    marked: Sequence[tuple[float, float, str]] = (), seen: tuple[float, float] | None = None,
 ) -> Options:  # fmt: skip
-    """Spectrum or Allan deviation of the residual, with the curve of noise alone. ``lines`` are findings to mark."""
-    series, names = [], []
+    """A spectrum or the Allan deviation of the residual, with the curve of noise alone, in mdps.
+
+    ``marked`` are findings as (lowest x, highest x, words). ``seen`` is the part of the horizontal axis that is shown first.
+    """
+    series, names, xs, ys = [], [], [], []
     for axis in axes:
         if axis not in found:
             continue
-        x, y, level = (np.array(v) for v in (found[axis].x, found[axis].y, found[axis].expected))
+        c = found[axis]
         names += [f"{axis} left over", f"{axis} {expected}"]
-        series.append(charts.line(names[-2], _pairs(x, y * 1e3), p.axes[axis]))
-        series.append(
-            charts.line(names[-1], _pairs(*thinned(x, level * 1e3, 300)), p.ink, style={"width": 2, "type": "dashed"})
-        )
-    data = [
-        {"xAxis": float(f["note"].rsplit(" at ", 1)[1].split()[0]), "label": {"formatter": f["note"], "color": p.bad}}
-        for f in lines
-        if f["axis"] in axes and " at " in f["note"]
-    ]
-    if series and data:
-        series[0]["markLine"] = charts.marks(p, data, p.bad, "solid")
+        low = np.maximum(np.array(c.low) * 1e3, 1e-4)  # a logarithmic axis has no zero
+        rows = _rows(c.first, c.last, low, np.array(c.high) * 1e3) if c.low else []
+        series.append(charts.line(names[-2], _pairs(c.x, np.array(c.y) * 1e3), p.axes[axis], style={"width": 1.4}))
+        series.append(charts.band(names[-2], _spread(c, rows), p.axes[axis], 0.3))
+        dashed = {"width": 2, "type": "dashed"}
+        series.append(charts.line(names[-1], _pairs(c.x, np.array(c.expected) * 1e3), p.ink, style=dashed))
+        xs += c.x
+        ys += [1e3 * v for v in (*c.y, *c.high)]
+    if series and marked:
+        lines = [_mark(p, (low * high) ** 0.5, words) for low, high, words in marked]
+        areas = [[{"xAxis": low}, {"xAxis": high}] for low, high, _ in marked if high > low]
+        shade = {"color": p.bad, "opacity": 0.12}
+        series[0]["markLine"] = charts.marks(p, lines, p.bad, "solid")
+        series[0]["markArea"] = {"silent": True, "animation": False, "itemStyle": shade, "data": areas}
+    highest = max(ys, default=1.0)
+    zoom = _zoom(1)
+    if seen is not None:
+        zoom[0].update(startValue=seen[0], endValue=seen[1])
+    unit, x_unit = what.rsplit(", ", 1)[1], x_name.rsplit(", ", 1)[1]
     return charts.base(
         p,
-        legend=charts.legend(p, names, right=18, top=4), tooltip=charts.tooltip(p), title=charts.title(p, what, 8),
-        grid=charts.grid(right=24, top=34, bottom=48), series=series, dataZoom=_zoom(1),
-        xAxis=charts.axis(p, x_name, kind="log", scale=False, min="dataMin", max="dataMax"),
-        yAxis=charts.axis(p, kind="log", scale=False),
+        legend=charts.legend(p, names, right=LEGEND_RIGHT, top=4), tooltip=charts.tooltip(p, unit, x_unit),
+        title=charts.title(p, what, 8), grid=charts.grid(right=24, top=34, bottom=48), series=series, dataZoom=zoom,
+        xAxis=charts.logarithmic(p, xs, x_name), toolbox=charts.BOX,
+        yAxis=charts.logarithmic(p, [v for v in ys if v > 1e-4 * highest]),
     )  # fmt: skip
+
+
+def _spread(curve: Curve, rows: list[list[float]]) -> list[list[float]]:
+    """The intervals that hold more than one value."""
+    return [row for row, low, high in zip(rows, curve.low, curve.high, strict=True) if high > low] if rows else []
+
+
+def _mark(p: Palette, x: float, words: str) -> Options:
+    return {"xAxis": x, "label": {"formatter": words, "color": p.bad, "position": "insideEndTop"}}
 
 
 def _zoom(grids: int) -> list[Options]:

@@ -1,15 +1,15 @@
-"""The live readings of the device: the latest values, and the last ten seconds of all axes as a strip chart."""
+"""The live readings of the device: the latest values, and the last seconds of all axes as a strip chart."""
 
 from __future__ import annotations
 
 import contextlib
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from nicegui import background_tasks, ui
 
 from gyrocal.web import charts
-from gyrocal.web.samples import SHOWN_S
+from gyrocal.web.samples import SHOWN_S, Frame
 
 if TYPE_CHECKING:
     from gyrocal.web.live import Live
@@ -21,6 +21,8 @@ MOST_IN_FLIGHT = 3
 READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
 STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
 STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
+RATES = 3
+WINDOWS_S = {5.0: "5 s", SHOWN_S: "10 s", 30.0: "30 s", 60.0: "60 s"}
 
 
 class Readings:
@@ -31,22 +33,65 @@ class Readings:
         self._sent = (0, 0.0)
         self._read = 0.0
         self._in_flight = 0
-        with ui.element("section").classes("face readings"):
+        self._paused = False
+        self._limits: dict[int, tuple[float, float]] = {}
+        """The vertical range that the user gave each strip."""
+        with ui.element("section").classes("face readings").props('aria-label="readings"'):
             self._values = [self._value(name, unit) for name, unit in READINGS]
-        with ui.element("section").classes("face grow").style("padding: 4px 6px"):
-            self._chart = ui.echart(self._strips()).classes("chart")
-            self._chart.props('role="img" aria-label="the last ten seconds of all axes and the temperature"')
+        with ui.element("section").classes("face grow column").style("padding: 6px 6px; gap: 2px"):
+            self._controls()
+            self._chart = ui.echart(self._strips()).classes("chart grow")
+            self._chart.props('role="img" aria-label="the last seconds of all axes and the temperature"')
         ui.timer(FRAME_S, self._frame)
 
     def show(self, imu: int) -> None:
         """Show another sensor of the board."""
         self._imu, self._sent = imu, (0, 0.0)
 
-    def _value(self, name: str, unit: str) -> ui.html:
+    def _value(self, name: str, unit: str) -> tuple[ui.html, ui.label]:
         with ui.element("div").classes("reading"):
             value = ui.html("<b>–</b>", sanitize=False)
             ui.label(f"{name}, {unit}")
-        return value
+            scatter = ui.label("")
+        return value, scatter
+
+    def _controls(self) -> None:
+        with ui.row().classes("tight").style("padding: 0 8px"):
+            self._pause = ui.button("Pause", icon="pause", on_click=self._hold, color=None).props("flat dense no-caps size=sm")
+            self._window = ui.select(WINDOWS_S, value=SHOWN_S, label="window", on_change=self._again).props("outlined dense")
+            self._window.style("width: 110px")
+            self._statistics = ui.checkbox("mean and scatter of the window", on_change=self._again).props("dense")
+            with ui.element("details").classes("fold"):
+                with ui.element("summary"):
+                    ui.label("vertical range")
+                with ui.row().classes("tight"):
+                    self._strip = ui.select(dict(enumerate(STRIPS)), value=2, label="strip").props("outlined dense")
+                    self._low = ui.number("from").props("outlined dense").style("width: 80px")
+                    self._high = ui.number("to").props("outlined dense").style("width: 80px")
+                    ui.button("Set", on_click=self._set_range, color=None).props("outline dense no-caps")
+                    ui.button("Automatic", on_click=self._free_range, color=None).props("flat dense no-caps")
+
+    def _hold(self) -> None:
+        self._paused = not self._paused
+        self._pause.text, self._pause.icon = ("Go on", "play_arrow") if self._paused else ("Pause", "pause")
+        self._pause.update()
+        self._again()
+
+    def _set_range(self) -> None:
+        low, high = self._low.value, self._high.value
+        if low is None or high is None or not low < high:
+            ui.notify("Give two numbers, the smaller one first.")
+            return
+        self._limits[self._strip.value] = (float(low), float(high))
+        self._again()
+
+    def _free_range(self) -> None:
+        self._limits.pop(self._strip.value, None)
+        self._again()
+
+    def _again(self) -> None:
+        """Draw anew, also if nothing has come."""
+        self._sent, self._read = (0, 0.0), 0.0
 
     def _strips(self) -> charts.Options:
         p = self._palette
@@ -63,31 +108,63 @@ class Readings:
             title=[charts.title(p, name, f"{1 + 18.5 * k}%", 58) for k, name in enumerate(STRIPS)],
             xAxis=x,
             yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
-            series=[charts.line(READINGS[i][0], [], colours[i], on=strip) for i, strip in enumerate(STRIP_OF)],
-        )
+            series=[
+                *(charts.line(READINGS[i][0], [], colours[i], on=strip) for i, strip in enumerate(STRIP_OF)),
+                *(_bound(colours[i], i) for i in range(RATES)), *(_bound(colours[i], i, fill=0.3) for i in range(RATES)),
+            ],
+        )  # fmt: skip
 
     def _frame(self) -> None:
         """Send new samples to the chart, unless the browser has not yet drawn the previous ones."""
         samples = self._live.sensors.get(self._imu)
         if samples is None or self._live.newest == self._sent or self._in_flight >= MOST_IN_FLIGHT:
             return
+        if self._paused and self._sent[0]:
+            return
         self._sent = self._live.newest
-        t_s, curves = samples.frame()
+        frame = samples.frame(self._window.value)
         if time.monotonic() - self._read > READ_S:
             self._read = time.monotonic()
-            for element, value, (_, unit) in zip(self._values, samples.latest(0.0)[-1, 1:], READINGS, strict=True):
-                element.content = "<b>–</b>" if value != value else f"<b>{value:.{2 if unit == '°C' else 3}f}</b>"
-        options = {
-            "xAxis": [{"min": round(t_s - SHOWN_S, 3), "max": round(t_s, 3)}] * len(STRIPS),
-            "series": [{"data": curve} for curve in curves],
+            self._numbers(samples.latest(self._window.value)[:, 1:])
+        background_tasks.create(self._send(self._options(frame)))
+
+    def _numbers(self, rows: Any) -> None:
+        """The latest values, or mean and scatter of the window."""
+        import numpy as np
+
+        statistics = bool(self._statistics.value) and len(rows) > 1
+        shown = rows.mean(axis=0) if statistics else rows[-1]
+        scatters = rows.std(axis=0, ddof=1) if statistics else [np.nan] * len(READINGS)
+        for (element, scatter), value, within, (_, unit) in zip(self._values, shown, scatters, READINGS, strict=True):
+            digits = 2 if unit == "°C" else 3
+            element.content = "<b>–</b>" if value != value else f"<b>{value:.{digits}f}</b>"
+            scatter.text = "" if within != within else f"scatter {within:.{digits + 1}f}"
+
+    def _options(self, frame: Frame) -> charts.Options:
+        seconds = self._window.value
+        last = max(frame.newest_s, frame.first_s + seconds)  # the first seconds fill the chart from the left
+        limits = [self._limits.get(k, (None, None)) for k in range(len(STRIPS))]
+        return {
+            "xAxis": [{"min": round(last - seconds, 3), "max": round(last, 3)}] * len(STRIPS),
+            "yAxis": [{"min": low, "max": high} for low, high in limits],
+            "series": [{"data": curve} for curve in (*frame.means, *frame.lows, *frame.widths)],
         }
-        background_tasks.create(self._send(options))
 
     async def _send(self, options: charts.Options) -> None:
         self._in_flight += 1
         try:
             with contextlib.suppress(TimeoutError):
+                if self._chart.is_deleted:  # the panel was left meanwhile
+                    return
                 how = {"silent": True, "lazyUpdate": True}
                 await self._chart.run_chart_method("setOption", options, how, timeout=2.0)
         finally:
             self._in_flight -= 1
+
+
+def _bound(colour: str, strip: int, fill: float = 0.0) -> charts.Options:
+    """The lower bound of a strip's band, or with ``fill`` its width, which is stacked on it and filled."""
+    return charts.line(
+        "", [], colour, on=strip, style={"width": 0}, stack=f"band {strip}", stackStrategy="all", z=1,
+        areaStyle={"color": colour, "opacity": fill},
+    )  # fmt: skip

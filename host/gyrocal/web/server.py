@@ -170,8 +170,8 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     page.register()
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
-            host=host, port=number, fd=taken.fileno(), title="gyrocal workbench", favicon=ICON, dark=None, reload=False,
-            show=False, tailwind=False, show_welcome_message=False, message_history_length=200,
+            host=host, port=number, fd=taken.fileno(), title="gyrocal workbench", favicon=ICON, dark=None, language="en-US",
+            reload=False, show=False, tailwind=False, show_welcome_message=False, message_history_length=200,
             reconnect_timeout=15.0,
             ws_per_message_deflate=False, gzip_middleware_factory=None,  # to this machine, or by the local network
             uvicorn_logging_level="critical",  # a request cut off by Ctrl-C is no error

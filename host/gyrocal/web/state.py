@@ -3,42 +3,39 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import random
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gyrocal.errors import GyrocalError
 from gyrocal.web.jobs import Cancelled, Jobs
 from gyrocal.web.live import Live
+from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write_models
 from gyrocal.web.places import Places
 from gyrocal.web.training import Training
-from gyrocal.web.views import Bar, CalibrationView, DiagnosisView, ExportView, ModelView, SessionView, TrainedView
+from gyrocal.web.views import (
+    CalibrationView,
+    Card,
+    DiagnosisView,
+    ExportView,
+    ModelView,
+    Recording,
+    SessionView,
+    TrainedView,
+)
 
 if TYPE_CHECKING:
+    from gyrocal.web.by_gravity import GravityView
+    from gyrocal.web.fall import Fall
+    from gyrocal.web.mend import Mend
     from gyrocal.web.traces import Traces
 
-Topic = Literal["session", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
+Topic = Literal["session", "runs", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
 
-START = "default"
-
-
-@dataclass(frozen=True)
-class Step:
-    """One model of the sequence: the first one, or the result of adding or removing an effect."""
-
-    source: str
-    """The model for the engine: the name of a built-in model, or TOML text."""
-    view: ModelView
-    effect: str = ""
-    title: str = "model at first"
-    removed: bool = False
-    formula: str = ""
-    """The formula of an effect that is not in the library."""
 
 
 class Workbench:
@@ -54,8 +51,15 @@ class Workbench:
         self.opening = False
         self.session: SessionView | None = None
         self.traces: Traces | None = None
+        self.excluded: frozenset[str] = frozenset()
+        """The files of the runs that are left out of every fit."""
+        self.models = Models()
+        self.gravity: GravityView | None = None
+        """The open session if its reference is gravity; :attr:`session` is None then."""
         self.steps: list[Step] = []
         self.undone: list[Step] = []
+        self._views: dict[str, ModelView] = {}
+        """Every model that was compared with the current choice of runs."""
         self.diagnosed: DiagnosisView | None = None
         """The last diagnosis, for the report. :attr:`diagnosis` is that of the current model."""
         self._diagnoses: dict[str, DiagnosisView] = {}
@@ -102,6 +106,12 @@ class Workbench:
     def step(self) -> Step | None:
         return self.steps[-1] if self.steps else None
 
+    @property
+    def recording(self) -> Recording:
+        """The open session without the runs that are left out."""
+        assert self.session is not None
+        return Recording(self.session.path, self.excluded)
+
     # What a person can ask for. Each ends with a word to the person where it fails; none raises.
 
     async def open(self, folder: str | Path) -> None:
@@ -110,6 +120,11 @@ class Workbench:
             path = self.places.session(folder)
             self.jobs.cancel()
             self._forget()
+            if self.places.is_by_gravity(path):
+                title = f"Opening {self.places.name(path)}, a session by gravity"
+                self.gravity = await self.jobs.run(title, "look_by_gravity", path)
+                self.changed("session")
+                return
             self.opening = True
             try:
                 self.session = await self.jobs.run(f"Opening {self.places.name(path)}", "open", path)
@@ -119,8 +134,16 @@ class Workbench:
             from gyrocal.web.traces import Traces
 
             self.traces = Traces(self.session)
+            self.models = read_models(path)
+            self.excluded = self.models.excluded & {run.file for run in self.session.runs}
             self.changed("session")
-            await self._compare()
+            await self._show_steps(self.models.of[self.models.current])
+
+    async def open_named(self, name: str) -> None:
+        """Open the session of this name unless it is open already or the name is that of no session."""
+        found = next((folder for folder in self.places.sessions() if self.places.name(folder) == name), None)
+        if found is not None and not self.opening and (self.session is None or self.session.path != found):
+            await self.open(found)
 
     async def simulate(self, effects: list[str], scenarios: int = 6, seconds: float = 40.0) -> None:
         """Simulate a session with a hidden effect, for trying out the workbench."""
@@ -130,11 +153,17 @@ class Workbench:
             await self.jobs.run("Simulating a recording", "simulate", out, effects, seed, scenarios, seconds)
             await self.open(out)
 
+    async def ask(self, title: str, method: str, *args: Any) -> Any:
+        """The answer of a method of the worker; None if it failed, which the user is told."""
+        with self._telling():
+            return await self.jobs.run(title, method, *args)
+        return None
+
     async def diagnose(self) -> None:
         with self._telling():
             if self.session is not None and self.step is not None:
                 source = self.step.source
-                found = await self.jobs.run("Looking for what is missing", "diagnose", self.session.path, source)
+                found = await self.jobs.run("Looking for what is missing", "diagnose", self.recording, source)
                 self._diagnoses[source] = self.diagnosed = found
                 self.changed("diagnosis")
 
@@ -143,17 +172,25 @@ class Workbench:
         with self._telling():
             if self.session is None or self.step is None:
                 return
-            before, view = await self.jobs.run(f"Adding {title.lower()}", "add", self.session.path, self.step.source, effect)
+            cards = self._cards(effect)
+            before, view = await self.jobs.run(f"Adding {title.lower()}", "add", self.recording, self.step.source, effect)
             self.before = before
-            await self._take(Step(view.toml, view, effect, title, formula=formula))
+            doubts = cards[0].doubts if cards else (BY_HAND,)
+            shown = next((card.picture for card in cards if card.picture is not None), None)
+            await self._take(Step(Recipe(view.toml, effect, title, formula=formula, doubts=tuple(doubts)), view, shown))
+
+    def _cards(self, effect: str) -> list[Card]:
+        """What the diagnosis of the current model says of an effect, best first, where it names or suggests it."""
+        cards = [] if self.diagnosis is None else self.diagnosis.cards
+        return [c for c in cards if c.judged["effect"] == effect and c.judged["decision"] in ("add", "suggest")]
 
     async def keep(self, name: str) -> None:
         """Find a formula for what is unknown, and add it as an effect of that name."""
         with self._telling():
             if self.session is None or self.step is None:
                 return
-            formula, view = await self.jobs.run("Looking for a formula", "keep", self.session.path, self.step.source, name)
-            await self._take(Step(view.toml, view, name, name, formula=formula))
+            formula, view = await self.jobs.run("Looking for a formula", "keep", self.recording, self.step.source, name)
+            await self._take(Step(Recipe(view.toml, name, name, formula=formula), view))
 
     async def remove(self, effect: str, title: str) -> None:
         """Remove an effect from the model. The result may be an earlier model, or one that must be fitted."""
@@ -166,9 +203,9 @@ class Workbench:
                 source, view = known.source, known.view
             else:
                 name = f"Removing {title.lower()}"
-                view = await self.jobs.run(name, "without", self.session.path, self.step.source, effect)
+                view = await self.jobs.run(name, "without", self.recording, self.step.source, effect)
                 source = view.toml
-            await self._take(Step(source, view, effect, title, removed=True))
+            await self._take(Step(Recipe(source, effect, title, removed=True), view))
 
     async def train(self, name: str, axis: str, epochs: int) -> None:
         """Train a network for the current model in a new folder. Fits may run at the same time."""
@@ -204,9 +241,11 @@ class Workbench:
         """Write everything on the screen as one HTML file and return its path; None if it failed."""
         with self._telling():
             if self.session is not None and self.step is not None:
+                fall = self.fall()
+                bars, floor_mdps = ([], 0.0) if fall is None else (fall.bars, fall.floor_mdps)
                 text: str = await self.jobs.run(
-                    "Writing the report", "report", self.session.path, self.step.source, self.step.view.toml,
-                    self.waterfall(), self.floor_mdps(), self.diagnosed, self.calibration,
+                    "Writing the report", "report", self.recording, self.step.source, self.step.view.toml,
+                    bars, floor_mdps, self.diagnosed, self.calibration,
                 )  # fmt: skip
                 return text
         return None
@@ -215,50 +254,128 @@ class Workbench:
         with self._telling():
             if len(self.steps) > 1:
                 self.undone.append(self.steps.pop())
+                self._remember()
                 await self._show_model()
 
     async def redo(self) -> None:
         with self._telling():
             if self.undone:
                 self.steps.append(self.undone.pop())
+                self._remember()
                 await self._show_model()
+
+    async def include(self, file: str, included: bool) -> None:
+        """Leave a run out of every fit, or take it in again, and fit the models of the current sequence anew."""
+        with self._telling():
+            if self.session is None or not self.steps or included == (file not in self.excluded):
+                return
+            runs = {run.file for run in self.session.runs}
+            excluded = self.excluded - {file} if included else self.excluded | {file}
+            if runs <= excluded:
+                self.say("One run at least stays in the fit.")
+                return
+            self.excluded = frozenset(excluded)
+            self._views, self._diagnoses, self._calibrations, self.diagnosed = {}, {}, {}, None
+            self._remember()
+            self.changed("runs")
+            await self._show_steps([step.recipe for step in self.steps])
+
+    async def mend(self, mend: Mend) -> None:
+        """Mend the session in a way that the user has confirmed, and open it again."""
+        with self._telling():
+            if self.session is None:
+                return
+            if mend.kind == "leave_out" and mend.file is not None:
+                await self.include(mend.file, False)
+                return
+            out = self.places.free(f"{self.session.path.name}-mended")
+            await self.open(await self.jobs.run(mend.label, "mend", self.session.path, mend, out))
+
+    async def branch(self, name: str) -> None:
+        """Keep the current model under its name, and go on with a copy under a new one."""
+        name = " ".join(name.split())
+        with self._telling():
+            if self.steps and name and name not in self.models.of:
+                self.models = self.models.with_current(name, self._recipes())
+                self._remember()
+                self.changed("model")
+            elif name in self.models.of:
+                self.say(f"There is a model called {name} already; choose another name.")
+
+    async def switch(self, name: str) -> None:
+        """Show another of the named models."""
+        with self._telling():
+            if name in self.models.of and name != self.models.current and self.steps:
+                self.models = replace(self.models, current=name)
+                self.undone.clear()
+                await self._show_steps(self.models.of[name])
+                self._remember()
+
+    async def forget(self, name: str) -> None:
+        """Remove a named model that is not shown."""
+        with self._telling():
+            if name in self.models.of and name != self.models.current:
+                self.models = replace(self.models, of={k: v for k, v in self.models.of.items() if k != name})
+                self._remember()
+                self.changed("model")
 
     # What is shown of it.
 
-    def waterfall(self) -> list[Bar]:
-        """The excess error step by step, over the floor of the richest model, as in `gyrocal add`; empty if judged by angle."""
-        if not self.steps or self.steps[0].view.compared.get("rms_dps") is None:
-            return []
-        richest = max(self.steps, key=lambda s: len(s.view.compared["parameters"]))
-        floor = richest.view.compared["floor_dps"]
-        excess = [1e3 * math.sqrt(max(0.0, s.view.compared["rms_dps"] ** 2 - floor**2)) for s in self.steps]
-        bars = [Bar(self.steps[0].title, 0.0, excess[0])]
-        for step, old, new in zip(self.steps[1:], excess, excess[1:], strict=False):
-            bars.append(Bar(("without " if step.removed else "") + step.title, old, new))
-        return bars
+    def fall(self) -> Fall | None:
+        """The excess error step by step; None if nothing is held out or the session is judged by angle."""
+        from gyrocal.web.fall import fall  # the engine, which is loaded by now
 
-    def floor_mdps(self) -> float:
-        return 1e3 * max(self.steps, key=lambda s: len(s.view.compared["parameters"])).view.compared.get("floor_dps", 0.0)
+        return fall([(step.label, step.view.levels) for step in self.steps])
+
+    def named_views(self) -> dict[str, ModelView | None]:
+        """The last model of each name; None for one that has not been fitted since the session was opened."""
+        return {
+            name: self.steps[-1].view if name == self.models.current else self._views.get(recipes[-1].source)
+            for name, recipes in self.models.of.items()
+        }
 
     # How it comes about.
 
     def _forget(self) -> None:
-        self.session = self.traces = self.diagnosed = self.before = self.exported = None
+        self.session = self.traces = self.gravity = self.diagnosed = self.before = self.exported = None
         self._diagnoses, self._calibrations = {}, {}
-        self.steps, self.undone = [], []
+        self.steps, self.undone, self._views = [], [], {}
+        self.excluded, self.models = frozenset(), Models()
         for room in self.scratch.glob("[0-9]*"):  # traces of the last session
             shutil.rmtree(room, ignore_errors=True)
         self.changed("session")
 
-    async def _compare(self) -> None:
+    async def _show_steps(self, recipes: Sequence[Recipe]) -> None:
+        """Compare the models of a sequence with the session, and show the last one."""
         assert self.session is not None
-        view = await self.jobs.run("Comparing the model with the recordings", "compare", self.session.path, START)
-        await self._take(Step(START, view))
+        steps = []
+        for recipe in recipes:
+            if recipe.source not in self._views:
+                name = "Comparing the model with the recordings"
+                self._views[recipe.source] = await self.jobs.run(name, "compare", self.recording, recipe.source)
+            steps.append(Step(recipe, self._views[recipe.source]))
+        self.steps = steps
+        self.undone.clear()
+        await self._show_model()
 
     async def _take(self, step: Step) -> None:
         self.steps.append(step)
         self.undone.clear()
+        self._views[step.source] = step.view
+        self._remember()
         await self._show_model()
+
+    def _recipes(self) -> tuple[Recipe, ...]:
+        return tuple(step.recipe for step in self.steps)
+
+    def _remember(self) -> None:
+        """Keep the models and the choice of runs beside the session."""
+        assert self.session is not None
+        of = {**self.models.of, self.models.current: self._recipes()}
+        self.models = replace(self.models, of=of, excluded=self.excluded)
+        problem = write_models(self.session.path, self.models)
+        if problem:
+            self.say(problem)
 
     async def _show_model(self) -> None:
         """Show the last step as the current model. Its calibration follows when the worker has computed it."""
@@ -272,7 +389,7 @@ class Workbench:
         if models in self._calibrations:
             return
         named = {"model at first": models[0]} | ({"model now": models[1]} if len(self.steps) > 1 else {})
-        found = await self.jobs.run("Calibrating", "calibrate", self.session.path, named)
+        found = await self.jobs.run("Calibrating", "calibrate", self.recording, named)
         self._calibrations[models] = found
         self.changed("calibration")
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
 
@@ -41,12 +44,37 @@ class SessionView:
 
 
 @dataclass(frozen=True)
+class Recording:
+    """A session's folder, and the files of the runs that are left out of every fit."""
+
+    path: Path
+    excluded: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
 class Curve:
-    """A measured curve and its reference: the level between lines, or the curve of the noise model."""
+    """A measured curve and what noise alone is expected to give.
+
+    ``low`` and ``high`` are the extremes of the intervals ``first`` to ``last`` whose mean is ``y``; empty if every point is
+    drawn.
+    """
 
     x: list[float]
     y: list[float]
     expected: list[float]
+    first: list[float] = field(default_factory=list)
+    last: list[float] = field(default_factory=list)
+    low: list[float] = field(default_factory=list)
+    high: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names."""
+
+    view: str
+    low: float | None = None
+    high: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,16 +91,42 @@ class ModelView:
     """(id, title, may be removed)."""
     traces: Path
     against: list[str]
+    levels: Levels | None
+    """The figures from which excess and explained part are computed; None for a session judged by angle."""
+    places: list[Place]
+    """The picture of each finding of ``compared["where"]``."""
+    left: dict[str, float]
+    """The excess error of each run that was fitted, by file, mdps."""
     spectra: dict[str, Curve] = field(repr=False)
+    orders: dict[str, Curve] = field(repr=False)
     allan: dict[str, Curve] = field(repr=False)
 
 
 @dataclass(frozen=True)
+class Picture:
+    """The residual against the variable that an effect is accused of, and the effect's curve through it.
+
+    ``left`` are the means [k] of the residual in the bins that ``edges`` [k + 1] bound, ``se`` their standard errors and
+    ``curve`` the means of the fitted effect, mdps. ``run`` is the index of the only run that is shown, None for all runs.
+    """
+
+    view: str
+    axis: str
+    x_label: str
+    run: int | None
+    file: str
+    edges: list[float]
+    centres: list[float]
+    left: list[float]
+    se: list[float]
+    curve: list[float]
+
+
+@dataclass(frozen=True)
 class Signature:
-    """A small plot: the residual without the effect (dots) and the fitted effect (line)."""
+    """A picture in small: the residual's means (dots) and the fitted effect (line), with the words below it."""
 
     title: str
-    x_label: str
     dots: list[tuple[float, float]]
     line: list[tuple[float, float]]
 
@@ -88,7 +142,21 @@ class Card:
     looks_like: list[str]
     """Titles of the effects that this session cannot tell from it."""
     size: str
-    signature: Signature | None = None
+    doubts: list[str]
+    """Why the effect is not proven, as phrases; empty if it is."""
+    within: bool
+    """True if the explained part counts within power cycles, because there are few."""
+    picture: Picture | None = None
+
+    @property
+    def signature(self) -> Signature | None:
+        """The picture in small."""
+        shown = self.picture
+        if shown is None:
+            return None
+        where = "all recordings" if shown.run is None else shown.file
+        dots, line = (list(zip(shown.centres, y, strict=True)) for y in (shown.left, shown.curve))
+        return Signature(f"against {shown.x_label.partition(',')[0]}, {where}", dots, line)
 
 
 @dataclass(frozen=True)
@@ -111,7 +179,7 @@ class CalibrationView:
 
 @dataclass(frozen=True)
 class Bar:
-    """One step of the waterfall: the excess in mdps over the floor of the richest model so far."""
+    """One step of the waterfall: the excess in mdps before and after it."""
 
     label: str
     before: float

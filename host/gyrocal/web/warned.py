@@ -1,21 +1,52 @@
-"""Warnings at the top of the panel that they concern."""
+"""Warnings at the top of the panel that they concern, with what to change and buttons that mend it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
 from gyrocal.warning import Warning, by_weight, line
+from gyrocal.web.mend import Mend, mends
+
+if TYPE_CHECKING:
+    from gyrocal.web.state import Workbench
 
 
-def show(warnings: Sequence[dict[str, Any]]) -> None:
-    """Show the ``warnings`` of a comparison's JSON, the blocking ones first and marked. Show nothing if there are none."""
+def show(warnings: Sequence[dict[str, Any]], bench: Workbench | None = None) -> None:
+    """Show the ``warnings`` of a comparison's JSON, the blocking ones first and marked. Show nothing if there are none.
+
+    With ``bench``, each warning has the buttons that mend it.
+    """
     if not warnings:
         return
-    with ui.element("section").classes("face").props('aria-label="warnings"').style("flex: none"):
+    with ui.element("section").classes("face warned").props('aria-label="warnings" tabindex=0'):
         for warning in by_weight(Warning(**w) for w in warnings):
             with ui.row().classes("tight").style("flex-wrap: nowrap; align-items: baseline"):
                 ui.element("span").classes(f"light {'bad' if warning.blocking else ''}")
                 ui.label(line(warning)).classes("small").style("font-weight: 600" if warning.blocking else "")
+            offered = mends(warning.to_json()) if bench is not None else []
+            if bench is not None and offered:
+                with ui.row().classes("tight").style("padding-left: 20px"):
+                    for mend in offered:
+                        button = ui.button(mend.label, on_click=partial(_ask, mend, bench), color=None)
+                        button.props("flat dense no-caps size=sm")
+
+
+def _ask(mend: Mend, bench: Workbench) -> None:
+    """Say what will be written, and do it if the user confirms."""
+    with ui.dialog() as dialog, ui.card().props('role="dialog" aria-label="confirm"'):
+        ui.label(f"{mend.label}?").classes("big")
+        ui.label(mend.told).style("max-width: 60ch")
+
+        async def confirm() -> None:
+            dialog.close()
+            await bench.mend(mend)
+
+        with ui.row():
+            sure = ui.button("Do it", on_click=confirm, color=None).props("unelevated no-caps")
+            sure.classes("primary")
+            ui.button("Cancel", on_click=dialog.close, color=None).props("flat no-caps")
+    dialog.open()

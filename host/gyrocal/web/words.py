@@ -7,21 +7,34 @@ from typing import Any
 from gyrocal.present.output import plus_minus
 from gyrocal.web.views import Card
 
+TINY_Q = 1e-9
+
 
 def evidence(card: Card) -> list[tuple[str, str]]:
-    """The evidence for an effect as rows of text: a name and a value."""
+    """The evidence for an effect as rows of text: a name and a value. What speaks against it comes before what favours it."""
     judged: dict[str, Any] = card.judged
     rows = [("size", card.size)]
+    if card.doubts:
+        rows.append(("in doubt", "; ".join(card.doubts)))
     if judged["explained"] is not None:
-        rows.append(("explains", f"{judged['explained']:.0%} of the excess error on {judged['axis']}"))
+        rows.append(("explains", explains(judged["explained"], judged["axis"], within=card.within)))
     if judged["heldout_gain"] is not None:
         gain = plus_minus(judged["heldout_gain"], judged["heldout_gain_se"])
         rows.append(("on unseen data", f"held-out gain {gain} in log-likelihood"))
     if judged["q_value"] is not None:
-        rows.append(("by chance", "practically impossible" if judged["q_value"] < 1e-9 else f"q = {judged['q_value']:.2g}"))
+        q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
+        rows.append(("not noise alone", f"{q}, which says nothing about other effects of this shape"))
     if card.looks_like:
         rows.append(("cannot be told from", ", ".join(card.looks_like)))
         rows.append(("to part them", judged["next_measurement"]))
     elif judged["decision"] == "suggest" and judged["next_measurement"]:
         rows.append(("to be sure", judged["next_measurement"]))
     return rows
+
+
+def explains(part: float, axis: str, *, within: bool) -> str:
+    """The explained part in squares, as ``gyrocal diagnose`` gives it, and what it means for the rms."""
+    where = f"on {axis}, within power cycles" if within else f"on {axis}"
+    if part <= 0:
+        return f"nothing of the excess error {where}"
+    return f"{part:.0%} of the squared excess error {where}; its rms falls by {1 - max(0.0, 1 - part) ** 0.5:.0%}"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
+from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 from gyrocal.web.training import Training, missing
@@ -63,13 +64,20 @@ class CalibratePanel:
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "This session gives no answer.").classes("dim")
                 return
+            for told in scatter.sentences(found.estimates, self.axis):
+                ui.label(told)
+            palette = self.tab.palette
+            colours = (palette.axes["z"], palette.methods[1], palette.methods[0])
+            ui.html(scatter.picture(found.estimates, self.axis, colours), sanitize=False)
             ui.label(found.note or "The model's answers are those of the model as it is now.").classes("dim small")
             if len(found.estimates) > MOST_ROWS:
                 ui.label(f"The first {MOST_ROWS} of {len(found.estimates)}; `gyrocal calibrate` prints all.").classes(
                     "dim small"
                 )
-            with ui.element("div").classes("scroll grow"):
+            with ui.element("div").classes("scroll grow sideways").props('role="region" aria-label="answers" tabindex="0"'):
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
+            for meaning in scatter.meanings(found.estimates):
+                ui.label(meaning).classes("dim small")
 
     def _network(self) -> None:
         """The section about a network for the model: its training, its progress and its errors."""
@@ -218,7 +226,7 @@ def _table(estimates: list[dict[str, Any]]) -> str:
         ]
         for e in estimates
     ]  # fmt: skip
-    return plain(COLUMNS, rows)
+    return plain(COLUMNS, rows, [not e["trusted"] for e in estimates])
 
 
 def _errors(errors: list[dict[str, Any]]) -> str:

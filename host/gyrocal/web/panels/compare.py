@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from gyrocal.variables.frequency import Frequency
-from gyrocal.web import charts, plots, warned
-from gyrocal.web.against import opened_by, panels
+from gyrocal.variables.order import Order
+from gyrocal.web import charts, export, plots, warned
+from gyrocal.web.against import panels
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
+from gyrocal.web.strip import strip
 from gyrocal.web.traces import Traces
-from gyrocal.web.views import AXES, RunView
+from gyrocal.web.views import AXES, ModelView, Place, RunView
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -24,9 +26,17 @@ VIEWS = {
     "timeline": ("Timeline", "recordings one after another, s"),
     **{name: (panel.title, panel.label) for name, panel in PANELS.items()},
     Frequency.name: (Frequency.title, Frequency.label()),
+    Order.name: (Order.title, "periods per turn of the table, per turn"),
     "averaging": ("Allan", "averaging time, s"),
 }
 """The text of the button of every plot, and the label of its horizontal axis."""
+SPECTRA = {
+    Frequency.name: ("amplitude density of what is left over, mdps/√Hz", "noise alone"),
+    Order.name: ("amplitude of what is left over, mdps", "white noise alone"),
+}
+"""The title of each spectrum, and the name of its reference."""
+AROUND = 4.0
+"""Factor by which the part of a spectrum around a finding is wider than the finding on both sides."""
 ALL = (0.0, 100.0)
 MOVES = (
     ("zoom_in", "zoom in", 0.25, -0.25), ("zoom_out", "zoom out", -0.5, 0.5),
@@ -52,14 +62,16 @@ class ComparePanel:
         self.chosen: list[int] = []
         """The runs that are shown; all if empty."""
         self.window = ALL
+        self.place: Place | None = None
+        """The finding whose picture is shown."""
         self.chart: Any = None
         self.root = ui.element("div").classes("column fill")
         self._build()
 
     def hear(self, topic: Topic) -> None:
         if topic == "session":
-            self.chose_axes, self.chosen, self.window, self.against = False, [], ALL, "timeline"
-        if topic in ("session", "model"):
+            self.chose_axes, self.chosen, self.window, self.against, self.place = False, [], ALL, "timeline", None
+        if topic in ("session", "runs", "model"):
             self._build()
 
     def _build(self) -> None:
@@ -71,6 +83,12 @@ class ComparePanel:
             self._verdict()
             if self.bench.traces is None:
                 return
+            left = {} if self.bench.step is None else self.bench.step.view.left
+            with ui.element("div").classes("beside"):
+                strip(self.bench.session.runs, left, self.bench.excluded, self._include)
+                runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
+                select = ui.select(runs, multiple=True, value=self.chosen, label="show runs", on_change=self._runs_chosen)
+                select.props("outlined dense options-dense clearable").style("width: 150px")
             if not self.chose_axes:
                 where = self._where()
                 self.axes = [str(where[0]["axis"]) if where else self.bench.session.axis]
@@ -80,6 +98,14 @@ class ComparePanel:
     def _where(self) -> list[dict[str, Any]]:
         """The findings of the model; empty as long as there is no model."""
         return [] if self.bench.step is None else list(self.bench.step.view.compared["where"])
+
+    async def _include(self, file: str) -> None:
+        await self.bench.include(file, file in self.bench.excluded)
+
+    def _found(self) -> list[tuple[dict[str, Any], Place]]:
+        """The findings of the model with their pictures."""
+        places = [] if self.bench.step is None else self.bench.step.view.places
+        return list(zip(self._where(), places, strict=True))
 
     def _nothing(self) -> None:
         with ui.element("section").classes("face"):
@@ -96,7 +122,7 @@ class ComparePanel:
                 ui.label(f"{told} Comparing the model with them…").classes("big")
             return
         view = step.view
-        warned.show(view.compared["warnings"])
+        warned.show(view.compared["warnings"], self.bench)
         fits, judged = view.compared["verdict"] == "adequate", view.compared["verdict"] != "implausible"
         tone = "good" if fits else "bad"
         with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
@@ -107,21 +133,14 @@ class ComparePanel:
                 why = why if judged else "A warning stands against it: mend the session, or accept the warning."
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
-                    for finding in view.compared["where"][:3]:
+                    for finding, place in list(zip(view.compared["where"], view.places, strict=True))[:3]:
                         against = finding["against"].replace("_", " ")
                         ui.button(
                             f"{finding['axis']}, against {against}: {finding['note']}",
-                            on_click=lambda f=finding: self._look_at(f),
+                            on_click=lambda f=finding, p=place: self._look_at(f["axis"], p),
                             color=None,
                         ).props("flat dense no-caps").classes("finding")
-            with ui.element("div").classes("figures"):
-                _, rms, floor, excess, *_ = view.rows[-1]
-                for name, value, kind in (
-                    ("error, mdps rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
-                ):  # fmt: skip
-                    with ui.element("div").classes(f"figure {kind}"):
-                        ui.html(f"<b>{value}</b>", sanitize=False)
-                        ui.label(name)
+            _figures(view, tone)
             if not fits and judged:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
                 button.props("unelevated no-caps").classes("primary")
@@ -131,39 +150,36 @@ class ComparePanel:
         if self.bench.diagnosis is None:
             await self.bench.diagnose()
 
-    def _look_at(self, finding: dict[str, Any]) -> None:
-        self.axes, self.chose_axes = [finding["axis"]], True
-        wanted = opened_by(finding["against"])
-        self.against = wanted if wanted in self._available() else "timeline"
-        self.window = ALL
+    def _look_at(self, axis: str, place: Place) -> None:
+        """Show the picture that proves a finding, at the place that the finding names."""
+        self.axes, self.chose_axes = [axis], True
+        self.against = place.view if place.view in self._available() else "timeline"
+        self.window, self.place = ALL, place
         self._draw()
 
     def _available(self) -> list[str]:
         if self.bench.step is None:
             return ["timeline"]
         view = self.bench.step.view
-        there = {"timeline", *view.against, Frequency.name if view.spectra else "", "averaging" if view.allan else ""}
+        there = {"timeline", *view.against}
+        there |= {n for n, of in ((Frequency.name, view.spectra), (Order.name, view.orders), ("averaging", view.allan)) if of}
         return [name for name in VIEWS if name in there]
 
     def _controls(self) -> None:
         assert self.bench.session is not None
-        with ui.row().classes("tight"):
+        with ui.row().classes("tight views-row"):
             axes = AXES if self.bench.step is None else self.bench.step.view.compared["per_axis"]
             self.axis_chips = {a: chip(a, partial(self._toggle, a)).classes(f"axis-{a}") for a in axes}
             ui.separator().props("vertical")
             self.view_chips = {n: chip(VIEWS[n][0], partial(self._choose, n)) for n in self._available()}
-            ui.space()
-            runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
-            select = ui.select(runs, multiple=True, value=self.chosen, label="all recordings", on_change=self._runs_chosen)
-            select.props("outlined dense options-dense clearable").style("width: 140px")
 
     def _press(self) -> None:
         """Show which chips are pressed, and in which views the model fails."""
         self.frame.props(f'aria-label="{VIEWS[self.against][0]}"')
-        self.zoom.set_visibility(self.against == "timeline")
+        self.moves.set_visibility(self.against == "timeline")
         for axis, button in self.axis_chips.items():
             press(button, axis in self.axes)
-        failing = {opened_by(f["against"]) for f in self._where() if f["axis"] in self.axes}
+        failing = {p.view for f, p in self._found() if f["axis"] in self.axes}
         for name, button in self.view_chips.items():
             press(button, name == self.against)
             button.classes(add="flag" if name in failing else "", remove="" if name in failing else "flag")
@@ -171,11 +187,30 @@ class ComparePanel:
 
     def _zoom_buttons(self) -> None:
         """Zoom in the browser, so that quick clicks add up. ECharts reports the resulting window to :meth:`_zoomed`."""
-        self.zoom = ui.element("div").classes("zoom")
-        with self.zoom:
-            for icon, word, low, high in MOVES:
-                button = ui.button(icon=icon, color=None).props(f'flat round dense size="sm" aria-label="{word}"')
-                button.on("click", js_handler=ZOOM % (self.chart.id, low, high))
+        with ui.element("div").classes("zoom"):
+            self.moves = ui.element("span")
+            with self.moves:
+                for icon, word, low, high in MOVES:
+                    self._button(icon, word).on("click", js_handler=ZOOM % (self.chart.id, low, high))
+            self._button("crop_free", "box zoom").on("click", js_handler=export.BOX % self.chart.id)
+            self._button("restart_alt", "reset zoom").on("click", self._reset)
+            self._button("table_view", "save as CSV").on("click", self._csv)
+            self.picture = self._button("image", "save as PNG")
+            self.picture.on("click", js_handler=export.PNG % (self.chart.id, "gyrocal"))
+
+    @staticmethod
+    def _button(icon: str, word: str) -> ui.button:
+        button = ui.button(icon=icon, color=None).props(f'flat round dense size="sm" aria-label="{word}"')
+        return button.tooltip(word)
+
+    def _reset(self) -> None:
+        self.window, self.place = ALL, None
+        self._draw()
+
+    def _csv(self) -> None:
+        if self.bench.traces is not None and self.bench.session is not None:
+            name = f"{self.bench.session.path.name}_{self.against}_{''.join(self.axes)}.csv"
+            ui.download.content(export.as_csv(self._options(self.bench.traces)), name, "text/csv")
 
     def _toggle(self, axis: str) -> None:
         self.axes, self.chose_axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis], True
@@ -183,7 +218,7 @@ class ComparePanel:
 
     def _choose(self, against: str) -> None:
         if against != self.against:
-            self.against = against
+            self.against, self.place = against, None
             self._draw()
 
     def _runs_chosen(self, event: events.ValueChangeEventArguments) -> None:
@@ -209,7 +244,7 @@ class ComparePanel:
         traces = self.bench.traces
         if traces is not None:
             self._press()
-            self.chart.run_chart_method("setOption", self._options(traces), {"notMerge": True})
+            self.chart.run_chart_method(":setOption", charts.script(self._options(traces)), "({notMerge: true})")
 
     def _options(self, traces: Traces) -> charts.Options:
         p, x_name = self.tab.palette, VIEWS[self.against][1]
@@ -217,14 +252,24 @@ class ComparePanel:
             return self._timeline(traces).options(self.window, x_name)
         assert self.bench.step is not None
         view = self.bench.step.view
-        if self.against == Frequency.name:
-            lines = [f for f in self._where() if f["against"] == Frequency.name]
-            what = "amplitude density of what is left over, mdps/√Hz"
-            return plots.curves(p, view.spectra, self.axes, what, "level between lines", x_name, lines)
+        if self.against in (Frequency.name, Order.name):
+            over = view.spectra if self.against == Frequency.name else view.orders
+            marked = [
+                (p.low, p.high, f["note"]) for f, p in self._found()
+                if p.view == self.against and f["axis"] in self.axes and p.low is not None and p.high is not None
+            ]  # fmt: skip
+            return plots.curves(p, over, self.axes, *SPECTRA[self.against], x_name, marked, self._seen_part())
         if self.against == "averaging":
             what = "Allan deviation of what is left over, mdps"
             return plots.curves(p, view.allan, self.axes, what, "noise model", x_name)
         return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes)
+
+    def _seen_part(self) -> tuple[float, float] | None:
+        """The part of a spectrum around the finding that is shown."""
+        place = self.place
+        if place is None or place.view != self.against or place.low is None or place.high is None:
+            return None
+        return place.low / AROUND, place.high * AROUND
 
     def _timeline(self, traces: Traces) -> plots.Timeline:
         return plots.Timeline(traces, self._runs(), self.axes, self.tab.palette)
@@ -232,11 +277,33 @@ class ComparePanel:
     def _zoomed(self, event: events.GenericEventArguments) -> None:
         said = (event.args.get("batch") or [event.args])[0]
         traces = self.bench.traces
-        if self.against != "timeline" or said.get("start") is None or traces is None:
+        if self.against != "timeline" or traces is None:
             return
-        self.window = (float(said["start"]), float(said["end"]))
-        seen = [{"data": series["data"]} for series in self._timeline(traces).series(self.window)]
+        timeline = self._timeline(traces)
+        if said.get("start") is not None:
+            self.window = (float(said["start"]), float(said["end"]))
+        elif said.get("startValue") is not None:  # a box was drawn
+            low, high = (100 * float(said[end]) / timeline.total_s for end in ("startValue", "endValue"))
+            self.window = (max(0.0, low), min(100.0, high))
+        else:
+            return
+        seen = [{"data": series["data"]} for series in timeline.series(self.window)]
         self.chart.run_chart_method("setOption", {"series": seen})
+
+
+def _figures(view: ModelView, tone: str) -> None:
+    """rms, floor and excess of all axes as ``gyrocal compare`` gives them, and the excess of each axis."""
+    *axes, (_, rms, floor, excess, *_) = view.rows
+    with ui.element("div").style("margin-left: auto"):
+        with ui.element("div").classes("figures").style("justify-content: flex-end"):
+            for name, value, kind in (
+                ("error, mdps rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
+            ):  # fmt: skip
+                with ui.element("div").classes(f"figure {kind}"):
+                    ui.html(f"<b>{value}</b>", sanitize=False)
+                    ui.label(name)
+        each = " · ".join(f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes)
+        ui.label(f"excess by axis: {each}").classes("dim small per-axis")
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

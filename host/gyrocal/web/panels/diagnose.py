@@ -11,8 +11,11 @@ from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
 from gyrocal.web import charts, warned
+from gyrocal.web.hero_view import HeroView
+from gyrocal.web.models import Step
+from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
-from gyrocal.web.views import Card, DiagnosisView
+from gyrocal.web.views import Card, DiagnosisView, Picture
 from gyrocal.web.words import evidence
 
 if TYPE_CHECKING:
@@ -25,12 +28,13 @@ class DiagnosePanel:
         self.acts: list[ui.button] = []
         """The buttons that start a search; they are disabled during one."""
         with ui.element("div").classes("two fill"):
-            self.cards = ui.element("section").classes("scroll").props('aria-label="what is missing"')
-            with ui.element("section").classes("column"):
+            self.cards = ui.element("section").classes("scroll").props('aria-label="what is missing" tabindex=0')
+            with ui.element("section").classes("scroll").props('aria-label="the model and its error" tabindex=0'):
                 self.model = ui.element("div").classes("face")
-                self.fall = ui.element("div").classes("face grow column").style("padding: 10px 14px; gap: 4px")
-                self.calibration = ui.element("div").classes("face grow column").style("padding: 10px 14px; gap: 4px")
-        for draw in (self._cards, self._model, self._fall, self._calibration):
+                self.hero = HeroView(tab)
+                self.fall = ui.element("div").classes("face drawn")
+                self.calibration = ui.element("div").classes("face drawn")
+        for draw in (self._cards, self._model, self.hero.draw, self._fall, self._calibration):
             draw()
 
     def hear(self, topic: Topic) -> None:
@@ -38,6 +42,7 @@ class DiagnosePanel:
             self._allow()
         if topic in ("session", "model", "diagnosis"):
             self._cards()
+            self.hero.draw()
         if topic in ("session", "model"):
             self._model()
             self._fall()
@@ -64,7 +69,7 @@ class DiagnosePanel:
                     ui.label("Open a session first.").classes("big")
                     ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return
-            warned.show(self.bench.step.view.compared["warnings"])
+            warned.show(self.bench.step.view.compared["warnings"], self.bench)
             if found is None:
                 self._invite()
                 self._added()
@@ -81,12 +86,14 @@ class DiagnosePanel:
         assert self.bench.step is not None
         compared = self.bench.step.view.compared
         fits, judged = compared["verdict"] == "adequate", compared["verdict"] != "implausible"
-        bars = self.bench.waterfall()
+        fall = self.bench.fall()
         with ui.element("div").classes(f"face verdict {'good' if fits else 'bad'}").style("flex: none"), ui.element("div"):
             verdict = "The model fits: what is left over is noise." if fits else "The model does not fit yet."
             ui.label(verdict if judged else BLOCKED).classes("big")
-            if len(bars) > 1:
-                ui.label(f"The excess error went from {bars[0].after:.2f} to {bars[-1].after:.2f} mdps.")
+            if fall is not None and fall.sentence:
+                ui.label(fall.sentence)
+            if self._in_doubt():
+                ui.label(f"Not proven: {', '.join(self._in_doubt())}.").classes("worry")
             with ui.row().style("margin-top: 8px"):
                 look = ui.button(
                     "Look again" if fits else "Find what is missing", icon="search", on_click=self.bench.diagnose, color=None
@@ -107,38 +114,47 @@ class DiagnosePanel:
     def _added(self) -> None:
         """The candidate that was added last, as the diagnosis found it."""
         step, found = self.bench.step, self.bench.diagnosed
-        if step is not None and step.formula and not step.removed:
-            self._formula(step.title, step.formula)
-        if step is None or found is None or step.removed:
+        if step is None or step.removed or not step.effect:
             return
-        for card in found.cards:
-            if card.judged["effect"] == step.effect and card.judged["decision"] in ("add", "suggest"):
-                self._card(card, added=True)
+        cards = [] if found is None else found.cards
+        cards = [c for c in cards if c.judged["effect"] == step.effect and c.judged["decision"] in ("add", "suggest")]
+        for card in cards:
+            self._card(card, added=True)
+        if not cards:
+            self._by_hand(step)
+
+    def _in_doubt(self) -> list[str]:
+        """Titles of the effects in the model that were not proven when they were added."""
+        return [title for title, doubts in self._doubts().values() if doubts]
+
+    def _doubts(self) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """The title of each effect that the steps have added, and what speaks against it."""
+        out: dict[str, tuple[str, tuple[str, ...]]] = {}
+        for step in self.bench.steps:
+            if step.removed:
+                out.pop(step.effect, None)
+            elif step.effect:
+                out[step.view.effects[-1][0] if step.formula else step.effect] = (step.title, step.recipe.doubts)
+        return out
 
     def _card(self, card: Card, *, added: bool = False) -> None:
         judged = card.judged
         passed = judged["decision"] == "add"
         alone = passed and not card.looks_like
+        proven = not card.doubts
         word = "fits the evidence" if alone else "one of several" if passed else "a hint, not enough to be sure"
         with ui.element("article").classes(f"card {'add' if passed and not added else ''}"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
                 ui.label(f"on {judged['axis']}").classes(f"axis-{judged['axis']}")
                 ui.space()
-                ui.label("in the model now" if added else word).classes(f"badge {'good' if added else 'add' if passed else ''}")
+                if added:
+                    word = "in the model now" if proven else "in the model, not proven"
+                ui.label(word).classes(f"badge {('good' if proven else 'bad') if added else 'add' if passed else ''}")
             with ui.row().style("flex-wrap: nowrap; align-items: flex-start; gap: 14px"):
                 ui.label(card.cause).classes("small").style("flex: 1")
-                if card.signature is not None:
-                    with ui.element("div").style("flex: none"):
-                        ui.html(
-                            charts.signature_svg(card.signature.dots, card.signature.line, f"signature of {card.title}"),
-                            sanitize=False,
-                        )
-                        ui.label(
-                            f"{card.signature.title}: left over (dots), this effect (line)"
-                            if card.signature.dots
-                            else card.signature.title
-                        ).classes("dim small").style("max-width: 220px; font-size: 11px")
+                if card.picture is not None:
+                    self._thumbnail(card, card.picture)
             with ui.element("dl").classes("evidence").style("margin: 0"):
                 for name, text in evidence(card):
                     ui.html(f"<dt>{html.escape(name)}</dt>", sanitize=False)
@@ -151,14 +167,32 @@ class DiagnosePanel:
                     self.acts.append(button)
                 ui.label(card.equation).classes("equation")
 
-    def _formula(self, name: str, formula: str) -> None:
+    def _thumbnail(self, card: Card, shown: Picture) -> None:
+        """The picture of the effect in small. A press shows it in full."""
+        assert card.signature is not None
+        words = f"picture of {card.title} on {shown.axis}"
+        band = [(x, y - 2 * se, y + 2 * se) for x, y, se in zip(shown.centres, shown.curve, shown.se, strict=True)]
+        with ui.element("div").style("flex: none"):
+            button = ui.element("button").classes("thumbnail").props(f'type="button" aria-label="{words}, in full"')
+            with button.on("click", lambda: self.hero.choose(card)):
+                ui.html(charts.signature_svg(card.signature.dots, card.signature.line, words, band), sanitize=False)
+            ui.label(f"left over (dots) and effect (line) {card.signature.title}").classes("dim small").style(
+                "max-width: 220px; font-size: 11px"
+            )
+
+    def _by_hand(self, step: Step) -> None:
+        """An effect that was added without a card of the diagnosis."""
+        proven = not step.recipe.doubts
         with ui.element("article").classes("card"):
             with ui.element("div").classes("head"):
-                ui.html(f"<h2>{html.escape(name)}</h2>", sanitize=False)
+                ui.html(f"<h2>{html.escape(step.title)}</h2>", sanitize=False)
                 ui.space()
-                ui.label("in the model now").classes("badge good")
-            ui.label("An effect of your own:").classes("small")
-            ui.label(formula.removeprefix(f"{name}: ")).classes("equation")
+                word = "in the model now" if proven else "in the model, not proven"
+                ui.label(word).classes(f"badge {'good' if proven else 'bad'}")
+            for doubt in step.recipe.doubts:
+                ui.label(f"In doubt: {doubt}.").classes("small")
+            if step.formula:
+                ui.label(step.formula.removeprefix(f"{step.title}: ")).classes("equation")
 
     def _unknown(self, found: DiagnosisView) -> None:
         u = found.unknown
@@ -212,6 +246,17 @@ class DiagnosePanel:
                 for card, axes in blind.values():
                     ui.label(f"{card.title} on {', '.join(axes)}: {card.judged['next_measurement']}").classes("small dim")
 
+        with ui.element("div").classes("face").style("flex: none"), ui.row().classes("tight"):
+            ui.label("Try any effect:").classes("small")
+            titles = {c.judged["effect"]: c.title for c in sorted(found.cards, key=lambda c: c.title)}
+            chosen = ui.select(titles, label="effect").props("outlined dense options-dense").style("width: 260px")
+            attempt = ui.button("Try it", color=None, on_click=lambda: self._try_effect(chosen.value, titles))
+            self.acts.append(attempt.props("outline no-caps"))
+
+    async def _try_effect(self, effect: str | None, titles: dict[str, str]) -> None:
+        if effect is not None:
+            await self.bench.add(effect, titles[effect])
+
     # The model, the fall, the calibration.
 
     def _model(self) -> None:
@@ -222,10 +267,12 @@ class DiagnosePanel:
             return
         with self.model, ui.row().classes("tight"):
             ui.label("The model contains").classes("dim")
+            doubts = self._doubts()
             for effect, title, removable in step.view.effects:
                 if removable:
-                    with ui.element("span").classes("badge add"):
-                        ui.label(title).style("display: inline")
+                    doubted = effect in doubts and bool(doubts[effect][1])
+                    with ui.element("span").classes(f"badge {'bad' if doubted else 'add'}"):
+                        ui.label(f"{title}, not proven" if doubted else title).style("display: inline")
                         button = ui.button(icon="close", on_click=partial(self.bench.remove, effect, title), color=None)
                         button.props(f'flat round dense size="8px" aria-label="remove {title}"')
                 else:
@@ -237,36 +284,42 @@ class DiagnosePanel:
             ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps").set_enabled(
                 bool(self.bench.undone)
             )
+        with self.model:
+            side_by_side(self.bench)
 
     def _fall(self) -> None:
         self.fall.clear()
-        bars = self.bench.waterfall()
+        found = self.bench.fall()
         self.fall.set_visibility(self.bench.step is not None)
         with self.fall:
-            if self.bench.step is not None and not bars:
+            if self.bench.step is not None and found is None:
                 why = "This recording is too short to hold out a part, so the excess error is unknown."
                 if self.bench.step.view.compared["residual"] == "angle":
                     why = "This session is judged by angle, which only the command line shows: gyrocal compare."
                 ui.label(why).classes("dim")
-            if not bars:
+            if found is None:
                 return
-            with ui.row():
+            with ui.row().classes("tight"):
                 ui.html("<h2>Error beyond the noise</h2>", sanitize=False)
-                floor = f"{self.bench.floor_mdps():.2f} mdps"
-                ui.label(f"unseen data, over a noise floor of {floor}").classes("dim small")
-                if len(bars) > 1 and bars[0].after > 0:
-                    gone = 1 - (bars[-1].after / bars[0].after) ** 2
-                    ui.label(f"{gone:.1%} of its square explained").classes(f"badge {'good' if gone > 0 else 'bad'}")
-            figures = " ".join(f"{b.after:.2f}" for b in bars)
-            chart = ui.echart(charts.waterfall(self.tab.palette, bars)).classes("chart grow")
+                if len(found.bars) > 1:
+                    first, last = found.bars[0].after, found.bars[-1].after
+                    tone = "good" if last < first else "bad"
+                    ui.label(f"{first:.2f} → {last:.2f} mdps rms").classes(f"badge {tone}")
+                if found.part is not None:
+                    ui.label(f"{found.part:.1%} of its square explained").classes("dim small")
+            ui.label(f"excess, {found.counted}").classes("dim small")
+            if found.in_all:
+                ui.label(found.in_all).classes("dim small")
+            figures = " ".join(f"{b.after:.2f}" for b in found.bars)
+            chart = ui.echart(charts.waterfall(self.tab.palette, found.bars)).classes("chart grow")
             chart.props(f'role="img" aria-label="excess error, mdps: {figures}"')
 
     def _calibration(self) -> None:
         self.calibration.clear()
         self.calibration.set_visibility(self.bench.step is not None)
         found = self.bench.calibration
-        tall = found is None or bool(found.errors)
-        self.calibration.classes(add="grow" if tall else "", remove="" if tall else "grow")
+        tall = found is not None and bool(found.errors)
+        self.calibration.classes(add="" if tall else "short", remove="short" if tall else "")
         with self.calibration:
             with ui.row():
                 ui.html("<h2>Calibration error</h2>", sanitize=False)

@@ -12,9 +12,9 @@ from gyrocal.device.monitor import doubtful
 from gyrocal.errors import InputError
 from gyrocal.web import hidden
 from gyrocal.web.chips import chip, press
+from gyrocal.web.coach import Coach, judged, words
 from gyrocal.web.readings import Readings
 from gyrocal.web.state import Topic
-from gyrocal.web.tables import number, plain
 
 if TYPE_CHECKING:
     from gyrocal.device.record import Wanted
@@ -36,13 +36,12 @@ class LivePanel:
             with ui.element("div").classes("scroll"):
                 self.connection = ui.element("section").classes("face column tight").props('aria-label="connection"')
                 self.sensors = ui.element("section").classes("face column tight").props('aria-label="sensors of the board"')
-                self.guide = ui.element("section").classes("face column tight").props('aria-label="what to do"')
                 self.recording = ui.element("section").classes("face column tight").props('aria-label="recording"')
             with ui.element("div").classes("column"):
+                self.coach = Coach(self.live)
                 self.readings = Readings(self.live, tab.palette)
-                self.results = ui.element("section").classes("face results").props('aria-label="results"')
         self.hear("device")
-        ui.timer(0.5, lambda: self.hear("device"))
+        ui.timer(0.25, lambda: self.hear("device"))
 
     def hear(self, topic: Topic) -> None:
         """Redraw only what has changed, so that no button disappears while it is pressed."""
@@ -53,23 +52,22 @@ class LivePanel:
         if there:
             self._show_sensor(min(there, key=lambda imu: (imu != self._chosen, imu)))
         sensor, going = live.sensor(self.imu), status.get("recording") or {}
-        hello, results = sensor.get("hello") or {}, sensor.get("results") or []
+        hello = sensor.get("hello") or {}
         states = {imu: self._sensor_words(imu) for imu in there} if len(there) > 1 else {}
         parts: dict[Callable[[], None], Any] = {
             self._connection: (live.port, live.ended, self._state_words(), self._part_words(), self._complaint()),
             self._sensors: (states, self.imu),
-            self._guide: (self.imu, bool(hello), sensor.get("state"), sensor.get("face"), status.get("replays"), bool(results)),
             self._recording: (
                 self.imu, hello.get("table_dps"), bool(hello), status.get("replays"), live.ended, going.get("going"),
                 going.get("folder"),
             ),
-            self._results: results,
         }  # fmt: skip
         for draw, now in parts.items():
             if self.shown.get(draw) != now:
                 self.shown[draw] = now
                 draw()
         self._figures()
+        self.coach.update()
 
     # Connection.
 
@@ -122,9 +120,17 @@ class LivePanel:
     def _choose(self) -> None:
         ports = self.live.ports()
         port = ui.select(
-            ports, value=ports[0] if ports else None, label="serial port", with_input=True, new_value_mode="add-unique"
-        )
-        port.props("outlined dense")
+            ports, value=next(iter(ports), None), label="serial port", with_input=True, new_value_mode="add-unique",
+            key_generator=lambda text: text,
+        ).props("outlined dense")  # fmt: skip
+        if not ports:
+            with ui.row().classes("tight"):
+                ui.label(
+                    "No serial device is plugged in. Connect the board by a USB cable that carries data, then look again; or "
+                    "type the name of a port."
+                ).classes("dim small")
+                again = ui.button("Look again", icon="refresh", on_click=self._look_again, color=None)
+                again.props("flat dense no-caps size=sm")
         connect = ui.button("Connect", icon="link", on_click=lambda: self._connect(port.value), color=None)
         connect.props("unelevated no-caps").classes("primary" if ports else "")
         ui.separator()
@@ -136,6 +142,11 @@ class LivePanel:
         )
         start.props("unelevated no-caps").classes("" if ports else "primary")
         start.bind_enabled_from(chosen, "value", lambda value: value is not None)
+
+    def _look_again(self) -> None:
+        self._connection()
+        if not self.live.ports():
+            self.bench.say("Still no serial device. Check the cable, and that your user may open ports (group dialout).")
 
     def _connect(self, port: str | None) -> None:
         try:
@@ -161,10 +172,9 @@ class LivePanel:
             missed = f", {sensor['missed']} never taken" if sensor.get("missed") else ""
             rate = f"{sensor.get('rate_hz', 0.0):.0f} samples a second"
             self.counts.text = f"{rate}, {lost} lost, {bad} bad, {status['restarts']} restarts{missed}"
-            run = (status.get("recording") or {}).get("run")
-            if run is not None and status["recording"]["going"]:
-                told = f"{run['seconds']:.1f} s, {run['samples']} samples, {run['lost']} lost"
-                self.progress.text = f"{run['file']}: {told}"
+            going = status.get("recording") or {}
+            if going.get("going"):
+                self._tell_progress(going, sensor)
             self.counts.classes(add="worry" if lost or bad else "", remove="" if lost or bad else "worry")
 
     # Which of its sensors.
@@ -186,8 +196,8 @@ class LivePanel:
         sensor = self.live.sensor(imu)
         fit = ""
         if sensor.get("results"):
-            fit = ", not trusted" if any(map(doubtful, _judged(sensor["results"]))) else ", fits"
-        return f"{sensor.get('state')} {sensor.get('face')}".strip() + fit
+            fit = ", not trusted" if any(map(doubtful, judged(sensor["results"]))) else ", fits"
+        return words(sensor) + fit
 
     def _look_at(self, imu: int) -> None:
         self._chosen = imu
@@ -197,36 +207,7 @@ class LivePanel:
         if imu != self.imu:
             self.imu = imu
             self.readings.show(imu)
-
-    # What to do.
-
-    def _guide(self) -> None:
-        self.guide.clear()
-        status = self.live.sensor(self.imu)
-        self.guide.set_visibility(bool(status.get("hello")))
-        if not status.get("hello"):
-            return
-        state, face = str(status.get("state")), str(status.get("face"))
-        answered = bool(status.get("results")) and state != "recording"
-        second = answered or state in ("flip", "done") or bool(status.get("results"))
-        steps = [
-            ("One face up: let the table turn for 6 s or more", "done" if second else "now"),
-            ("Turn the sensor over and repeat at the same table rate", "done" if answered else "now" if second else ""),
-            ("Read scale and bias below", "now" if answered else ""),
-        ]
-        with self.guide:
-            with ui.row().classes("tight"):
-                ui.html("<h2>Calibrate in two turns</h2>", sanitize=False)
-                ui.space()
-                ui.element("span").classes(f"light {'rec' if state == 'recording' else ''}")
-                ui.label(f"{state} {face}".strip()).classes("small")
-            with ui.element("ol").classes("steps"):
-                for number, (text, stage) in enumerate(steps, start=1):
-                    with ui.element("li").classes(f"step {stage}").props('aria-current="step"' if stage == "now" else ""):
-                        ui.label("✓" if stage == "done" else str(number))
-                        ui.label(text)
-            if self.live.status.get("replays"):
-                ui.label("This simulated device turns and flips by itself, after some seconds at rest.").classes("dim small")
+            self.coach.show(imu)
 
     # Recording.
 
@@ -264,10 +245,22 @@ class LivePanel:
                     ).props("unelevated no-caps").classes("primary")  # fmt: skip
 
     def _progress(self) -> None:
-        with ui.row().classes("tight"):
-            ui.element("span").classes("light rec")
-            self.progress = ui.label("waiting for a run").classes("small")
+        with ui.row().classes("tight").style("flex-wrap: nowrap"):
+            self.lamp = ui.element("span").classes("light")
+            self.progress = ui.label("Waiting for a run of the device.").classes("small")
         ui.button("Stop recording", icon="stop", on_click=self.live.stop, color=None).props("outline dense no-caps")
+
+    def _tell_progress(self, going: dict[str, Any], sensor: dict[str, Any]) -> None:
+        """What is being written, or what the recorder waits for."""
+        run = going.get("run")
+        writes = run is not None and sensor.get("state") == "recording"
+        self.lamp.classes(add="rec" if writes else "", remove="" if writes else "rec")
+        told = "" if run is None else f"{run['file']}: {run['seconds']:.1f} s, {run['samples']} samples, {run['lost']} lost"
+        if writes:
+            self.progress.text = f"Writing {told}"
+        else:
+            until = "the next run of the device begins" if self.live.status.get("replays") else "the device begins its run"
+            self.progress.text = f"{told}. " * bool(told) + f"Nothing is written until {until}."
 
     def _recorded(self, going: dict[str, Any]) -> None:
         runs = going.get("done") or []
@@ -303,60 +296,6 @@ class LivePanel:
             self.live.record(folder, what, _scenario(folder, what), self.imu)
         except InputError as error:
             self.bench.say(str(error))
-
-    # What it answers.
-
-    def _results(self) -> None:
-        self.results.clear()
-        found = self.live.sensor(self.imu).get("results") or []
-        self.results.set_visibility(bool(found))
-        if not found:
-            return
-        judged = _judged(found)
-        with self.results:
-            if judged:
-                with ui.row().classes("tight"):
-                    ui.element("span").classes(f"light {'bad' if any(map(doubtful, judged)) else 'good'}")
-                    ui.label(_verdict(judged))
-            ui.html(_table(found), sanitize=False)
-
-
-def _judged(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results that show whether the readings fit: the model's, otherwise the baseline's, otherwise the latest method's.
-
-    These have a misfit, or the device has judged them. The network's misfit allows for a ripple and does not show it.
-    """
-    judged = [r for r in found if isinstance(r.get("misfit"), int | float) or "trusted" in r]
-    methods = {r["method"] for r in judged}
-    telling = next((m for m in ("model", "baseline") if m in methods), found[-1]["method"])
-    return [r for r in judged if r["method"] == telling]
-
-
-def _verdict(judged: list[dict[str, Any]]) -> str:
-    """The judged results in a sentence."""
-    against = {flag for r in judged if doubtful(r) for flag in (str(r.get("flags") or "misfit")).split("+")}
-    if not against:
-        return "The readings agree with the calibration of the device."
-    if "misfit" in against:
-        return "The readings contain an effect that the calibration lacks: record a session and diagnose it."
-    return f"The device does not trust its answer: {', '.join(sorted(against)).replace('_', ' ')}."
-
-
-COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "speaks against it:")
-
-
-def _table(found: list[dict[str, Any]]) -> str:
-    found = sorted(found, key=lambda r: (str(r.get("axis")), str(r.get("seconds")), str(r.get("method"))))
-    rows = [
-        [
-            str(r.get("axis", "")), str(r.get("method", "")), number(r.get("seconds"), "g"),
-            number(r.get("scale"), ".4f", 100), number(r.get("scale_se"), ".4f", 100),
-            number(r.get("bias_dps"), ".1f", 1e3), number(r.get("bias_se_dps"), ".1f", 1e3), number(r.get("misfit"), ".2f"),
-            str(r.get("flags") or "").replace("+", ", "),
-        ]
-        for r in found
-    ]  # fmt: skip
-    return plain(COLUMNS, rows, [doubtful(r) for r in found])
 
 
 def _number(text: Any, otherwise: float) -> float:

@@ -1,0 +1,86 @@
+"""The excess error step by step, in the figures of ``gyrocal add`` and ``gyrocal explain``.
+
+All steps are held against one noise floor, that of the richest model. With fewer than ``Policy.few_cycles`` power cycles the
+explained part counts within them, so the bars do as well, and the picture and the figure beside it agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, pooled
+from gyrocal.policy import POLICY
+from gyrocal.web.views import Bar
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Mean squares of the held-out residuals and the squared floor by axis, and the number of power cycles."""
+
+    squares: dict[str, MeanSquares]
+    floors: dict[str, Floor]
+    cycles: int
+    parameters: int
+    """The number of parameters of the model, to find the richest of several."""
+
+    def over(self, richest: Levels) -> Level:
+        """The level of all axes together over the floor of another model."""
+        return pooled(self.squares.values(), (richest.floors[axis] for axis in self.squares))
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The bars, the levels of the first and the last model, and the part of the squared excess that lies between them."""
+
+    bars: list[Bar]
+    first: Level
+    last: Level
+    part: float | None
+    within: bool
+    """True if the bars and the part count within power cycles."""
+
+    @property
+    def floor_mdps(self) -> float:
+        return 1e3 * self.last.floor_dps
+
+    @property
+    def counted(self) -> str:
+        """The way of counting, as a phrase."""
+        how = "mdps rms on unseen recordings, beyond the noise floor"
+        return f"{how}, within power cycles (fewer than {POLICY.few_cycles})" if self.within else how
+
+    @property
+    def sentence(self) -> str:
+        """What the steps made of the excess; empty before the first step."""
+        if len(self.bars) < 2:
+            return ""
+        where = " within power cycles" if self.within else ""
+        return f"The excess error{where} went from {self.bars[0].after:.2f} to {self.bars[-1].after:.2f} mdps."
+
+    @property
+    def in_all(self) -> str:
+        """The excess with the offset and scale of each power cycle, where the bars leave these out."""
+        if not self.within or self.first.excess_dps is None or self.last.excess_dps is None:
+            return ""
+        figures = [f"{1e3 * level.excess_dps:.2f}" for level in (self.first, self.last) if level.excess_dps is not None]
+        shown = figures[0] if len(self.bars) < 2 else " → ".join(figures)
+        return f"With each power cycle's own offset and scale: {shown} mdps over a floor of {self.floor_mdps:.2f} mdps."
+
+
+def fall(steps: Sequence[tuple[str, Levels | None]]) -> Fall | None:
+    """The fall over models, each with the label of the step that made it; None if nothing is held out or rates are unknown."""
+    known = [(label, levels) for label, levels in steps if levels is not None]
+    if not known or len(known) < len(steps):
+        return None
+    richest = max((levels for _, levels in known), key=lambda levels: levels.parameters)
+    over = [levels.over(richest) for _, levels in known]
+    within = richest.cycles < POLICY.few_cycles
+    excess = [v.excess_within_dps if within else v.excess_dps for v in over]
+    if any(e is None for e in excess):
+        return None
+    mdps = [1e3 * e for e in excess if e is not None]
+    befores = [0.0, *mdps]
+    bars = [Bar(label, old, new) for (label, _), old, new in zip(known, befores, mdps, strict=False)]
+    part = explained(over[0], over[-1], richest.cycles) if len(over) > 1 else None
+    return Fall(bars, over[0], over[-1], part, within)

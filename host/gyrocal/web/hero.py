@@ -1,0 +1,126 @@
+"""The picture of an effect: the residual against the variable that the effect depends on, and the effect's curve through it.
+
+The variable is found from the effect's own signal: it is the one of which the signal is most nearly a function. An effect whose
+phase differs from run to run is a function of nothing over all runs; it is shown in the run where it is largest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gyrocal.recording.session import Array
+from gyrocal.web.against import Panel, panels
+from gyrocal.web.views import Picture
+
+BINS = 40
+LEAST = 2
+"""Fewest block means in a bin, so that it has a standard error."""
+A_FUNCTION = 0.6
+"""Part of the signal's variance that a variable describes over all runs, from which on all runs are shown."""
+ALIKE = 0.02
+"""Parts that differ by less than this are equal; the variable that takes more values is then shown."""
+
+Points = Mapping[str, Array]
+
+
+def picture(axis: str, signal: Array, points: Points, files: Mapping[int, str]) -> Picture | None:
+    """The picture of an effect on an axis.
+
+    ``signal`` [blocks] is the fitted effect in block means, deg/s, and ``points`` the residual's block means with every
+    variable, as :func:`gyrocal.web.prepare.points` gives them. None if no variable has values.
+    """
+    there = np.isfinite(points[axis])
+    best = _best(axis, signal, points, there)
+    if best is None:
+        return None
+    panel, part = best
+    run = None
+    if part < A_FUNCTION:
+        power = np.bincount(points["run"], np.where(there, signal, 0.0) ** 2)
+        run = int(np.argmax(power))
+        mine = there & (points["run"] == run)
+        panel, _ = _best(axis, signal, points, mine) or best
+    return _drawn(axis, signal, points, panel, run, "" if run is None else files[run])
+
+
+def left_now(shown: Picture, points: Points) -> list[float]:
+    """The residual's means in the picture's bins with another model, mdps. A bin without values is at zero."""
+    panel = next(p for p in panels() if p.name == shown.view)
+    x, y = points[panel.key(shown.axis)], points[shown.axis]
+    use = np.isfinite(x) & np.isfinite(y) & _of_run(points, shown.run)
+    place = np.searchsorted(np.asarray(shown.edges), x[use], side="right") - 1
+    inside = (place >= 0) & (place < len(shown.edges) - 1)
+    values = y[use] - (y[use].mean() if shown.run is not None and use.any() else 0.0)
+    count = np.bincount(place[inside], minlength=len(shown.edges) - 1)
+    total = np.bincount(place[inside], values[inside], len(shown.edges) - 1)
+    kept = np.asarray(shown.centres)
+    bins = np.searchsorted(np.asarray(shown.edges), kept, side="right") - 1
+    return (1e3 * total[bins] / np.maximum(count[bins], 1)).tolist()
+
+
+def _of_run(points: Points, run: int | None) -> Any:
+    return np.ones(points["run"].size, dtype=bool) if run is None else points["run"] == run
+
+
+def _best(axis: str, signal: Array, points: Points, there: Any) -> tuple[Panel, float] | None:
+    """The panel of which the signal is most nearly a function, and the part of its variance that this describes."""
+    parts: list[tuple[float, int, Panel]] = []
+    for panel in panels():
+        if panel.variable.name == "reading":  # holds the effect itself
+            continue
+        x = points[panel.key(axis)]
+        use = there & np.isfinite(x)
+        if np.count_nonzero(use) < 0.9 * np.count_nonzero(there) or np.count_nonzero(use) < 4 * LEAST or np.ptp(x[use]) == 0:
+            continue
+        place = _places(x[use], _edges(x[use], panel))
+        s = signal[use]
+        count = np.bincount(place)
+        seen = count > 0
+        mean = np.bincount(place, s)[seen] / count[seen]
+        total = float(np.sum((s - s.mean()) ** 2))
+        between = float(np.sum(count[seen] * (mean - s.mean()) ** 2))
+        spare = (s.size - 1) / max(s.size - np.count_nonzero(seen), 1)
+        parts.append((1 - (1 - between / max(total, 1e-300)) * spare, int(np.count_nonzero(seen)), panel))
+    if not parts:
+        return None
+    top = max(part for part, _, _ in parts)
+    part, _, panel = max((p for p in parts if p[0] > top - ALIKE), key=lambda p: (min(p[1], BINS // 2), p[0]))
+    return panel, part
+
+
+def _edges(x: Array, panel: Panel) -> Array:
+    if panel.variable.period is not None:
+        return np.linspace(0, panel.variable.period, BINS + 1)
+    low, high = float(x.min()), float(x.max())
+    few = np.unique(np.round(x.astype(float), 6))
+    if few.size <= BINS // 4:  # as a rate that has a few values
+        middle = (few[1:] + few[:-1]) / 2
+        return np.concatenate([[low - 1e-6 * max(1.0, abs(low))], middle, [high + 1e-6 * max(1.0, abs(high))]])
+    return np.linspace(low, high + 1e-6 * (high - low), BINS + 1)
+
+
+def _places(x: Array, edges: Array) -> Any:
+    return np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+
+
+def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | None, file: str) -> Picture:
+    x, y = points[panel.key(axis)], points[axis]
+    use = np.isfinite(x) & np.isfinite(y) & _of_run(points, run)
+    x, y, s = (np.asarray(v[use], dtype=float) for v in (x, y, signal))
+    if run is not None:  # the offset of a run is not the effect's
+        y, s = y - y.mean(), s - s.mean()
+    edges = _edges(x, panel)
+    place = _places(x, edges)
+    count = np.bincount(place, minlength=edges.size - 1)
+    kept = np.flatnonzero(count >= LEAST)
+
+    def mean(values: Array) -> Array:
+        return np.asarray(np.bincount(place, values, edges.size - 1)[kept] / count[kept])
+
+    scatter = np.bincount(place, (y - s - np.bincount(place, y - s, edges.size - 1)[place] / count[place]) ** 2, edges.size - 1)
+    se = np.sqrt(scatter[kept] / (count[kept] - 1) / count[kept])
+    columns = (edges, mean(x), 1e3 * mean(y), 1e3 * se, 1e3 * mean(s))
+    return Picture(panel.name, axis, panel.label, run, file, *(c.tolist() for c in columns))

@@ -1,0 +1,99 @@
+"""The large picture of an effect: before it is added, while it is subtracted, and after."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from gyrocal.web import charts, export
+from gyrocal.web.hero import left_now
+from gyrocal.web.views import Card, Picture
+
+if TYPE_CHECKING:
+    from gyrocal.web.page import Tab
+
+COPY = """async () => {
+    const colour = getComputedStyle(document.body).getPropertyValue("--face").trim();
+    const url = getElement(%d).chart.getDataURL({pixelRatio: 2, backgroundColor: colour});
+    const picture = await (await fetch(url)).blob();
+    try {
+        await navigator.clipboard.write([new ClipboardItem({"image/png": picture})]);
+        emitEvent("picture_copied", true);
+    } catch (refused) {
+        emitEvent("picture_copied", false);
+    }
+}"""
+
+
+class HeroView:
+    """The chart and its buttons. It stays in the page while the model changes, so that the change is seen."""
+
+    def __init__(self, tab: Tab) -> None:
+        self.tab, self.bench = tab, tab.bench
+        self._chosen: Card | None = None
+        self._drawn: Picture | None = None
+        self.frame = ui.element("div").classes("face drawn hero-picture over")
+        with self.frame:
+            self.image = ui.element("div").classes("chart").props("role=img")
+            with self.image:
+                self.chart = ui.echart(charts.base(tab.palette, series=[])).classes("chart")
+            with ui.element("div").classes("zoom"):
+                copy = ui.button("Copy as image", icon="content_copy", color=None).props("flat dense no-caps size=sm")
+                copy.on("click", js_handler=COPY % self.chart.id)
+                save = ui.button(icon="image", color=None).props('flat round dense size="sm" aria-label="save the picture"')
+                save.on("click", js_handler=export.PNG % (self.chart.id, "gyrocal_effect"))
+        ui.on("picture_copied", lambda e: self._copied(bool(e.args)))
+
+    def choose(self, card: Card) -> None:
+        """Show the picture of another card."""
+        self._chosen = card
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw the chosen card, else the best one, else the effect that was added last."""
+        diagnosis, step = self.bench.diagnosis, self.bench.step
+        cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.picture is not None]
+        card = self._chosen if self._chosen in cards else next(iter(cards), None)
+        added = step is not None and step.picture is not None and not cards
+        self.frame.set_visibility(card is not None or added)
+        if added:
+            assert step is not None
+            assert step.picture is not None
+            assert self.bench.traces is not None
+            flat = [0.0] * len(step.picture.centres)
+            words = self._words(step.title, step.picture, _equation(self.bench.diagnosed, step.effect), added=True)
+            self._show(step.picture, left_now(step.picture, self.bench.traces.points), flat, words)
+        elif card is not None:
+            assert card.picture is not None
+            words = self._words(card.title, card.picture, card.equation, added=False)
+            self._show(card.picture, card.picture.left, card.picture.curve, words)
+
+    def _words(self, title: str, shown: Picture, equation: str, *, added: bool) -> list[str]:
+        """What stands above the picture, and goes with it where it is copied to."""
+        fall, session = self.bench.fall(), self.bench.session
+        assert session is not None
+        lines = [f"{title} on {shown.axis}", f"{session.sensor} · {equation}"]
+        where = "all recordings" if shown.run is None else f"{shown.file}, about its mean"
+        if fall is not None:
+            bar = fall.bars[-1]
+            how = " within power cycles" if fall.within else ""
+            figures = f"{bar.before:.2f} → {bar.after:.2f}" if added else f"{bar.after:.2f}"
+            where = f"excess error{how} {figures} mdps rms · {where}"
+        return [*lines, where]
+
+    def _show(self, shown: Picture, left: list[float], curve: list[float], words: list[str]) -> None:
+        options: dict[str, Any] = charts.hero(self.tab.palette, shown, left, curve, words)
+        self.image.props(f'aria-label="{charts.words(words)}"')
+        fresh = "false" if shown == self._drawn else "true"
+        self._drawn = shown
+        self.chart.run_chart_method(":setOption", charts.script(options), f"({{notMerge: {fresh}}})")
+
+    def _copied(self, done: bool) -> None:
+        with self.frame:
+            ui.notify("The picture is in the clipboard." if done else "The browser gives no access to the clipboard; save it.")
+
+
+def _equation(diagnosed: Any, effect: str) -> str:
+    cards = [] if diagnosed is None else diagnosed.cards
+    return next((c.equation for c in cards if c.judged["effect"] == effect), "")

@@ -1,0 +1,99 @@
+"""The worker's part of the import: a file looked at with a guess of its columns, and imported as a new session."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gyrocal.errors import InputError
+
+if TYPE_CHECKING:
+    from gyrocal.recording.importer import Imported
+
+KINDS = (".csv", ".txt", ".tsv", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
+"""Endings of the files that are offered; what a file holds decides how it is read."""
+SHOWN_COLUMNS = 60
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a person says of a file. ``maps`` empty: columns and units are guessed. None: not said."""
+
+    maps: tuple[str, ...] = ()
+    face: str | None = None
+    table_rate_dps: float | None = None
+    axis: str | None = None
+    sample_rate_hz: float | None = None
+    lsb_dps: float | None = None
+    sensor: str | None = None
+
+
+@dataclass(frozen=True)
+class Looked:
+    """What a file would become: its columns, the mappings (as ``gyrocal import --map`` takes them) with the reason of each."""
+
+    columns: list[str]
+    maps: list[tuple[str, str]] = field(default_factory=list)
+    problem: str = ""
+    """Why it cannot be imported so; empty if it can."""
+    told: str = ""
+    warnings: list[dict[str, Any]] = field(default_factory=list)
+    picture: str = ""
+    """The preview as a data address; empty with a problem."""
+
+
+def look(file: Path, asked: Asked) -> Looked:
+    """Read a file without writing anything."""
+    from gyrocal.plausibility import check
+    from gyrocal.recording import readers
+    from gyrocal.recording.column_map import Scaling
+    from gyrocal.recording.guess import guess
+
+    try:
+        source = readers.read(file)
+        columns = list(source.frame.columns)[:SHOWN_COLUMNS]
+    except InputError as error:
+        return Looked([], problem=str(error))
+    maps = [(text, "as you said") for text in asked.maps]
+    try:
+        if not maps:
+            maps = [(g.map, g.why) for g in guess(source, Scaling(asked.sample_rate_hz, asked.lsb_dps))]
+        found = _read(file, asked)
+    except InputError as error:
+        return Looked(columns, maps, str(error))
+    session = found.session
+    seconds = sum(run.duration_s for run in session.runs)
+    samples = sum(len(run) for run in session.runs)
+    runs = "1 run" if len(session.runs) == 1 else f"{len(session.runs)} runs"
+    told = f"{runs}, {samples:,} samples at {session.sample_rate_hz:g} Hz, {seconds:.1f} s"
+    if found.repaired:
+        told += "; repaired: " + ", ".join(f"{count} {what}" for what, count in found.repaired.items())
+    warnings = [w.to_json() for w in (*found.warnings, *check(session))]
+    return Looked(columns, maps, "", told, warnings, _picture(found))
+
+
+def take(file: Path, asked: Asked, out: Path) -> None:
+    """Import a file as the new session ``out``."""
+    _read(file, asked).save(out)
+
+
+def _read(file: Path, asked: Asked) -> Imported:
+    from gyrocal.recording.column_map import Scaling
+    from gyrocal.recording.importer import Options, read_recording
+
+    facts = {"face": asked.face, "table_rate_dps": asked.table_rate_dps}
+    return read_recording(file, Options(
+        maps=asked.maps, defaults={key: value for key, value in facts.items() if value is not None}, axis=asked.axis,
+        scaling=Scaling(asked.sample_rate_hz, asked.lsb_dps), sensor=asked.sensor,
+    ))  # fmt: skip
+
+
+def _picture(found: Imported) -> str:
+    from gyrocal.present.preview import preview
+
+    data = io.BytesIO()
+    preview(found.session).savefig(data, dpi=80, format="png")
+    return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode("ascii")

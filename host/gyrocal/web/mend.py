@@ -1,0 +1,122 @@
+"""Ways to mend a session that a warning speaks of. Nothing is written before the user confirms it."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+
+from gyrocal.errors import InputError
+from gyrocal.recording.header import read_header, write_header
+from gyrocal.recording.run import Run
+from gyrocal.recording.session import Session
+
+KEPT_AS = "session.toml.before"
+"""The name under which the file that the user wrote is kept when it is first changed."""
+DEG_PER_RAD = 180 / np.pi
+
+Kind = Literal["face", "sign", "units", "accept", "leave_out"]
+
+
+@dataclass(frozen=True)
+class Mend:
+    """One way to mend a session: ``label`` is on its button, ``told`` says before it is done what will be written."""
+
+    kind: Kind
+    label: str
+    told: str
+    code: str
+    axis: str | None
+    file: str | None
+
+
+def mends(warning: dict[str, Any]) -> list[Mend]:
+    """The ways to mend what a warning of ``--json`` speaks of, the surest first; empty if only the user can."""
+    code, axis, file = warning["code"], warning["axis"], warning["file"]
+    which = file or ("every run" if axis is None else f"every run about {axis}")
+    toml = f"session.toml (its present text is kept as {KEPT_AS})"
+    out = []
+
+    def offer(kind: Kind, label: str, told: str) -> None:
+        out.append(Mend(kind, label, told, code, axis, file))
+
+    if code == "face_wrong":
+        offer("face", f"Turn the face of {which} over", f"The other face of {which} is written into {toml}.")
+    if code == "sign_flipped":
+        told = f"table_rate_dps of {which} is written with the other sign into {toml}."
+        offer("sign", f"Reverse the rates of {which}", told)
+    if code == "unit_rad_s":
+        told = "A new session is written beside this one, in which what is in rad/s is in deg/s. It is then opened."
+        offer("units", "Convert to deg/s", told)
+    if file is not None:
+        told = f"{file} is left out of the fits. The session's files stay as they are; the choice is kept in workbench.json."
+        offer("leave_out", f"Leave {file} out", told)
+    if warning["blocking"]:
+        entry = code if axis is None else f"{code}:{axis}"
+        offer("accept", "Accept it", f'accept = ["{entry}"] is written into {toml}. The warning stays, but no longer blocks.')
+    return out
+
+
+def apply(folder: Path, mend: Mend, out: Callable[[], Path]) -> Path:
+    """Mend a session and return the folder to open: the same, or ``out()`` where the tables themselves change.
+
+    Raises InputError if the session cannot be mended in this way.
+    """
+    if mend.kind == "units":
+        return _in_degrees(folder, mend, out())
+    read_header(folder)
+    path = folder / "session.toml"
+    raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    runs = raw.pop("run")
+    chosen = [r for r in runs if mend.file in (None, r["file"]) and mend.axis in (None, r.get("axis", raw.get("axis", "z")))]
+    if mend.kind == "accept":
+        entry = mend.code if mend.axis is None else f"{mend.code}:{mend.axis}"
+        raw["accept"] = sorted({*raw.get("accept", []), entry})
+    elif mend.kind == "face":
+        for run in chosen:
+            run["face"] = "down" if run["face"] == "up" else "up"
+    elif mend.kind == "sign":
+        stated = [run for run in chosen if "table_rate_dps" in run]
+        if not stated:
+            raise InputError(f"{path}: no run states table_rate_dps; negate the reference when importing (*-1)")
+        for run in stated:
+            run["table_rate_dps"] = -run["table_rate_dps"]
+    if not (folder / KEPT_AS).exists():
+        shutil.copyfile(path, folder / KEPT_AS)
+    write_header(folder, raw, runs)
+    return folder
+
+
+def _in_degrees(folder: Path, mend: Mend, out: Path) -> Path:
+    """Write the session with readings or reference in deg/s, whichever of them takes the warning away and brings no other."""
+    from gyrocal.plausibility import check
+
+    session = Session.open(folder)
+    before = sum(w.blocking for w in check(session))
+    for convert in (_readings, _reference):
+        converted = session.with_runs([convert(run) for run in session.runs])
+        found = check(converted)
+        if sum(w.blocking for w in found) < before and not any(w.code == mend.code for w in found):
+            converted.save(out)
+            return out
+    raise InputError(f"{folder}: neither readings nor reference agree in deg/s throughout; give the units when importing")
+
+
+def _readings(run: Run) -> Run:
+    return _scaled(run, ("gx_dps", "gy_dps", "gz_dps"))
+
+
+def _reference(run: Run) -> Run:
+    rate, turn = (None if v is None else v * DEG_PER_RAD for v in (run.table_rate_dps, run.turn_deg))
+    return replace(_scaled(run, ("rate_ref_dps", "ref_angle_deg")), table_rate_dps=rate, turn_deg=turn)
+
+
+def _scaled(run: Run, columns: Sequence[str]) -> Run:
+    there = [c for c in columns if c in run.table.columns]
+    return replace(run, path=None, frame=run.table.with_columns(pl.col(there) * DEG_PER_RAD) if there else run.table)

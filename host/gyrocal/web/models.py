@@ -1,0 +1,113 @@
+"""The models of a session: named sequences of steps, kept in a file beside the session and restored with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from gyrocal.errors import GyrocalError
+from gyrocal.files import replace_text
+from gyrocal.web.views import ModelView, Picture
+
+FILE = "workbench.json"
+FORMAT = "gyrocal-workbench/1"
+START = "default"
+"""The built-in model that a session begins with."""
+FIRST_NAME = "first"
+BY_HAND = "it was chosen by hand; no diagnosis of this model names it"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How one model of a sequence came about: the first one, or an effect that was added or removed."""
+
+    source: str
+    """The model for the engine: the name of a built-in model, or TOML text."""
+    effect: str = ""
+    title: str = "model at first"
+    removed: bool = False
+    formula: str = ""
+    """The formula of an effect that is not in the library."""
+    doubts: tuple[str, ...] = ()
+    """Why the effect was not proven when it was added, as phrases; empty if it was."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A model of the sequence, compared with the session."""
+
+    recipe: Recipe
+    view: ModelView
+    picture: Picture | None = None
+    """The picture of the effect as it was before it was added."""
+
+    @property
+    def source(self) -> str:
+        return self.recipe.source
+
+    @property
+    def effect(self) -> str:
+        return self.recipe.effect
+
+    @property
+    def title(self) -> str:
+        return self.recipe.title
+
+    @property
+    def removed(self) -> bool:
+        return self.recipe.removed
+
+    @property
+    def formula(self) -> str:
+        return self.recipe.formula
+
+    @property
+    def label(self) -> str:
+        """The name of its bar."""
+        return f"without {self.title}" if self.removed else self.title
+
+
+@dataclass(frozen=True)
+class Models:
+    """The sequences by name, the name of the one that is shown, and the files of the runs that are left out."""
+
+    of: Mapping[str, tuple[Recipe, ...]] = field(default_factory=lambda: {FIRST_NAME: (Recipe(START),)})
+    current: str = FIRST_NAME
+    excluded: frozenset[str] = frozenset()
+
+    def with_current(self, name: str, recipes: tuple[Recipe, ...]) -> Models:
+        return replace(self, of={**self.of, name: recipes}, current=name)
+
+
+def read_models(session: Path) -> Models:
+    """The models kept with a session; the first one alone if there are none or the file cannot be read."""
+    try:
+        raw = json.loads((session / FILE).read_text(encoding="utf-8"))
+        of = {str(name): tuple(map(_recipe, recipes)) for name, recipes in raw["models"].items() if recipes}
+        found = Models(of, str(raw["current"]), frozenset(map(str, raw["excluded"])))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return Models()
+    return found if raw.get("format") == FORMAT and found.current in found.of else Models()
+
+
+def _recipe(raw: dict[str, Any]) -> Recipe:
+    return Recipe(
+        str(raw["source"]), str(raw["effect"]), str(raw["title"]), bool(raw["removed"]), str(raw["formula"]),
+        tuple(map(str, raw["doubts"])),
+    )  # fmt: skip
+
+
+def write_models(session: Path, models: Models) -> str:
+    """Write the file of a session. Returns what went wrong, in words, or an empty text."""
+    content = {
+        "format": FORMAT, "current": models.current, "excluded": sorted(models.excluded),
+        "models": {name: [asdict(recipe) for recipe in recipes] for name, recipes in models.of.items()},
+    }  # fmt: skip
+    try:
+        replace_text(session / FILE, json.dumps(content, indent=1), durable=False)
+    except (OSError, GyrocalError) as error:
+        return f"The models cannot be kept with the session ({error}); save the model file instead."
+    return ""

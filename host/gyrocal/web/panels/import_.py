@@ -1,0 +1,160 @@
+"""The import of somebody else's file: columns guessed and shown, corrected by the person, and written as a session."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nicegui import events, ui
+
+from gyrocal.errors import InputError
+from gyrocal.web import warned
+from gyrocal.web.intake import KINDS, Asked, Looked
+from gyrocal.web.state import Topic
+from gyrocal.web.tables import plain
+
+if TYPE_CHECKING:
+    from gyrocal.web.page import Tab
+
+LARGEST_BYTES = 2 << 30
+
+
+class ImportPanel:
+    def __init__(self, tab: Tab) -> None:
+        self.tab, self.bench = tab, tab.bench
+        self.file: Path | None = None
+        self.looked: Looked | None = None
+        with ui.element("div").classes("two importing"):
+            with ui.element("div").classes("column"):
+                self._source()
+                self.facts = ui.element("section").classes("face column tight").props('aria-label="facts"')
+            self.found = ui.element("section").classes("face column tight").props('aria-label="what it would become"')
+        self.facts.set_visibility(False)
+        with self.found:
+            ui.label("Choose a file. Nothing is written before you have seen what it would become.").classes("dim")
+
+    def _source(self) -> None:
+        with ui.element("section").classes("face column tight"):
+            ui.html("<h2>1. The file</h2>", sanitize=False)
+            files = self.bench.places.files(KINDS)
+            self.chosen = ui.select(
+                {str(path): self.bench.places.name(path) for path in files}, label=f"a file in {self.bench.places.home}",
+                with_input=True, on_change=self._choose,
+            ).props("outlined dense")  # fmt: skip
+            if not files:
+                ui.label("There is no such file in this folder.").classes("dim small")
+            accepted = ",".join(KINDS)
+            upload = ui.upload(auto_upload=True, max_files=1, max_file_size=LARGEST_BYTES, on_upload=self._uploaded)
+            with upload.props(f'flat bordered accept="{accepted}"').add_slot("header"), ui.row().classes("tight drop"):
+                ui.label("Or drop a file here").classes("grow")
+                with ui.element("label").classes("unseen"):
+                    ui.label("a recording to import")
+                    ui.element("q-uploader-add-trigger")
+                choose = ui.button("Choose…", icon="upload_file", color=None).props("outline no-caps dense")
+                choose.on("click", js_handler=f"() => getElement({upload.id}).$refs.qRef.pickFiles()")
+
+    async def _choose(self, event: events.ValueChangeEventArguments) -> None:
+        if event.value:
+            await self._take(self.bench.places.inside(event.value))
+
+    async def _uploaded(self, event: events.UploadEventArguments) -> None:
+        folder = self.bench.scratch / "imports"
+        folder.mkdir(exist_ok=True)
+        file = folder / (Path(event.file.name).name or "upload")
+        await event.file.save(file)
+        await self._take(file)
+
+    async def _take(self, file: Path) -> None:
+        self.file = file
+        self._facts()
+        await self._look(Asked())
+
+    def _facts(self) -> None:
+        """What the file cannot say by itself."""
+        assert self.file is not None
+        self.facts.clear()
+        self.facts.set_visibility(True)
+        with self.facts:
+            ui.html("<h2>2. What the file cannot say</h2>", sanitize=False)
+            with ui.row().classes("tight"):
+                self.face = ui.select({"": "not said", "up": "up", "down": "down"}, value="", label="face")
+                self.axis = ui.select({"": "guess", "x": "x", "y": "y", "z": "z"}, value="", label="axis")
+                self.rate = ui.number("table rate, deg/s").props("outlined dense").style("width: 140px")
+                self.sample_rate = ui.number("samples a second").props("outlined dense").style("width: 140px")
+                self.lsb = ui.number("one count, deg/s").props("outlined dense").style("width: 140px")
+                self.sensor = ui.input("sensor").props("outlined dense").style("width: 140px")
+            for field in (self.face, self.axis):
+                field.props("outlined dense").style("width: 110px")
+            ui.label(
+                "The table rate is signed, 0 at rest; leave it out where a column holds the true rate or an angle. Face and "
+                "rate may also stand in the file's name, as in s000_down_-78dps.csv."
+            ).classes("dim small")
+            ui.html("<h2>3. Columns and units</h2>", sanitize=False)
+            self.maps = ui.textarea("one mapping a line: target=column:unit").props("outlined dense autogrow")
+            self.maps.classes("full-width")
+            self.columns = ui.label().classes("dim small")
+            ui.button("Look again", icon="refresh", on_click=self._again, color=None).props("outline no-caps")
+
+    def _asked(self) -> Asked:
+        lines = tuple(line.strip() for line in (self.maps.value or "").splitlines() if line.strip())
+        guessed = self.looked is not None and lines == tuple(text for text, why in self.looked.maps if why != "as you said")
+        return Asked(
+            () if guessed else lines, self.face.value or None, self.rate.value, self.axis.value or None, self.sample_rate.value,
+            self.lsb.value, self.sensor.value or None,
+        )  # fmt: skip
+
+    async def _again(self) -> None:
+        await self._look(self._asked())
+
+    async def _look(self, asked: Asked) -> None:
+        assert self.file is not None
+        looked = await self.bench.ask(f"Reading {self.file.name}", "look", self.file, asked)
+        if looked is None:
+            return
+        self.looked = looked
+        self.maps.value = "\n".join(text for text, _ in looked.maps)
+        self.columns.text = "Columns of the file: " + ", ".join(looked.columns)
+        self._show(looked)
+
+    def _show(self, looked: Looked) -> None:
+        assert self.file is not None
+        self.found.clear()
+        with self.found:
+            ui.html(f"<h2>What {html.escape(self.file.name)} would become</h2>", sanitize=False)
+            if looked.problem:
+                with ui.row().classes("tight").style("flex-wrap: nowrap; align-items: baseline"):
+                    ui.element("span").classes("light bad")
+                    ui.label(looked.problem.replace(f"{self.file.parent}/", "")).props('role="status"')
+            rows = [[*text.split("=", 1), why] for text, why in looked.maps]
+            if rows:
+                ui.html(plain(("becomes:", "from:", "why:"), rows), sanitize=False).classes("sideways")
+            if looked.problem:
+                return
+            ui.label(looked.told).props('role="status"')
+            warned.show(looked.warnings)
+            ui.html(f'<img src="{looked.picture}" alt="preview: every column over time">', sanitize=False).classes("preview")
+            with ui.row().classes("tight"):
+                name = ui.input("folder of the new session", value=self.bench.places.free(self.file.name.split(".")[0]).name)
+                name.props("outlined dense")
+                ui.button("Import and open", icon="input", on_click=lambda: self._import(name.value), color=None).props(
+                    "unelevated no-caps"
+                ).classes("primary")
+
+    async def _import(self, name: str) -> None:
+        assert self.file is not None
+        try:
+            out = self.bench.places.new(name or "")
+        except InputError as error:
+            self.bench.say(str(error))
+            return
+        done: Any = await self.bench.ask(f"Importing {self.file.name}", "take", self.file, self._asked(), out)
+        if done is not None:
+            self.tab.go("compare")
+            await self.bench.open(out)
+
+
+def show(tab: Tab) -> Callable[[Topic], None]:
+    ImportPanel(tab)
+    return lambda topic: None

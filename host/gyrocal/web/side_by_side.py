@@ -1,0 +1,41 @@
+"""Several models of one session: branched, named, held side by side."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from nicegui import ui
+
+from gyrocal.web.state import Workbench
+from gyrocal.web.tables import plain
+
+COLUMNS = ("model:", "adds:", "rms, mdps", "floor", "excess", "± ", "within cycles")
+
+
+def side_by_side(bench: Workbench) -> None:
+    """The name of the model that is shown, the others to switch to, and a table of all."""
+    views = bench.named_views()
+    with ui.row().classes("tight").style("margin-top: 2px"):
+        ui.label("Models").classes("dim small")
+        for name in views:
+            current = name == bench.models.current
+            button = ui.button(name, on_click=partial(bench.switch, name), color=None).props("flat dense no-caps")
+            button.classes(f"chip {'on' if current else ''}").props(f'aria-pressed="{str(current).lower()}"')
+            if not current:
+                drop = ui.button(icon="close", on_click=partial(bench.forget, name), color=None)
+                drop.props(f'flat round dense size="8px" aria-label="forget the model {name}"')
+        called = ui.input(placeholder="name").props('outlined dense aria-label="name of a new branch"')
+        called.style("width: 90px").classes("low")
+        branch = ui.button("Branch", icon="call_split", on_click=lambda: bench.branch(called.value or ""), color=None)
+        branch.props("flat dense no-caps")
+    if len(views) < 2:
+        return
+    rows = []
+    for name, view in views.items():
+        added = ", ".join(r.title for r in bench.models.of[name] if r.effect and not r.removed) or "–"
+        if name == bench.models.current:
+            added = ", ".join(s.title for s in bench.steps if s.effect and not s.removed) or "–"
+        figures = ["open it to see"] + [""] * 4 if view is None else view.rows[-1][1:]
+        rows.append([name, added, *figures])
+    ui.html(plain(COLUMNS, rows), sanitize=False)
+    ui.label("Each as gyrocal compare gives it, over its own noise floor.").classes("dim small")

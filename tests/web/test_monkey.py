@@ -1,0 +1,26 @@
+"""Random use leaves no error: none in the browser's console, which ``look`` watches, and none in the server (``serve``).
+
+`python benchmarks/monkey.py` does the same for longer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gyrocal.simulation.simulate import simulate
+
+from .monkey import play
+
+SECONDS, SEED = 20.0, 7
+COSTLY = "Train it|Write it|Simulate and look|Surprise me|Another one"
+
+
+def test_random_use_leaves_no_error(serve: Callable[..., Any], look: Callable[..., Any], tmp_path: Path) -> None:
+    simulate(tmp_path / "s", "paper", ["table_ripple"], 3, scenarios=3, seconds=8)
+    served = serve(tmp_path, "s")
+    page = look(served.url)
+    page.locator(".figure b").first.wait_for()
+    assert play(page, served.url, SEED, SECONDS, COSTLY) > 20
+    assert served.process.poll() is None

@@ -1,0 +1,49 @@
+"""What the answers of several power cycles say together: their scatter beside their own errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gyrocal.web.scatter import Scatter, meanings, picture, sentences
+
+
+def estimates(bias_mdps: list[float], error_mdps: float, flags: tuple[str, ...] = ()) -> list[dict[str, Any]]:
+    return [
+        {
+            "scenario": f"s{i:03d}", "method": "model", "seconds": 6.0, "axis": "z", "scale": 0.01, "scale_se": 1e-4,
+            "bias_dps": 1e-3 * value, "bias_se_dps": 1e-3 * error_mdps, "misfit": 1.0, "flags": list(flags),
+            "trusted": not flags,
+        }
+        for i, value in enumerate(bias_mdps)
+    ]  # fmt: skip
+
+
+def test_biases_that_scatter_are_not_each_said_to_be_known() -> None:
+    """Five biases from -45 to -190 mdps, each with an error of 2: the scatter is said, and that no one foretells the next."""
+    values = [-45.0, -80.0, -120.0, -150.0, -190.0]
+    told = sentences(estimates(values, 2.0), "z")
+    assert f"scatters by {np.std(values, ddof=1):.2g} mdps about {np.mean(values):.1f}" in told[0]
+    assert "own error is 2 mdps" in told[0]
+    assert told[1].startswith("The bias of one power cycle cannot be taken for the next one's")
+
+
+def test_biases_within_their_errors_are_not_said_to_scatter() -> None:
+    rng = np.random.default_rng(2)
+    told = sentences(estimates((-100 + rng.normal(0, 2.0, 9)).tolist(), 2.0), "z")
+    assert len(told) == 1
+
+
+def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
+    found = [*estimates([-1.0, 0.0, 1.0], 2.0), *estimates([5.0], 2.0, ("misfit", "missed"))]
+    assert "1 of 4 answers are not trusted" in sentences(found, "z")[-1]
+    assert [line.split(":")[0] for line in meanings(found)] == ["misfit", "missed"]
+    drawn = picture(found, "z", ("#111", "#222", "#333"))
+    assert drawn.count('r="3.5" fill="none"') == 1
+    assert drawn.count("<line") == 4
+
+
+def test_too_few_answers_have_no_scatter() -> None:
+    assert Scatter.of(estimates([1.0, 2.0], 1.0), "bias_dps", "bias_se_dps", 1e3) is None
+    assert picture(estimates([1.0], 1.0), "z", ("#111",) * 3) == ""

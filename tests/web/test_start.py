@@ -1,0 +1,87 @@
+"""The first page: sessions with what they are, a path, a surprise, ports."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gyrocal.effects.base import effects
+from gyrocal.simulation.simulate import simulate
+from gyrocal.web import live
+from gyrocal.web.places import Places
+
+
+@pytest.fixture(scope="module")
+def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("start")
+    simulate(folder / "mine", "paper", [], 3, scenarios=1, seconds=8)
+    (folder / "broken").mkdir()
+    (folder / "broken/session.toml").write_text("format = ")
+    return serve(folder)
+
+
+def test_sessions_are_listed_with_what_they_are(served: Any) -> None:
+    listed = {one.name: one for one in Places([served.folder]).listed()}
+    mine = listed["mine"]
+    assert (mine.sensor, mine.runs, mine.problem) == ("LSM6DSO (simulated)", 2, "")
+    assert mine.size_bytes == sum(f.stat().st_size for f in (served.folder / "mine").glob("*.csv"))
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d", mine.date)
+    assert listed["broken"].problem == "cannot be read"
+
+
+def test_a_stated_date_is_shown(tmp_path: Path) -> None:
+    simulate(tmp_path / "s", scenarios=1, seconds=1)
+    header = tmp_path / "s/session.toml"
+    header.write_text('made_on = "2024-02-29"\n' + header.read_text())
+    assert [one.date for one in Places([tmp_path]).listed()] == ["2024-02-29"]
+
+
+def test_a_path_opens_and_one_outside_says_why(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}start")
+    page.get_by_role("button", name="mine LSM6DSO (simulated)").wait_for()
+    page.get_by_text("No serial device is plugged in.").wait_for()
+    field = page.get_by_label("path of a session's folder")
+    field.fill("/etc")
+    page.get_by_role("button", name="Open", exact=True).click()
+    page.get_by_text("/etc: outside").wait_for()
+    field.fill(str(served.folder / "mine"))
+    field.press("Enter")
+    page.locator(".session-name", has_text="mine").wait_for()
+    page.locator(".figure b").first.wait_for()
+
+
+def test_the_truth_of_a_surprise_is_told_when_asked_for(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}start")
+    page.get_by_role("button", name="Surprise me").click()
+    line = page.locator("[aria-label='hidden effect']")
+    line.get_by_text("An effect is hidden in this session.").wait_for()
+    page.locator(".figure b").first.wait_for()
+    truth = (served.folder / "simulated.truth.json").read_text()
+    line.get_by_role("button", name="Show the truth").click()
+    told = line.get_by_role("status")
+    told.wait_for()
+    hidden = [kind for kind in effects().values() if f'"id": "{kind.id}"' in truth]
+    assert len(hidden) == 1
+    assert f"Hidden was: {hidden[0].title}" in told.inner_text()
+    assert "Your model does not have it." in told.inner_text()
+
+
+class Port:
+    """A port as pyserial lists it."""
+
+    def __init__(self, **told: Any) -> None:
+        self.__dict__.update(
+            dict.fromkeys(("manufacturer", "product", "vid", "pid", "serial_number")) | {"description": "n/a"} | told
+        )
+
+
+def test_ports_say_what_they_are() -> None:
+    board = Port(
+        device="/dev/ttyUSB0", manufacturer="Silicon Labs", product="CP2102", vid=0x10C4, pid=0xEA60, serial_number="0001"
+    )
+    assert live.described(board) == "/dev/ttyUSB0: Silicon Labs, CP2102, USB 10c4:ea60, no. 0001"
+    assert live.described(Port(device="/dev/ttyS0")) == "/dev/ttyS0"

@@ -1,0 +1,217 @@
+"""What the workbench says and draws against what was planted, and against the command line's figures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gyrocal.effects.order_tone import turned_turn
+from gyrocal.simulation.simulate import simulate
+from gyrocal.web.bench import Bench
+from gyrocal.web.fall import fall
+from gyrocal.web.hero import left_now
+from gyrocal.web.models import BY_HAND, Models, Recipe, read_models, write_models
+from gyrocal.web.traces import Traces
+from gyrocal.web.views import Card, DiagnosisView, ModelView, Recording
+from gyrocal.web.words import evidence, explains
+
+AMPLITUDE_DPS = 0.06
+"""Of the planted wave, once per turn."""
+
+
+def silent(_: str) -> None:
+    pass
+
+
+def opened(tmp_path: Path, effects: list[str], **plan: Any) -> tuple[Bench, Recording, Path]:
+    out = tmp_path / "session"
+    simulate(out, plan.pop("campaign", "paper"), effects, plan.pop("seed", 3), **plan)
+    return Bench(tmp_path / "scratch"), Recording(out), out
+
+
+@pytest.fixture(scope="module")
+def ripple(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bench, Recording, ModelView, DiagnosisView]:
+    """Two power cycles of a short recording with a ripple, as from a board that was recorded live."""
+    effect = f"table_ripple:amplitude_1={AMPLITUDE_DPS / 78}"
+    bench, recording, _ = opened(tmp_path_factory.mktemp("ripple"), [effect], scenarios=2, seconds=15.0)
+    return bench, recording, bench.compare(recording, "default", silent), bench.diagnose(recording, "default", silent)
+
+
+def test_the_floor_does_not_swallow_a_wave_and_before_stays(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    """The excess is that of the planted wave, before it is added as after; the bars are the figures of `gyrocal add --json`."""
+    bench, recording, view, _ = ripple
+    alone = fall([("model at first", view.levels)])
+    before, after = bench.add(recording, "default", "table_ripple", silent)
+    both = fall([("model at first", view.levels), ("ripple", after.levels)])
+    assert alone is not None
+    assert both is not None
+    planted_mdps = 1e3 * AMPLITUDE_DPS / np.sqrt(2) / np.sqrt(3)  # of three axes, one has it
+    assert alone.bars[0].after == pytest.approx(planted_mdps, rel=0.15)
+    assert both.bars[0].after == pytest.approx(alone.bars[0].after, rel=0.03)
+    assert both.within
+    old, new = before["excess_within_dps"], after.compared["excess_within_dps"]
+    assert [both.bars[0].after, both.bars[1].after] == pytest.approx([1e3 * old, 1e3 * new])
+    assert both.part == pytest.approx(1 - (new / old) ** 2)
+    assert both.part > 0.9
+    assert both.floor_mdps == pytest.approx(1e3 * after.compared["floor_dps"])
+    assert "within power cycles" in both.sentence
+    assert f"{1e3 * before['excess_dps']:.2f} → {1e3 * after.compared['excess_dps']:.2f} mdps" in both.in_all
+
+
+def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    bench, recording, _, found = ripple
+    card = next(c for c in found.cards if c.judged["effect"] == "table_ripple" and c.judged["axis"] == "z")
+    shown = card.picture
+    assert shown is not None
+    assert shown.view == "table_angle"
+    left, curve, se = (np.array(v) for v in (shown.left, shown.curve, shown.se))
+    assert np.ptp(curve) / 2 == pytest.approx(1e3 * AMPLITUDE_DPS, rel=0.1)
+    assert np.mean(np.abs(left - curve) < 2 * se) > 0.8  # the band is where the means lie
+    _, after = bench.add(recording, "default", "table_ripple", silent)
+    traces = Traces(bench.open(recording.path, silent))
+    traces.take(after)
+    flat = np.array(left_now(shown, traces.points))
+    assert np.std(flat) < 0.15 * np.std(left)
+    assert np.mean(np.abs(flat) < 2 * se) > 0.8
+    traces.take(bench.compare(recording, "default", silent))
+    np.testing.assert_allclose(left_now(shown, traces.points), left, atol=1e-3)  # the same bins, the same means
+
+
+def test_the_card_counts_in_squares_and_says_what_is_left_of_the_rms(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    assert explains(1 - (29.22 / 66.25) ** 2, "z", within=False) == (
+        "81% of the squared excess error on z; its rms falls by 56%"
+    )
+    assert "nothing" in explains(-0.3, "z", within=True)
+    for card in ripple[3].cards:
+        told = dict(evidence(card))
+        assert "practically impossible" not in " ".join(told.values())
+        if card.judged["decision"] == "suggest":
+            assert told["in doubt"]
+        if card.judged["decision"] == "add" and not card.looks_like:
+            assert "in doubt" not in told
+
+
+def test_what_is_not_proven_says_why(ripple: tuple[Bench, Recording, ModelView, DiagnosisView]) -> None:
+    for card in ripple[3].cards:
+        decision, others = card.judged["decision"], card.looks_like
+        assert bool(card.doubts) == (decision == "suggest" or (decision == "add" and bool(others)))
+
+
+def test_the_spectrum_begins_at_the_lowest_frequency_of_the_longest_run(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    view = ripple[2]
+    for curve in view.spectra.values():
+        assert curve.x[0] == pytest.approx(1 / 15.0, rel=0.02)
+    x, y, noise = (np.array(v) for v in (view.spectra["z"].x, view.spectra["z"].y, view.spectra["z"].expected))
+    wave = np.argmin(np.abs(x - 78 / 360))
+    assert y[wave] > 5 * noise[wave]  # noise alone does not hold the wave that is missing
+    assert np.median((y / noise)[x > 1]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_finding_opens_the_component_that_shows_it(tmp_path: Path) -> None:
+    bench, recording, _ = opened(tmp_path, ["g_sensitivity"], campaign="full", scenarios=1, seconds=8.0)
+    view = bench.compare(recording, "default", silent)
+    found = {f["against"]: p for f, p in zip(view.compared["where"], view.places, strict=True) if f["axis"] == "z"}
+    assert found["acceleration"].view == "acceleration_z"  # gravity changes sides along z
+
+
+def test_a_tone_is_marked_where_it_is(tmp_path: Path) -> None:
+    bench, recording, _ = opened(tmp_path, ["vibration_tone:f_hz=11.83,A_dps=0.05"], scenarios=2, seconds=15.0)
+    view = bench.compare(recording, "default", silent)
+    place = next(p for f, p in zip(view.compared["where"], view.places, strict=True) if f["axis"] == "z")
+    assert place.view == "frequency"
+    assert place.low == pytest.approx(11.83, abs=0.1)
+    x, high = np.array(view.spectra["z"].x), np.array(view.spectra["z"].high)
+    assert x[np.argmax(high)] == pytest.approx(place.low, rel=0.02)  # the highest point of what is drawn
+
+
+def test_five_per_turn_is_said_and_shown_over_the_turn(tmp_path: Path) -> None:
+    bench, recording, _ = opened(tmp_path, ["order_tone:order=5,A_dps=0.05"], scenarios=2, seconds=20.0)
+    view = bench.compare(recording, "default", silent)
+    finding, place = next((f, p) for f, p in zip(view.compared["where"], view.places, strict=True) if f["axis"] == "z")
+    assert "5 per turn" in finding["note"]
+    assert place.view in ("order", "table_angle")
+    lines = view.orders["z"]
+    assert lines.x[int(np.argmax(lines.high))] == pytest.approx(5, abs=0.2)
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_the_words_on_phases_are_those_of_the_picture(tmp_path: Path, same: bool) -> None:
+    """Waves of one phase, or of one for each run: the note says what the drawn residual shows."""
+    session, _ = simulate(None, "paper", (), 5, scenarios=3, seconds=20.0)
+    rng = np.random.default_rng(1)
+    runs = []
+    for run in session.runs:
+        phase = 0.0 if same else rng.uniform(0, 2 * np.pi)
+        wave = AMPLITUDE_DPS * np.cos(2 * np.pi * turned_turn(run) + phase)
+        table = run.table.with_columns(gz_dps=run.table["gz_dps"] + wave)
+        runs.append(replace(run, frame=table, path=None))
+    session.with_runs(runs).save(tmp_path / "session")
+    bench = Bench(tmp_path / "scratch")
+    view = bench.compare(Recording(tmp_path / "session"), "default", silent)
+    finding = next(f for f in view.compared["where"] if f["axis"] == "z")
+    traces = Traces(bench.open(tmp_path / "session", silent))
+    traces.take(view)
+    points = traces.points
+    phasors = []
+    for run in np.unique(points["run"]):
+        mine = points["run"] == run
+        phasors.append(np.mean(points["z"][mine] * np.exp(-1j * np.deg2rad(points["table_angle"][mine]))))
+    drawn_alike = abs(np.mean(phasors)) > 0.9 * np.mean(np.abs(phasors))
+    assert drawn_alike == same
+    assert f"of {'the same' if same else 'another'} phase in each run" in finding["note"]
+
+
+def test_one_answer_from_all_says_which_pairs_are_absent(tmp_path: Path) -> None:
+    """Many runs of both faces, none of them in one power cycle with another."""
+    session, _ = simulate(None, "paper", (), 5, scenarios=2, seconds=8.0)
+    apart = [replace(run, scenario=f"s{i}") for i, run in enumerate(session.runs)]
+    session.with_runs(apart).save(tmp_path / "session")
+    bench = Bench(tmp_path / "scratch")
+    found = bench.calibrate(Recording(tmp_path / "session"), {"model": "default"}, silent)
+    assert found.note == "No power cycle has both a face-up and a face-down run, so one answer comes from all recordings."
+
+
+def test_a_run_left_out_is_left_out_of_the_fit_alone(ripple: tuple[Bench, Recording, ModelView, DiagnosisView]) -> None:
+    bench, recording, view, _ = ripple
+    without = bench.compare(Recording(recording.path, frozenset({"000_up.csv"})), "default", silent)
+    assert set(view.left) - set(without.left) == {"000_up.csv"}
+    assert view.left["001_down.csv"] == pytest.approx(1e3 * AMPLITUDE_DPS / np.sqrt(6), rel=0.2)
+    traces = Traces(bench.open(recording.path, silent))
+    traces.take(without)
+    assert traces.residual is not None
+    first = traces.session.runs[0]
+    assert np.isnan(traces.residual.samples[2, first.first : first.first + first.rows]).all()
+    assert np.isfinite(traces.residual.samples[2, first.rows :]).all()
+    assert np.isfinite(traces.measured.samples).all()
+
+
+def test_models_are_kept_with_the_session(tmp_path: Path) -> None:
+    second = Recipe("[model]\n", "drift", "Drift", doubts=(BY_HAND,))
+    kept = Models({"first": (Recipe("default"),), "mine": (Recipe("default"), second)}, "mine", frozenset({"000_up.csv"}))
+    assert write_models(tmp_path, kept) == ""
+    assert read_models(tmp_path) == kept
+    (tmp_path / "workbench.json").write_text('{"format": "gyrocal-workbench/1", "models": 7}')
+    assert read_models(tmp_path) == Models()
+    assert "cannot be kept" in write_models(tmp_path / "workbench.json", kept)
+
+
+def test_a_thumbnail_is_the_picture_in_small(ripple: tuple[Bench, Recording, ModelView, DiagnosisView]) -> None:
+    cards: list[Card] = [c for c in ripple[3].cards if c.picture is not None]
+    assert cards
+    for card in cards:
+        assert card.signature is not None
+        assert card.picture is not None
+        assert [y for _, y in card.signature.dots] == card.picture.left
+        assert [y for _, y in card.signature.line] == card.picture.curve
