@@ -24,19 +24,19 @@ HALF_WAVES = 10
 
 
 class _Wander(Effect):
-    """Slow noise of each run: ``HALF_WAVES`` cosines over its length, whose variances fall as the inverse of frequency."""
+    """Slow noise of each run: an offset, and ``HALF_WAVES`` cosines whose variances fall as the inverse of frequency."""
 
     id, title, cause, equation, looks_like, measure_next = "wander", "", "", "", "", ""
     parameters, scope = (), "run"
-    linear = tuple(f"c{k}" for k in range(1, HALF_WAVES + 1))
+    linear = tuple(f"c{k}" for k in range(HALF_WAVES + 1))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        k = np.arange(1, HALF_WAVES + 1)
-        waves = np.cos(np.pi * k * elapsed_s(run)[:, None] / max(run.duration_s, 1e-9)) / np.sqrt(k)
+        k = np.arange(HALF_WAVES + 1)
+        waves = np.cos(np.pi * k * elapsed_s(run)[:, None] / max(run.duration_s, 1e-9)) / np.sqrt(np.maximum(k, 1))
         return np.asarray(waves * (not run.rate_is_mean))
 
     def groups(self, values: Mapping[str, float]) -> list[int]:
-        return [0] * HALF_WAVES
+        return [0] * len(self.linear)
 
 
 def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, float]:
