@@ -57,4 +57,4 @@ def test_a_unit_that_is_not_predicted_leaves_the_gain_without_an_error() -> None
 def test_the_model_alone_is_the_fit_with_an_empty_set() -> None:
     """A set of one effect left its member alone, and explain stopped with an error."""
     current = SimpleNamespace(fit=SimpleNamespace(terms=["scale", "bias"]), axis="z")
-    assert fitted_together(current, []) is current.fit  # type: ignore[arg-type, comparison-overlap]
+    assert fitted_together(current, []) is current.fit  # type: ignore[arg-type]
