@@ -160,9 +160,9 @@ def bounds(outcomes: Sequence[Outcome]) -> dict[str, dict[str, Any]]:
     """Of each rate, the number of cases and the exact 95 % limits of a binomial share (Clopper and Pearson 1934)."""
     found = {}
     for figure, values in _values(outcomes, "gyrocal").items():
-        n, k = len(values), round(sum(values))
-        if not n or not figure.endswith("_rate") or figure == "set_found_rate":  # effects of one set are not independent
+        if not values or not figure.endswith("_rate") or figure == "set_found_rate":  # effects of one set are not independent
             continue
+        n, k = len(values), round(sum(values))
         low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
         high = float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
         found[figure] = {"n": n, "within": [low, high]}

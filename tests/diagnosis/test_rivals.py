@@ -1,10 +1,13 @@
 """Which candidates stay in a group with the first one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate, Decision
 from gyrocal.diagnosis.gains import total
 from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
+from gyrocal.diagnosis.sets import fitted_together
 from gyrocal.effects.base import effect
 
 SIGNAL = np.sin(np.arange(200) / 9)
@@ -49,3 +52,9 @@ def test_suggestions_of_one_shape_are_shown_together_where_nothing_passes() -> N
 
 def test_a_unit_that_is_not_predicted_leaves_the_gain_without_an_error() -> None:
     assert total(np.array([1.0, -np.inf]))[1] is None
+
+
+def test_the_model_alone_is_the_fit_with_an_empty_set() -> None:
+    """A set of one effect left its member alone, and explain stopped with an error."""
+    current = SimpleNamespace(fit=SimpleNamespace(terms=["scale", "bias"]), axis="z")
+    assert fitted_together(current, []) is current.fit  # type: ignore[arg-type]

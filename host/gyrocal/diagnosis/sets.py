@@ -122,6 +122,8 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
 
 def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | None:
     """The model with all members, fitted together; None if a member's parameters leave their physical range."""
+    if not members:
+        return current.fit
     fitted = current.fit
     for effect in members:
         fitted = choose_variant(fitted, Term.of(effect, current.axis))
