@@ -36,6 +36,8 @@ TURNS_BACK = 0.25
 """Fraction of a thermometer's steps that undo the step before, above which noise decides between two codes."""
 SECOND_S = 1.0
 """Heat needs longer than this to pass through a package: temperatures are smoothed from their means over this time, s."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the absolute value of a standard normal variable."""
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
 """A taper whose leakage is 92 dB down: a swing of 50 deg/s leaks less than 2 mdps."""
 
@@ -158,7 +160,19 @@ def noise_level(values: Array) -> NoiseLevel:
     scatter = np.sqrt(4 / (half * count))  # of the level of one half, relative; two bins are one independent value
     falling = lower > upper * (1 + SIGNIFICANT * scatter)
     level = upper if falling else _typical(power)
+    quiet = _between_starts(values)
+    if not falling and level > quiet.sd**2 * (1 + SIGNIFICANT * np.hypot(scatter, quiet.relative_se)) > 0:
+        return quiet
     return NoiseLevel(float(np.sqrt(level)), float(scatter), estimated=not falling)
+
+
+def _between_starts(values: Array) -> NoiseLevel:
+    """The white noise from the median third difference of readings [n], which a few samples of faster motion do not raise.
+
+    A turn by hand starts and stops with a kink, whose spectrum reaches through the band in every segment that holds one.
+    """
+    third = np.abs(np.diff(values, 3))
+    return NoiseLevel(float(np.median(third)) / (MEDIAN_OF_NORMAL * 20**0.5), float(3 / third.size**0.5))
 
 
 def _typical(power: Array) -> float:

@@ -25,13 +25,13 @@ from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
 from gyrocal.web.decimate import Pyramid
 from gyrocal.web.doubt import doubts
-from gyrocal.web.fall import Levels
+from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
 from gyrocal.web.mend import Mend, apply
 from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
+from gyrocal.web.told import Change
 from gyrocal.web.views import (
-    Bar,
     CalibrationView,
     Card,
     DiagnosisView,
@@ -183,7 +183,7 @@ class Bench:
         return ExportView(folder, opened.effect_ids, self.verify(network, progress))
 
     def report(
-        self, recording: Recording, source: str, toml: str, bars: Sequence[Bar], floor_mdps: float,
+        self, recording: Recording, source: str, toml: str, fall: Fall | None, story: Sequence[Change],
         diagnosis: DiagnosisView | None, calibration: CalibrationView | None, progress: Progress,
     ) -> str:  # fmt: skip
         """Write everything on the screen as one HTML file."""
@@ -191,7 +191,7 @@ class Bench:
         if found is None or found.fit.model.toml() != toml:
             found = compare(session, self._model(source), progress=progress)
         progress("drawing")
-        return page(recording.path.name, found, bars, floor_mdps, diagnosis, calibration)
+        return page(recording.path.name, found, fall, story, diagnosis, calibration, sorted(recording.excluded))
 
     # Functions that several of these methods use.
 

@@ -100,8 +100,8 @@ class Tab:
             if view in TITLES:
                 ui.html(f"<h1>{html.escape(TITLES[view])}</h1>", sanitize=False).classes("unseen")
             self._update = _panel("gravity" if self.bench.gravity is not None and view in OF_SESSION else view)(self)
+            ui.run_javascript(UNDRAWN % _chart_module())
         self._hunt()
-        ui.run_javascript(UNDRAWN % _chart_module())
 
     def _hear(self, topic: Topic) -> None:
         bench = self.bench

@@ -16,6 +16,7 @@ from gyrocal.web.jobs import Cancelled, Jobs
 from gyrocal.web.live import Live
 from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write_models
 from gyrocal.web.places import Places
+from gyrocal.web.told import story
 from gyrocal.web.training import Training
 from gyrocal.web.views import (
     CalibrationView,
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from gyrocal.web.traces import Traces
 
 Topic = Literal["session", "runs", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
-
 
 
 class Workbench:
@@ -120,14 +120,12 @@ class Workbench:
             path = self.places.session(folder)
             self.jobs.cancel()
             self._forget()
-            if self.places.is_by_gravity(path):
-                title = f"Opening {self.places.name(path)}, a session by gravity"
-                self.gravity = await self.jobs.run(title, "look_by_gravity", path)
-                self.changed("session")
-                return
-            self.opening = True
+            title, self.opening = f"Opening {self.places.name(path)}", True
             try:
-                self.session = await self.jobs.run(f"Opening {self.places.name(path)}", "open", path)
+                if self.places.is_by_gravity(path):
+                    self.gravity = await self.jobs.run(title, "look_by_gravity", path)
+                    return
+                self.session = await self.jobs.run(title, "open", path)
             finally:
                 self.opening = False
                 self.changed("session")
@@ -157,7 +155,6 @@ class Workbench:
         """The answer of a method of the worker; None if it failed, which the user is told."""
         with self._telling():
             return await self.jobs.run(title, method, *args)
-        return None
 
     async def diagnose(self) -> None:
         with self._telling():
@@ -241,11 +238,9 @@ class Workbench:
         """Write everything on the screen as one HTML file and return its path; None if it failed."""
         with self._telling():
             if self.session is not None and self.step is not None:
-                fall = self.fall()
-                bars, floor_mdps = ([], 0.0) if fall is None else (fall.bars, fall.floor_mdps)
                 text: str = await self.jobs.run(
-                    "Writing the report", "report", self.recording, self.step.source, self.step.view.toml,
-                    bars, floor_mdps, self.diagnosed, self.calibration,
+                    "Writing the report", "report", self.recording, self.step.source, self.step.view.toml, self.fall(),
+                    story(self.steps, self._diagnoses), self.diagnosis, self.calibration,
                 )  # fmt: skip
                 return text
         return None
