@@ -159,14 +159,14 @@ class _Planner:
             criterion = self._criterion(cycles, seconds)
             most_runs = max(1, int(minutes * 60 / seconds + 1e-9))
             chosen = search(criterion, [len(cycle) for cycle in cycles], most_runs)
-            again = criterion.power(self._same_again(len(cycles), minutes))
             power = criterion.power([(k, float(n)) for k, n in chosen.items()])
             if best is None or power > best.power + 1e-6:
-                best = _Candidate(self._runs([(cycles[k], n) for k, n in chosen.items()], seconds), power, again)
+                best = _Candidate(self._runs([(cycles[k], n) for k, n in chosen.items()], seconds), power, 0.0)
         assert best is not None
-        if best.power <= best.same_again:
-            return _Candidate(self._own_runs(minutes), best.same_again, best.same_again)
-        return best
+        again = criterion.power(self._same_again(len(cycles), minutes))
+        if best.power <= again:
+            return _Candidate(self._own_runs(minutes), again, again)
+        return replace(best, same_again=criterion.power(self._same_again(len(cycles), best.minutes)))
 
     def _criterion(self, cycles: Sequence[Cycle], seconds: float) -> Criterion:
         current = Current.of(self.diagnosis.comparison, self.question.axis)

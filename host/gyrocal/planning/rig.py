@@ -13,8 +13,8 @@ from gyrocal.recording.plan_file import PlannedRun
 from gyrocal.recording.session import Run, Session
 
 FACES: tuple[Face, Face] = ("up", "down")
-FRACTIONS = (0.0, 0.5, -0.5, 1.0, -1.0)
-"""Rates of the table, as fractions of the largest."""
+FRACTIONS = (0.0, 1.0, -1.0, 0.5, -0.5)
+"""Rates of the table, as fractions of the largest; of equally good ones, a plan has the first."""
 START_S, GAP_S = 5.0, 10.0
 """From power-on to the first sample, and from one run to the next in a power cycle, where the session does not say."""
 

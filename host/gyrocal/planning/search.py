@@ -15,6 +15,8 @@ from gyrocal.recording.session import Array
 SLOTS = 12
 """Parts of a plan that are exchanged as one, so that long plans take no longer than short ones."""
 SWEEPS = 3
+NOTICEABLE = 0.05
+"""A difference of scores below which the simpler power cycle is taken."""
 ENOUGH = 5.0
 """Standard deviations beyond which a contest is won, and others are looked after."""
 
@@ -70,7 +72,7 @@ def search(criterion: Criterion, runs: Sequence[int], most_runs: int) -> dict[in
     if not kinds:
         return {}
     whole = [(k, float(most_runs // runs[k])) for k in kinds]
-    best = kinds[int(np.argmax(criterion.scores((), whole)))]
+    best = kinds[_first_good(criterion.scores((), whole))]
     number = most_runs // runs[best]
     slots = [(best, float(len(part))) for part in np.array_split(np.arange(number), min(SLOTS, number))]
     score = float(criterion.scores(slots, ((0, 0.0),))[0])
@@ -81,15 +83,21 @@ def search(criterion: Criterion, runs: Sequence[int], most_runs: int) -> dict[in
             length = times * runs[kind]
             fitting = [(k, length // runs[k]) for k in kinds if runs[k] <= length]
             found = criterion.scores(others, fitting)
-            if found.max() > score + 1e-6:
-                score, slots[i] = float(found.max()), fitting[int(np.argmax(found))]
-        if score <= before + 1e-6:
+            if found.max() > score + NOTICEABLE:
+                better = _first_good(found)
+                score, slots[i] = float(found[better]), fitting[better]
+        if score <= before:
             break
     left = most_runs - round(sum(n * runs[k] for k, n in slots))
     single = [(k, float(left)) for k in kinds if runs[k] == 1]
     if left and single:
-        slots.append(single[int(np.argmax(criterion.scores(slots, single)))])
+        slots.append(single[_first_good(criterion.scores(slots, single))])
     out: dict[int, int] = {}
     for kind, times in slots:
         out[kind] = out.get(kind, 0) + round(times)
     return {kind: n for kind, n in out.items() if n}
+
+
+def _first_good(scores: Array) -> int:
+    """The first of the scores [n] that is not noticeably below the best."""
+    return int(np.argmax(scores >= scores.max() - NOTICEABLE))
