@@ -173,3 +173,19 @@ def test_parquet(tmp_path: Path) -> None:
     frame = pl.DataFrame(np.column_stack([GYRO, ACC]), schema=names).with_columns(time=pl.Series(T_NS).cast(pl.Datetime("ns")))
     frame.write_parquet(tmp_path / "a.parquet")
     check(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_a_table_of_numbers_reads_as_the_same_table_beside_a_word(tmp_path: Path, separator: str) -> None:
+    """A column of words that nobody maps makes all cells text, and changes no number."""
+    rows = [[f"{0.01 * i:.2f}", *(f"{value:.17g}" for value in GYRO[i])] for i in range(N)]
+    rows[7][2] = "1e-3" if separator == " " else ""
+    maps = ["t_s=t", "gz_dps=z", "gy_dps=y"]
+    found = []
+    for name, words in (("numbers.csv", ()), ("words.csv", ("note", *["ok"] * N))):
+        table = [["t", "x", "y", "z"], *rows]
+        lines = [[*row, *words[i : i + 1]] for i, row in enumerate(table)]
+        (tmp_path / name).write_text("\n".join(map(separator.join, lines)), encoding="utf-8")
+        found.append(read_recording(tmp_path / name, Options(maps, defaults={"table_rate_dps": 0.0})).session.runs[0])
+    assert found[0].table.equals(found[1].table)
+    assert len(found[0]) == (N if separator == " " else N - 1)

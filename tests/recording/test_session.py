@@ -145,7 +145,7 @@ def test_columns_of_other_names_may_be_there(folder: Path) -> None:
 
 def test_saving_over_a_folder_is_refused_and_leaves_nothing(folder: Path) -> None:
     session = Session.open(folder)
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         session.save(folder)
     assert sorted(p.name for p in folder.parent.iterdir()) == ["s"]
 
@@ -184,3 +184,16 @@ def test_a_slower_encoder_leaves_cells_empty(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again[2::4], rate[2::4])
     np.testing.assert_allclose(again[4:-4], rate[4:-4], atol=0.05)
     assert (again[:2] == rate[2]).all()
+
+
+@given(st.lists(st.lists(st.floats(-1e5, 1e5), min_size=3, max_size=3), min_size=2, max_size=20))
+@settings(max_examples=25, deadline=None)
+def test_a_small_table_reads_as_a_large_one(tmp_path_factory: pytest.TempPathFactory, rates: list[list[float]]) -> None:
+    path = tmp_path_factory.mktemp("table") / "run.csv"
+    lines = [f"{0.01 * i:.6f},{','.join(map(repr, row))}," for i, row in enumerate(rates)]
+    lines = [f"{line}{'' if i == 1 and len(rates) > 2 else 25 + i}" for i, line in enumerate(lines)]
+    path.write_text("t_s,gx_dps,gy_dps,gz_dps,temp_c\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    small = read_table(path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gyrocal.recording.table.SMALL_BYTES", 0)
+        assert small.equals(read_table(path))

@@ -1,4 +1,4 @@
-"""Angles: what a session is judged by where an angle is known instead of the rate at each moment.
+"""Angles, by which a session is judged if an angle is known instead of the rate at each moment.
 
 A run with ``turn_deg`` has only a net angle, the integral of its rate. In a session with such a run, every run counts by its
 net angle on each axis, so that rests and turns add up in one unit. Where an angle is measured (``ref_angle_deg``), the
@@ -35,7 +35,7 @@ class Level:
 
     @staticmethod
     def of(squares: float, floor: float, error: float, noise: float, count: int) -> Level:
-        """From mean squares of angles and their expectation (deg^2), its standard error, and the noise of one angle."""
+        """The level from mean squares of angles, their expectation with standard error, and the noise of an angle, deg^2."""
         if not count:
             return Level(None, None)
         excess, se = excess_of(squares - floor, error, noise / count)

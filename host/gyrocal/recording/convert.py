@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,8 +18,9 @@ from gyrocal.recording.timing import smoothing_spline
 from gyrocal.warning import Warning
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
+Kind = TypeVar("Kind", bound=np.dtype[Any])
 MOST_DAMAGED = 0.05
-"""Of the rows. Where more are damaged, the columns or the units are wrong, and not a few rows."""
+"""Largest fraction of damaged rows. If there are more, the columns or the units are wrong rather than a few rows."""
 ANGLE_SMOOTHING = 16.0
 """Bandwidth of the spline that differentiates an angle, in steps of it (its penalty is this times the step cubed)."""
 
@@ -43,8 +44,8 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
     InputError where more than a few rows hold no number in a column that every sample has.
     """
     kept = np.flatnonzero(~source.blank())
-    values = {m.target: source.numbers(m)[kept] for m in mappings}
-    text = {m.target: source.has_text(m)[kept] for m in mappings}
+    values = {m.target: _rows(source.numbers(m), kept) for m in mappings}
+    text = {m.target: _rows(source.has_text(m), kept) for m in mappings}
     lacking = {m.target: np.isnan(values[m.target]) for m in mappings if m.target in REQUIRED}
     bad = np.any(list(lacking.values()), axis=0)
     footer = np.all(list(lacking.values()), axis=0) & (np.any(list(text.values()), axis=0) | _after_last(~bad))
@@ -57,13 +58,18 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
             _check_few(source, [m], kept, wrong, {m.target: wrong})
             cells += int(wrong.sum())
     good = np.flatnonzero(~bad)
-    columns = {name: column[good] for name, column in values.items()}
+    columns = {name: _rows(column, good) for name, column in values.items()}
     if "t_s" not in columns and rate_hz is not None:
         columns["t_s"] = good / rate_hz
     if "ref_angle_deg" in columns:
         columns["ref_angle_deg"] = unwrapped(columns["ref_angle_deg"])
     damage = _words(source, mappings, kept, damaged, footer, lacking)
     return Converted(columns, good, damage, int(bad.sum()), cells)
+
+
+def _rows(column: np.ndarray[Any, Kind], rows: Index) -> np.ndarray[Any, Kind]:
+    """These rows, in order, of a column; the column itself where they are all."""
+    return column if rows.size == column.size else column[rows]
 
 
 def _after_last(good: Booleans) -> Booleans:
@@ -94,7 +100,7 @@ def _words(
     source: Source, mappings: Sequence[ColumnMap], kept: Index, damaged: Booleans, footer: Booleans,
     lacking: Mapping[str, Booleans],
 ) -> str:  # fmt: skip
-    """What was left out, in words; empty where nothing was."""
+    """The rows that were left out, in words; empty if there are none."""
     told = []
     if damaged.any():
         many = f"{int(damaged.sum())} damaged rows are" if damaged.sum() > 1 else "a damaged row is"
@@ -132,7 +138,7 @@ def unwrapped(angle_deg: Array) -> Array:
 
 
 def even(t_s: Array, where: str, file: str) -> tuple[Array, Warning | None]:
-    """Times [n], s: as they are, or by regression with a warning where they repeat or come in bursts."""
+    """Times [n], s: unchanged, or by regression with a warning if they repeat or come in bursts."""
     if not in_bursts(t_s):
         return t_s, None
     if goes_back(t_s) or t_s[-1] <= t_s[0]:

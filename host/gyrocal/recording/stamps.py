@@ -15,7 +15,7 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
 BURST = 0.2
-"""Of the mean interval: no sampler takes two samples in less."""
+"""Smallest interval between two samples of a sampler, as a fraction of the mean interval."""
 GAPS = 0.005
 """Fraction of the intervals that may be gaps of any length."""
 LEAST_BURSTS = 0.001
@@ -27,7 +27,7 @@ PART_BURSTS = 16
 ROUNDS = 3
 """Numbers and the interval are found in turn."""
 LOST = 0.7
-"""Of an interval: a shift of all later stamps by more is a lost sample."""
+"""Fraction of an interval. A shift of all later stamps by more means a lost sample."""
 KNOT_S = 60.0
 """The interval may change slowly: the regression is a chain of lines between moments this far apart, s."""
 LATEST_S = 5.0
@@ -79,22 +79,34 @@ def typical_step_s(t_s: Array) -> float:
 
 def period_s(t_s: Array) -> float:
     """The sampling interval of stamps [n], s, which may jitter, come in bursts, or have lost some samples between them."""
-    return regression(t_s).period_s
+    return _numbered(t_s)[1]
 
 
 def regression(t_s: Array) -> Stamps:
     """The regression of stamps [n], s, on the numbers of their samples."""
+    number, interval_s = _numbered(t_s)
+    if t_s.size < 3:
+        return Stamps(t_s, interval_s, number, 0.0)
+    fitted = _chain(number, t_s, max(2, round((t_s[-1] - t_s[0]) / KNOT_S) + 1))
+    return Stamps(fitted, interval_s, number, float(np.sqrt(np.mean((t_s - fitted) ** 2))))
+
+
+def _numbered(t_s: Array) -> tuple[Index, float]:
+    """The number of each sample [n], in which lost samples are counted, and the interval, s: the slope of times on numbers."""
     n = t_s.size
     if n < 3:
-        return Stamps(t_s, float(t_s[-1] - t_s[0]) / max(1, n - 1), np.arange(n), 0.0)
+        return np.arange(n), float(t_s[-1] - t_s[0]) / max(1, n - 1)
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
+    number = np.zeros(0, dtype=np.intp)
     for _ in range(ROUNDS):
-        number = (np.arange(n) + _lost(t_s, interval_s, size, 2 * burst)).astype(np.intp)
-        interval_s = float(np.polyfit(number - number.mean(), t_s - t_s[0], 1)[0])
-    fitted = _chain(number, t_s, max(2, round((t_s[-1] - t_s[0]) / KNOT_S) + 1))
-    return Stamps(fitted, interval_s, number, float(np.sqrt(np.mean((t_s - fitted) ** 2))))
+        found = (np.arange(n) + _lost(t_s, interval_s, size, 2 * burst)).astype(np.intp)
+        if np.array_equal(found, number):
+            break
+        number, centred = found, found - found.mean()
+        interval_s = float(centred @ (t_s - t_s[0])) / float(centred @ centred)
+    return number, interval_s
 
 
 def _mean_step_s(steps_s: Array) -> float:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
@@ -14,6 +15,10 @@ from gyrocal.recording.source import TOO_LONG, Source
 HEADER_SEARCH_LINES = 200
 QUOTES = " \t\"'"
 SEPARATORS = ",\t; "
+NUMBERS = b"0123456789.+-eE\n"
+"""What a table is made of whose every cell is a number; with a comma that separates no cells, it is text."""
+EXACT = 2.0**53
+"""A whole number from here on does not fit a float64: nanoseconds since 1970, say, which are counted from the first one."""
 
 
 def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] | None, skip: int | None) -> Source:
@@ -39,27 +44,42 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
 
 
 def _frame(path: Path, body: bytes, separator: str, columns: list[str], names: list[str]) -> pl.DataFrame:
-    """All rows of a table as text: a short row is filled up with empty cells, a long one is cut."""
+    """All rows of a table: as numbers where there are no others, else as text.
+
+    A short row is filled up with empty cells, a long one is cut.
+    """
     if separator == " ":
         body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t]+", b" ", body))
-    width = len(columns)
-    schema = {str(i): pl.String for i in range(width + 1)}
+    wanted = {name: str(columns.index(name)) for name in names or columns if name}
+    if not body.translate(None, NUMBERS + separator.encode()):
+        try:
+            table, beyond = _parsed(body, separator, len(columns), dict.fromkeys(wanted.values(), pl.Float64()))
+            numbers = table.select(pl.col(place).alias(name) for name, place in wanted.items())
+            if not beyond.any() and not any((np.abs(c.to_numpy()) >= EXACT).any() for c in numbers):
+                return numbers
+        except pl.exceptions.PolarsError:
+            pass  # some cell is no number
     try:
-        table = pl.read_csv(
-            width * separator.encode() + b"\n" + body,  # the reader takes the number of columns from its first row
-            has_header=False, separator=separator, schema=schema, truncate_ragged_lines=True,
-            quote_char='"' if b'"' in body else None, encoding="utf8-lossy",
-        )[1:]  # fmt: skip
+        table, beyond = _parsed(body, separator, len(columns), {})
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise InputError(f"{path}: not a readable table: {first_line(error)}") from None
-    beyond = table[str(width)].str.strip_chars(QUOTES).str.len_chars().fill_null(0) > 0
     if beyond.any():
         table = table.with_columns(pl.when(~beyond).then(pl.all()).otherwise(pl.lit(TOO_LONG)))
-    wanted = dict.fromkeys(names or [c for c in columns if c])
-    cells = table.select(pl.col(str(columns.index(name))).str.strip_chars(QUOTES).alias(name) for name in wanted)
+    cells = table.select(pl.col(place).str.strip_chars(QUOTES).alias(name) for name, place in wanted.items())
     if separator != "," and b"," in body:
         cells = cells.with_columns(pl.all().str.replace(",", ".", literal=True))
     return cells
+
+
+def _parsed(body: bytes, separator: str, width: int, types: Mapping[str, pl.DataType]) -> tuple[pl.DataFrame, pl.Series]:
+    """The cells by the column's place, as text but for the ``types`` given, and which rows have more than ``width`` cells."""
+    schema = {place: types.get(place, pl.String()) for place in map(str, range(width + 1))}
+    table = pl.read_csv(
+        width * separator.encode() + b"\n" + body,  # the reader takes the number of columns from its first row
+        has_header=False, separator=separator, schema=schema, truncate_ragged_lines=True,
+        quote_char='"' if b'"' in body else None, encoding="utf8-lossy",
+    )[1:]  # fmt: skip
+    return table, table[str(width)].str.strip_chars(QUOTES).str.len_chars().fill_null(0) > 0
 
 
 def _split(line: str, separator: str) -> list[str]:
