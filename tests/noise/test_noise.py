@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.noise.color import Color
 from gyrocal.noise.drift import ou_noise
 from gyrocal.noise.spectrum import spectrum
 from gyrocal.noise.whitening import Noise, Summed, normal_equations
@@ -46,7 +47,7 @@ def test_color_is_the_covariance_of_an_autoregression(gap: bool) -> None:
         t_s[30:] += 2.0
         v[:30, 30:] = v[30:, :30] = 0.0
     columns = rng.normal(size=(1, 3, 80))
-    gram, logdet = Summed.of(columns, t_s, n, color=color).normal_equations(noise)
+    gram, logdet = Summed.of(columns, t_s, n, color=Color(color)).normal_equations(noise)
     np.testing.assert_allclose(gram[0], columns[0] @ np.linalg.solve(v, columns[0].T), rtol=1e-9)
     assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
 

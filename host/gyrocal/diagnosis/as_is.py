@@ -90,11 +90,7 @@ def _as_it_is(own: Comparison, held: Kept) -> Comparison:
         floors[axis] = _with_model_error(floor_of(clean, folds, white[axis]), fitted, held.of_model[axis])
         axes[axis] = fitted
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in axes}
-    angles = None
-    if own.angles is not None:
-        angles = Angles.of(held.fit, folds)
-        more = {axis: _angle_error(fitted, held.of_model[axis]) for axis, fitted in axes.items()}
-        angles = replace(angles, noise={axis: noise + more[axis] for axis, noise in angles.noise.items()})
+    angles = None if own.angles is None else Angles.of(held.fit, folds, held.of_model)
     return replace(
         own, fit=held.fit, pooled=pooled(squares.values(), floors.values()), per_axis=per_axis, held_out=heldout.SESSION,
         squares=squares, floors=floors, white_power=white, angles=angles,
@@ -131,13 +127,6 @@ def _with_model_error(floor: Floor, fitted: AxisFit, cov: Array) -> Floor:
         floor.all + float(np.trace(of_all)), floor.within + max(float(np.trace(of_within)), 0.0),
         float(np.hypot(floor.error, error)), float(np.hypot(floor.error_within, error_within)), floor.white,
     )  # fmt: skip
-
-
-def _angle_error(fitted: AxisFit, cov: Array) -> Array:
-    """Covariance [runs, runs], deg^2, that the errors of the model's parameters give the net angles."""
-    blocks = fitted.design.blocks
-    rows = np.array([_columns(fitted, i).T @ b.n * b.run.duration_s / len(b.run) for i, b in enumerate(blocks)])
-    return np.asarray(rows @ cov @ rows.T)
 
 
 def _findings(moved: Sequence[Moved], held: Kept, judged: Sequence[str]) -> list[Finding]:

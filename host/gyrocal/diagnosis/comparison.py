@@ -27,6 +27,7 @@ from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import Fit
+from gyrocal.inference.noise_shape import of_angle
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
@@ -189,8 +190,8 @@ def _left_over(
     out = []
     for axis in judged:
         told = sum(f.amplitude_dps**2 / 2 for f in misfit.found if f.axis == axis)
-        if not squares[axis].samples or axis not in misfit.nearest:
-            continue
+        if not squares[axis].samples or axis not in misfit.nearest or of_angle(fitted.axes[axis]):
+            continue  # the rate of a measured angle has noise that no floor of rates describes
         finding = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
         large = finding.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within
         if finding.chance < misfit.share and large and told <= POLICY.told * finding.amplitude_dps**2:

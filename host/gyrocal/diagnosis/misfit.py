@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 
+from gyrocal.diagnosis.angles import measured_angle_noise_deg
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Remainder
 from gyrocal.diagnosis.probes import of_session, probe
@@ -35,6 +36,8 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
     peak = spectrum.peak()
     if peak is None or peak.chance >= alarm:
         return None
+    if peak.amplitude_dps < 2 * np.pi * peak.frequency_hz * measured_angle_noise_deg(fitted.session, axis):
+        return None  # the steps of an encoder make lines, whose angle is below its noise
     noise_dps = float(np.sqrt(np.median(spectrum.level) * fitted.session.sample_rate_hz / 2))
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
     note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps at {peak.frequency_hz:.4g} Hz"

@@ -17,7 +17,7 @@ def residual_table(comparison: Comparison) -> pl.DataFrame:
     """Held-out predictions as a table with the columns file, t_s, axis, measured_dps and modelled_dps.
 
     The predictions are in sample if nothing can be held out. A sample without a reference has no row. A session that is judged
-    by angle has a row for each run and axis, with the net angles measured_deg and modelled_deg.
+    by angle has measured_deg and modelled_deg, in a row for each sample or, for net angles, for each run and axis.
     """
     if comparison.angles is not None:
         return comparison.angles.table

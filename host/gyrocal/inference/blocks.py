@@ -152,12 +152,31 @@ def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
     rows = start[:, None] + np.arange(size)
     grouped = y[rows]
     means = grouped.mean(axis=1)
+    means[:, run.axis_index] -= _angle_left_dps(run, start, size)
     within = ((grouped - means[:, None, :]) ** 2).sum(axis=(0, 1))
     counted = 0 if run.rate_is_mean else start.size * (size - 1)
     return Blocks(
         run, scenario, start, np.full(start.size, float(size)), run.sample_s[rows].mean(axis=1), means,
         within if counted else np.zeros(3), counted,
     )  # fmt: skip
+
+
+def _angle_left_dps(run: Run, start: Index, size: int) -> Array:
+    """What smoothing has taken from the mean rates of blocks of a run whose angle is measured, [m], deg/s.
+
+    With it, the mean rate is the difference of the angles at both ends of a block over its length. Each is averaged over half a
+    block on either side, so that the noise of one end is shared by the two blocks beside it and by no other.
+    """
+    left_deg = None if run.measured_rates is None else run.measured_rates.left_deg
+    half = size // 2
+    if left_deg is None or half == 0:
+        return np.zeros(start.size)
+    known = np.isfinite(left_deg)
+    summed, count = (np.concatenate([[0.0], np.cumsum(x)]) for x in (np.where(known, left_deg, 0.0), known))
+    ends = np.stack([start, start + size])
+    lower, upper = (np.clip(ends + by, 0, known.size) for by in (-half, half))
+    at_ends = (summed[upper] - summed[lower]) / np.maximum(count[upper] - count[lower], 1.0)
+    return np.asarray(np.diff(at_ends, axis=0)[0] / (size * typical_step_s(run.sample_s)))
 
 
 def reduce_session(session: Session, block_s: float = BLOCK_S) -> list[Blocks]:

@@ -20,6 +20,7 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.layout import Layout
 from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.color import WHITE, Color
 from gyrocal.noise.whitening import Noise, Summed
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import SYNCHRONOUS, Timing
@@ -40,14 +41,14 @@ class Design:
     """Block-mean regressors of one axis for a list of terms: ``[y | fixed | run]`` for each run.
 
     ``noise_model`` lists the noise components; with a turn-on bias, the bias is random from power cycle to power cycle.
-    ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block. ``color`` is the correlation of the white
-    noise of neighbouring blocks. ``about`` holds values of terms by the id of their effect: what they make is subtracted from
+    ``cell_s`` is the time over which drift is taken to be constant, s; 0 = one block. ``color`` is that of the white noise.
+    ``about`` holds values of terms by the id of their effect: what they make is subtracted from
     the readings, and the coefficients are determined as differences from them.
     """
 
     def __init__(
         self, blocks: Sequence[Blocks], axis: int, terms: Sequence[Term], noise_model: AxisNoise, cell_s: float = 0.0,
-        like: Design | None = None, color: float = 0.0, about: Mapping[str, Values] | None = None,
+        like: Design | None = None, color: Color = WHITE, about: Mapping[str, Values] | None = None,
     ) -> None:  # fmt: skip
         self.axis = axis
         self.noise_model = noise_model
@@ -75,11 +76,11 @@ class Design:
         """The same runs with other terms. Columns of unchanged terms are not computed again."""
         return self._like(terms, self.color)
 
-    def colored(self, color: float) -> Design:
+    def colored(self, color: Color) -> Design:
         """The same runs and terms with another ``color`` of the noise."""
         return self._like(self.terms, color)
 
-    def _like(self, terms: Sequence[Term], color: float) -> Design:
+    def _like(self, terms: Sequence[Term], color: Color) -> Design:
         return Design(self.given, self.axis, terms, self.noise_model, self.cell_s, like=self, color=color, about=self.about)
 
     def with_values(self, i: int, values: Values) -> Design:
@@ -92,7 +93,7 @@ class Design:
         """The same noise model on other blocks of these runs, with the same terms and cells unless others are given."""
         cell_s = self.cell_s if cell_s is None else cell_s
         terms = self.terms if terms is None else terms
-        color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else 0.0
+        color = self.color if np.isclose(_step_s(blocks), _step_s(self.blocks), rtol=0.1) else WHITE
         return Design(blocks, self.axis, terms, self.noise_model, cell_s, color=color, about=self.about)
 
     def _means(self, i: int, like: Design | None) -> list[Array | None]:

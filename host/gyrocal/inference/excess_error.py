@@ -79,10 +79,11 @@ def difference_errors(axis: AxisFit, folds: Sequence[Fold]) -> tuple[float, floa
     return out[0], out[1]
 
 
-def net_angles(axis: AxisFit, folds: Sequence[Fold]) -> Array:
+def net_angles(axis: AxisFit, folds: Sequence[Fold], of_model: Array | None = None) -> Array:
     """Covariance [r, r], deg^2, that noise gives the net angles which held-out predictions of ``r`` runs leave.
 
-    A run of which only the net angle is known is one block, in which the drift averages out in part.
+    A run of which only the net angle is known is one block, in which the drift averages out in part. ``of_model`` [p, p] is the
+    covariance of parameters that come from another session.
     """
     cells = _cells(axis)
     covariance, _ = _covariance(axis, cells)
@@ -92,10 +93,52 @@ def net_angles(axis: AxisFit, folds: Sequence[Fold]) -> Array:
         if blocks[i].run.rate_is_mean and noise.ou_sd_dps > 0:
             times = blocks[i].run.duration_s / noise.ou_tau_s
             covariance[k, k] -= noise.ou_sd_dps**2 * (1 - 2 / times * (1 + np.expm1(-times) / times))
-    period_s = np.array([b.run.duration_s / len(b.run) for b in blocks])
-    angle = (cells.n * period_s[cells.run])[held] * (np.unique(cells.run[held])[:, None] == cells.run[held])
-    leaves = angle @ residual
-    return np.asarray(leaves @ covariance @ leaves.T)
+    angle = _seconds(axis, cells)[held] * (np.unique(cells.run[held])[:, None] == cells.run[held])
+    leaves, errors = angle @ residual, angle @ _of_model(cells, held, of_model)
+    return np.asarray(leaves @ covariance @ leaves.T + errors @ errors.T)
+
+
+def angles_of_samples(axis: AxisFit, folds: Sequence[Fold], of_model: Array | None = None) -> Array:
+    """Covariance [h, h], deg^2, that noise gives the angles at the middle of ``h`` cells, times their numbers of samples.
+
+    A held-out stretch of a run has a start of its own, at which its mean is zero. ``of_model`` is that of :func:`net_angles`.
+    """
+    cells = _cells(axis)
+    covariance, _ = _covariance(axis, cells)
+    residual, held = _residual(axis, cells, covariance, folds)
+    seconds, weight = _seconds(axis, cells)[held], cells.n[held]
+    begins = np.concatenate([[True], (np.diff(held) != 1) | (np.diff(cells.run[held]) != 0)])[: held.size]
+    stretch = np.cumsum(begins)
+    same = (stretch[:, None] == stretch).astype(float)
+    angle = (np.tril(same, -1) + 0.5 * np.eye(held.size)) * seconds
+    angle -= (same * weight / (same @ weight)[:, None]) @ angle
+    leaves, errors = angle @ residual, angle @ _of_model(cells, held, of_model)
+    within = axis.noise.white_sd_dps**2 * seconds**2 / (6 * weight)  # a random walk between the ends of a cell
+    root = np.sqrt(weight)
+    noise = leaves @ covariance @ leaves.T + errors @ errors.T + np.diag(within)
+    return np.asarray(root[:, None] * noise * root)
+
+
+def end_noise_deg(axis: AxisFit) -> float:
+    """The noise of a measured angle at the ends of blocks, deg; 0 where no angle is measured."""
+    ratio = axis.design.color.of_angle
+    if not ratio:
+        return 0.0
+    b = next(b for b in axis.design.blocks if b.t_s.size)
+    return float(np.sqrt(ratio * float(np.median(b.n))) * axis.noise.white_sd_dps * b.run.duration_s / len(b.run))
+
+
+def _seconds(axis: AxisFit, cells: _Cells) -> Array:
+    """Duration [k] of the cells, s."""
+    return cells.n * np.array([b.run.duration_s / len(b.run) for b in axis.design.blocks])[cells.run]
+
+
+def _of_model(cells: _Cells, held: Array, covariance: Array | None) -> Array:
+    """A root [h, p] of what the errors of a model's own parameters make of held-out cells."""
+    if covariance is None:
+        return np.zeros((held.size, 1))
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(cells.columns[held, : len(covariance)] @ (vectors * np.sqrt(np.maximum(values, 0.0))))
 
 
 def _cells(axis: AxisFit) -> _Cells:
@@ -136,6 +179,12 @@ def _covariance(axis: AxisFit, cells: _Cells) -> tuple[Array, list[Array]]:
     for j, sd in zip(layout.scenario, axis.spreads.scenario, strict=True):
         x = cells.columns[:, j]
         parts.append(sd**2 * np.outer(x, x) * same_cycle)
+    end_deg = end_noise_deg(axis)
+    if end_deg:
+        neighbours = np.abs(np.subtract.outer(np.arange(cells.run.size), np.arange(cells.run.size))) == 1
+        pattern = 2 * np.eye(cells.run.size) - neighbours * same_run
+        per_s = 1 / _seconds(axis, cells)
+        parts.append(end_deg**2 * pattern * np.outer(per_s, per_s))
     for group in range(layout.n_groups):
         z = cells.columns[:, [p + j for j, g in enumerate(layout.run_group) if g == group]]
         parts.append(axis.spreads.run[group] ** 2 * (z @ z.T) * same_run)

@@ -103,7 +103,7 @@ def _kernels(axis: AxisFit, i: int, masks: Sequence[tuple[Array, Array]]) -> _Ke
     samples = np.array([float(w.sum()) for w in weights])
     blocks = np.array([int(np.count_nonzero(w)) for w in weights])
     color = axis.design.color  # the level of the noise is that of slow variations; between blocks, coloured noise cancels
-    white = noise.white_sd_dps**2 * (1 - color) / (1 + color)
+    white = noise.white_sd_dps**2 * color.level
     return _Kernels(
         kernel.T @ spread, kernel.T @ columns,
         np.array([kernel[:, g * c : (g + 1) * c].T @ columns for g in range(groups)]),

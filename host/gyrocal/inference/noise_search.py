@@ -30,12 +30,21 @@ def white_start(design: Design) -> float:
     Behind a low-pass filter the scatter within blocks is smaller. Beside a fast vibration or a fast motion that from block to
     block is, from which the terms' own columns are taken out: a scale error of 1 % leaves as much of a swing as noise does.
     """
+    if design.color.of_angle:
+        return _of_readings(design)
     ss = sum(b.within_ss[design.axis] for b in design.blocks)
     n = sum(b.within_n for b in design.blocks)
     within = [float(np.sqrt(ss / n))] if n >= 10 else []
     squares = _bends(design) ** 2
     between = [float(np.sqrt(np.mean(squares)))] if squares.size >= LEAST_BENDS or not within else []
     return max(min([*within, *[x for x in between if x > 0]], default=0.0), LEAST_WHITE_DPS)
+
+
+def _of_readings(design: Design) -> float:
+    """White noise of one sample from third differences of the readings alone, deg/s, whatever the reference's noise is."""
+    third = [np.diff(b.run.gyro_dps[:, design.axis], 3) for b in design.blocks if len(b.run) > LEAST_BENDS]
+    power = float(np.mean(np.concatenate(third) ** 2)) / 20 if third else 0.0
+    return max(float(np.sqrt(power)), LEAST_WHITE_DPS)
 
 
 def _bends(design: Design) -> Array:

@@ -11,7 +11,8 @@ import numpy as np
 
 from gyrocal.inference.blocks import known_dps
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.noise_search import fit_noise, white_start, with_noise
+from gyrocal.noise.color import Color
 from gyrocal.noise.steady import relative_levels
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import outliers
@@ -20,6 +21,10 @@ from gyrocal.recording.session import Array
 COLORS = np.linspace(-0.8, 0.7, 151)
 LOWEST_HZ = 1.0
 """Frequency above which block means show the colour of the fast noise. Below it are drift and effects of a turning table."""
+SEARCHED = 3.0
+"""Of the logarithm of an angle's noise, either side of where the residuals put it."""
+WINDOWS = 4
+"""So often the search goes on where it has ended at an edge."""
 BANDS = 8
 LEAST_IN_BAND = 12
 """Bands, each with so many values of the periodogram at the least, whose medians are compared. A median ignores lines."""
@@ -30,15 +35,50 @@ def shaped(current: AxisFit) -> AxisFit:
     weighted = _weighted(current)
     if weighted is not None:
         current = _better(current, weighted)
+    if of_angle(current):
+        return _better(current, _with_noise_of_angle(current))
     color = _color(current)
-    return _better(current, _refitted(current, color)) if color else current
+    return _better(current, _refitted(current, Color(color))) if color else current
+
+
+def of_angle(current: AxisFit) -> bool:
+    """True if the true rate about the axis is the slope of one measured angle."""
+    about = [b.run.measured_rates for b in current.design.blocks if b.run.axis_index == current.design.axis]
+    return any(m is not None and m.left_deg is not None for m in about)
+
+
+def _with_noise_of_angle(current: AxisFit) -> AxisFit:
+    """The fit with the likeliest noise of the angle at the ends of the blocks.
+
+    The search begins where the residuals' variance and the covariance of neighbours put it.
+    """
+    from scipy.optimize import minimize_scalar
+
+    residuals = [current.block_residuals(i) for i, b in enumerate(current.design.blocks) if b.t_s.size > 2]
+    pairs = np.concatenate([r[1:] * r[:-1] for r in residuals])
+    power, shared = float(np.mean(np.concatenate(residuals) ** 2)), -float(np.mean(pairs))
+    start = np.log(np.clip(shared / max(power - 2 * shared, 1e-3 * power), 1e-3, 1e6)) if shared > 0 else np.log(1e-3)
+    fits: dict[float, AxisFit] = {}
+
+    def cost(x: float) -> float:
+        design = current.design.colored(Color(of_angle=float(np.exp(x))))
+        noise = replace(current.noise, white_sd_dps=white_start(design))
+        fits[x] = fit_noise(design, start=with_noise(design, noise, current.spreads))
+        return -fits[x].loglik
+
+    for _ in range(WINDOWS):
+        found = minimize_scalar(cost, bounds=(start - SEARCHED, start + SEARCHED), method="bounded", options={"xatol": 0.1})
+        if abs(found.x - start) < 0.9 * SEARCHED:
+            break
+        start = float(found.x)
+    return fits[float(found.x)]
 
 
 def _better(current: AxisFit, trial: AxisFit) -> AxisFit:
     return trial if trial.loglik > current.loglik + POLICY.noise_shape_gain else current
 
 
-def _refitted(current: AxisFit, color: float) -> AxisFit:
+def _refitted(current: AxisFit, color: Color) -> AxisFit:
     design = current.design.colored(color)
     return fit_noise(design, start=with_noise(design, current.noise, current.spreads))
 

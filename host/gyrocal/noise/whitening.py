@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.noise.color import WHITE, Color
 from gyrocal.recording.session import Array
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -56,17 +57,17 @@ class Summed:
     log_n: float
 
     @staticmethod
-    def of(columns: Iterable[Array], t_s: Array, n: Array, cell_s: float = 0.0, color: float = 0.0) -> Summed:
+    def of(columns: Iterable[Array], t_s: Array, n: Array, cell_s: float = 0.0, color: Color = WHITE) -> Summed:
         """Sum ``columns`` [q, m] of each run: q columns of m block means at times ``t_s`` [m] in s, of ``n`` [m] samples each.
 
-        With ``cell_s`` = 0 every block is a cell, and the normal equations are exact. ``color`` is the correlation of
-        neighbouring blocks' white noise, which a low-pass filter causes; see :func:`whitened`. A single block has no neighbour.
+        With ``cell_s`` = 0 every block is a cell, and the normal equations are exact. A single block
+        has no neighbour, and no ``color``.
         """
         blocks, log_n = t_s.size, float(np.log(n).sum())
         if color and blocks > 1:
             joined = np.diff(t_s) < JOINED * float(np.median(np.diff(t_s)))
-            columns = (whitened(one, joined, color) for one in columns)
-            log_n += _log_determinant(joined, color)
+            columns = (color.whitened(one, joined) for one in columns)
+            log_n += color.log_determinant(joined)
         even = np.ptp(n) == 0
         cell = np.floor((t_s - t_s[0]) / cell_s) if cell_s > 0 else np.arange(blocks)
         start = np.flatnonzero(np.concatenate([[True], np.diff(cell) > 0]))
@@ -133,30 +134,6 @@ class Summed:
             gram[some] -= (scale * precision) ** 2 * (sums[some] @ drift[same[some]].swapaxes(-1, -2))
         logdet += float(np.log(variance) + np.log(driven).sum() + np.log(pivots).sum())
         return gram, logdet
-
-
-def whitened(columns: Array, joined: np.ndarray[Any, np.dtype[np.bool_]], color: float) -> Array:
-    """Columns [q, m] through the inverse of a first-order autoregression with the coefficient ``color``.
-
-    The filter ``(c(i) - color c(i-1)) / (1 - color)`` leaves slow columns and the drift as they are, so the white level of the
-    result is the density of the noise at low frequencies. ``joined`` [m - 1] is False between blocks with a gap, where the
-    filter starts again in the stationary state.
-    """
-    out = np.empty_like(columns)
-    out[:, 0] = columns[:, 0] * _starting(color)
-    filtered = (columns[:, 1:] - color * columns[:, :-1]) / (1 - color)
-    out[:, 1:] = np.where(joined, filtered, columns[:, 1:] * _starting(color))
-    return out
-
-
-def _starting(color: float) -> float:
-    return float(np.sqrt((1 + color) / (1 - color)))
-
-
-def _log_determinant(joined: np.ndarray[Any, np.dtype[np.bool_]], color: float) -> float:
-    """Twice the logarithm of the determinant of the filter in :func:`whitened`."""
-    together = int(np.count_nonzero(joined))
-    return 2 * float((joined.size + 1 - together) * np.log(_starting(color)) - together * np.log(1 - color))
 
 
 def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:

@@ -93,7 +93,8 @@ def print_comparison(c: Comparison) -> None:
     else:
         names, everything = axis_names(c)
         levels = [angle_row(names[axis], c.angles.level(axis)) for axis in c.per_axis]
-        table("Net angles of the runs", ANGLES, [*levels, angle_row(everything, c.angles.level())])
+        title = "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
+        table(title, ANGLES, [*levels, angle_row(everything, c.angles.level())])
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
@@ -208,7 +209,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
         stdout.print(before.note, style="bold")
     if before.angles is not None and after.angles is not None:
         levels = [angle_row("before", before.angles.level()), angle_row("after", after.angles.level())]
-        table("Held-out net angles of the runs, deg", ANGLES, levels)
+        table("Held-out angles, deg", ANGLES, levels)
         stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
         stdout.print(headline(after), style="bold")
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -45,6 +45,8 @@ class MeasuredRates:
     jumps: int = 0
     derived: bool = False
     """True if the rates are slopes of angles, whose noise grows with frequency."""
+    left_deg: Array | None = None
+    """Of one measured angle, whose slopes the rates are: the angle minus the smooth curve through it, [n], deg."""
     interpolated: bool = False
     """True if missing samples lie on the line between those that are there: a table's encoder may be slower than the sensor."""
 
@@ -112,7 +114,10 @@ def measured_rates(column: Column, t_s: Array, label: str) -> MeasuredRates | No
     if rate is not None:
         return MeasuredRates(t_s, rate[:, None], interpolated=True)
     angle = column(ANGLE)
-    return None if angle is None else _of_steps(t_s, np.isfinite(angle), lambda rows: np.diff(angle[rows])[:, None])
+    if angle is None:
+        return None
+    found, left_deg = _of_steps(t_s, np.isfinite(angle), lambda rows: np.diff(angle[rows])[:, None])
+    return replace(found, left_deg=left_deg[:, 0])
 
 
 def _together(column: Column, names: tuple[str, ...], label: str) -> Array | None:
@@ -127,20 +132,22 @@ def _together(column: Column, names: tuple[str, ...], label: str) -> Array | Non
 
 
 def _of_orientation(t_s: Array, quaternion: Array, label: str) -> MeasuredRates:
-    return _of_steps(t_s, np.asarray(np.isfinite(quaternion).all(axis=1)), lambda rows: turned_deg(quaternion[rows], label))
+    known = np.asarray(np.isfinite(quaternion).all(axis=1))
+    return _of_steps(t_s, known, lambda rows: turned_deg(quaternion[rows], label))[0]
 
 
-def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> MeasuredRates:
+def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> tuple[MeasuredRates, Array]:
     """The rate from the angles that are turned from sample to sample: the slope of a smooth curve through their sum.
 
     The sum is exact whatever the steps are, so that the rate's integral is the measured angle. The curve is a smoothing spline
-    (:func:`gyrocal.recording.timing.smooth`), piece by piece between gaps and jumps.
+    (:func:`gyrocal.recording.timing.smooth`), piece by piece between gaps and jumps. The second result is what it leaves of the
+    sum, [n, k], deg, NaN where there is no rate.
     """
     from scipy.interpolate import CubicSpline
 
     rows = np.flatnonzero(known)
     steps_deg = turned(rows)
-    rates = np.full((t_s.size, steps_deg.shape[1]), np.nan)
+    rates, left_deg = np.full((2, t_s.size, steps_deg.shape[1]), np.nan)
     steps_s = np.diff(t_s[rows])
     usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
     jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
@@ -150,6 +157,8 @@ def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> Meas
             continue
         mine, at_s = steps_deg[piece[:-1]], t_s[rows[piece]]
         angle_deg = np.vstack([np.zeros(mine.shape[1]), np.cumsum(mine, axis=0)])
-        slopes = np.column_stack([CubicSpline(at_s, smooth(at_s, a, twice=True))(at_s, 1) for a in angle_deg.T])
-        rates[rows[piece[TRIMMED:-TRIMMED]]] = slopes[TRIMMED:-TRIMMED]
-    return MeasuredRates(t_s, rates, int(jumped.sum()), derived=True)
+        curves = np.column_stack([smooth(at_s, a, twice=True) for a in angle_deg.T])
+        inner = rows[piece[TRIMMED:-TRIMMED]]
+        rates[inner] = CubicSpline(at_s, curves)(at_s, 1)[TRIMMED:-TRIMMED]
+        left_deg[inner] = (angle_deg - curves)[TRIMMED:-TRIMMED]
+    return MeasuredRates(t_s, rates, int(jumped.sum()), derived=True), left_deg
