@@ -37,6 +37,7 @@ class Precision:
 
     @staticmethod
     def of(columns: Columns, member: Member) -> Precision:
+        """The precision of the size of one effect."""
         kept = (columns.owner == -1) | np.any(columns.variants(0)[:2], axis=0)
         grams = columns.grams(0, member, None)
         sizes = columns.coefficients(0, member)[kept]
