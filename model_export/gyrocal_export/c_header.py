@@ -1,4 +1,4 @@
-"""Quantised ONNX -> ``weights.h``, the table that the C kernel reads."""
+"""``weights.h``, the table that the C kernel reads, from quantised ONNX."""
 
 from __future__ import annotations
 

@@ -21,9 +21,9 @@ from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import paper_windows
 
 SIMULATED_SECONDS = 6.0
-RECORDED_SECONDS = 50.0  # what follows is for the labels alone
+RECORDED_SECONDS = 50.0  # later samples are used only for the labels
 GRID = 32  # values that stand for a nonlinear parameter that differs from run to run
-STRIDE = 0.6  # of a window, between windows of a recorded run
+STRIDE = 0.6  # distance between windows of a recorded run, as a fraction of a window
 
 
 class Pairs(NamedTuple):

@@ -1,4 +1,4 @@
-"""A trained network -> the files that host and device read."""
+"""The files of a trained network for host and device."""
 
 from __future__ import annotations
 

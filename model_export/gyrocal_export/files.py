@@ -1,4 +1,4 @@
-"""Several files written all or none; and what run folders share."""
+"""Several files that are written all or none, and helpers of run folders."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Network `gyrocal` as ONNX, float and with int8 weights, and as the table that the C kernel reads.
 
-The graph is written layer by layer, each constant under its own name, so that the C table is read off the quantised graph.
+The graph is written layer by layer, each constant under its own name, so that the C table can be read from the quantised graph.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def tables(model: onnx.ModelProto, source: str) -> str:
         code, step = constants[f"{layer}.code"], constants[f"{layer}.step"]
         bias = constants["start" if layer == "third" else f"{layer}.bias"]
         if layer in POOLED:
-            # the first pool is done with: the kernel takes columns
+            # the kernel takes columns, so the first pool is not needed
             pool = pools[layer] if layer == "second" else 1
             columns = (columns - code.shape[2] + 1) // pool
             shape = {"channels": len(code), "kernel": code.shape[2], "pool": pool, "columns": columns}

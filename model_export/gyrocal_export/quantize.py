@@ -1,10 +1,9 @@
-"""Float ONNX -> int8 weights, float32 activations.
+"""Quantisation of a float ONNX graph to int8 weights and float32 activations.
 
-Each BatchNorm is folded into the convolution behind it *after* rounding: with gain g and shift b, conv(w, g x + b) =
-conv(v, x + b/g) with v = w g, and it is the dequantised v that multiplies b/g. Folded from the float weights, the
-rounding of v would multiply the mean of x as well, not only what differs from it. The row of the true rate, one
-constant after the clip, goes into the bias whole.
-The result is the exact reference of the C kernel.
+Each BatchNorm is folded into the following convolution *after* rounding: with gain g and shift b, conv(w, g x + b) =
+conv(v, x + b/g) with v = w g, and the dequantised v multiplies b/g. If it were folded before rounding, the rounding of v
+would multiply the mean of x too, rather than only the deviations from it. The row of the true rate, which is constant after
+the clip, becomes part of the bias. The result is the exact reference of the C kernel.
 """
 
 from __future__ import annotations

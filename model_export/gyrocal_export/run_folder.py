@@ -33,7 +33,7 @@ class Training:
     epochs: int = 40
 
     def named(self) -> Self:
-        """The settings with file names in place of paths, which mean nothing on other machines."""
+        """The settings with file names instead of paths, which are valid only on this machine."""
         return replace(self, model=None if self.model is None else Path(self.model).name)
 
 
@@ -44,8 +44,8 @@ def begin(out: Path, seed: int) -> None:
         InputError: ``out`` exists already.
     """
     if out.exists():
-        raise InputError(f"{out}: is there already; choose another --out or remove it")
-    torch.set_num_threads(1)  # more only wait for each other on so small a net, and change the order of sums
+        raise InputError(f"{out}: exists already; choose another --out or remove it")
+    torch.set_num_threads(1)  # more threads are no faster for so small a net, and change the order of sums
     torch.manual_seed(seed)
     torch.use_deterministic_algorithms(True)
 

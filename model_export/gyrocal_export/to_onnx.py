@@ -1,4 +1,4 @@
-"""A trained network -> ONNX."""
+"""A trained network as ONNX."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ def load(run: Path) -> tuple[PaperNet, dict[str, str]]:
         checkpoint = torch.load(path, weights_only=True)
         net = PaperNet(Shape(**checkpoint["shape"]), checkpoint["clip_dps"], torch.zeros(2), torch.ones(2))
         net.load_state_dict(checkpoint["state"])
-    except Exception as error:  # torch.load raises whatever its unpickler met
+    except Exception as error:  # torch.load raises any error of its unpickler
         reason = str(error).splitlines()[0][:120]
         raise InputError(f"{path}: not a checkpoint of network paper ({reason}); train it again") from error
     return net.eval(), checkpoint["metadata"]

@@ -1,4 +1,4 @@
-"""Training of network `gyrocal` on faces drawn from what a calibration knows of effects and noise."""
+"""Training of network `gyrocal` on faces drawn from the effects and the noise of a calibration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gyrocal_export.quantize import by_channel, codes
 from gyrocal_export.run_folder import Report, Training
 
 GRID, COARSE = 64, 12
-"""How many values represent a nonlinear parameter in the faces that are drawn, and in the exact answer."""
+"""Number of values of a nonlinear parameter in the faces that are drawn, and in the exact answer."""
 STAGE_S = 2.0
 STEPS_AN_EPOCH = 400
 SAMPLES_OFF = 2.0
@@ -55,7 +55,7 @@ class GyrocalConfig(Training):
 
 
 def known(config: GyrocalConfig, grid: int = GRID) -> tuple[Calibration, Protocol]:
-    """The distribution that the training draws from: a fitted model, or the laws of the campaign ``table2``."""
+    """The distribution from which the training draws: a fitted model, or that of the campaign ``table2``."""
     if config.model is None:
         return limit.table2(grid), limit.PROTOCOL
     return calibration_of(Model.open(config.model), config.axis, alternatives=grid), Protocol()
@@ -176,8 +176,9 @@ def _loss(net: GyrocalNet, columns: Float32) -> Tensor:
 
 
 def settled(net: GyrocalNet, config: GyrocalConfig, faces: Faces, rng: np.random.Generator) -> GyrocalNet:
-    """The network with its weights rounded to int8, as they are exported, and its biases and linear part trained anew: rounding
-    moves the mean of the correction, and that is an error of scale.
+    """The network with weights rounded to int8, as they are exported, and its biases and linear part trained again.
+
+    Rounding would otherwise shift the mean of the correction, which is an error of scale.
     """
     learned = []
     for name, values in net.named_parameters():
@@ -198,9 +199,10 @@ def settled(net: GyrocalNet, config: GyrocalConfig, faces: Faces, rng: np.random
 
 
 def evaluate(net: GyrocalNet, calibration: Calibration, protocol: Protocol, n: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Mean absolute errors after 2, 4 and 6 s on ``n`` scenarios drawn from a calibration, its priors of scale and bias merged
-    in, and how often the truth is within one standard deviation; beside it the model's exact answer from blocks of 0.25 s, and
-    the priors' means. A flat prior stays flat; the truth is zero then.
+    """Mean absolute errors after 2, 4 and 6 s on ``n`` scenarios drawn from a calibration, whose priors are merged in.
+
+    The rows also give the fraction of truths within one standard deviation, the model's exact answer from blocks of 0.25 s, and
+    the means of the priors. If a prior is flat, the truth is zero.
     """
     scale, bias_dps = ((mean, sd if np.isfinite(sd) else 0.0) for mean, sd in (calibration.scale, calibration.bias_dps))
     drawn_from = replace(calibration, scale=scale, bias_dps=bias_dps)

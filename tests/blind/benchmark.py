@@ -43,14 +43,15 @@ def benchmark(
     cases_of: str = "fixed",
     kinds: Sequence[str] = (),
     limit: int | None = None,
+    skip: int = 0,
     workers: int = PROCESSES,
     results: Path | None = None,
 ) -> dict[str, Any]:
-    """The report on a set of cases, or on a part of it: `kinds` alone, and of each the first `limit`."""
-    return report(run(chosen(sample, cases_of, kinds, limit), progress, workers, results))
+    """The report on a set of cases, or on a part of it: `kinds` alone, and of each `limit` cases after the first `skip`."""
+    return report(run(chosen(sample, cases_of, kinds, limit, skip), progress, workers, results))
 
 
-def chosen(sample: bool, cases_of: str, kinds: Sequence[str], limit: int | None) -> list[Case | Draw]:
+def chosen(sample: bool, cases_of: str, kinds: Sequence[str], limit: int | None, skip: int = 0) -> list[Case | Draw]:
     """The cases of a set ("fixed", "work" or "frozen"), or the part that is asked for."""
     if cases_of not in SETS:
         raise InputError(f"no set of cases {cases_of!r}; there are {', '.join(SETS)}")
@@ -69,7 +70,7 @@ def chosen(sample: bool, cases_of: str, kinds: Sequence[str], limit: int | None)
     part = []
     for case in wanted:
         seen[case.kind] += 1
-        if limit is None or seen[case.kind] <= limit:
+        if seen[case.kind] > skip and (limit is None or seen[case.kind] <= skip + limit):
             part.append(case)
     return part
 

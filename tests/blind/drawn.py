@@ -4,7 +4,8 @@ A drawn case is fixed by its kind, its number and the set's seed. Every rule bel
 
 - An effect counts where it stands out by `SEEN` standard errors for one who knows its shape and the noise, and by `APART`
   beside each rival of the documented table (`generator.told_apart`): else the draw is repeated.
-- A confounded case stands out by `SEEN`, and by less than `ALIKE` beside at least one rival: those are its rivals.
+- A confounded case stands out by `SEEN`, and by less than `ALIKE` beside at least one rival of physical size: those are its
+  rivals.
 - An unknown shape keeps at least `OWN_SHAPE` of its size beside every effect of the table. Nobody knows it, so it counts by
   its power: that of the Fourier coefficients that hold it stands `SEEN_UNKNOWN` standard errors over the noise's.
 - In a set, each effect stands out by `SEEN` beside all others together, and by `APART` beside each rival as well.
@@ -106,7 +107,7 @@ def _one(name: str, typical: float, signed: bool = True) -> Callable[[Random, Ca
 MEASURED = {"accelerometer": True}
 RAMP = {"climate": "ramp"}
 WARM = {"climate": "chamber"}
-SHAKEN = {"accelerometer": True, "vibration_g": 0.3}
+SHAKEN = {"accelerometer": True, "vibration_g": 1.0}
 # where an accelerometer sees the arm's acceleration, g_sensitivity is as true a name
 STILL = {"accelerometer": False}
 
@@ -149,7 +150,7 @@ EFFECTS: dict[str, Kind] = {
             "order": float(r.choice([0.5, 1, 2, 3, 4.25, 5, 7])), "A_dps": size(r, 0.02), "phase_deg": r.uniform(0, 360)
         },
     ),
-    "g2_sensitivity": Kind(("paper", "staircase", "hand", "swing"), "any", _one("k_dps_per_g2", 0.1), SHAKEN),
+    "g2_sensitivity": Kind(("paper", "staircase", "hand", "swing"), "any", _one("k_dps_per_g2", 0.02), SHAKEN),
     "byte_fault": Kind(("paper", "swing", "staircase", "hand"), "any", _byte_fault),
 }
 
@@ -195,12 +196,12 @@ CONFOUNDED: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("g_sensitivity", "paper", {}),
     ("scale_asymmetry", "full", ONE_RATE),
     ("centripetal", "full", ONE_RATE | STILL),
-    ("order_tone", "paper", {}),
-    ("table_ripple", "paper", {}),
+    ("order_tone", "paper", {"table_angle": False}),
+    ("misalignment", "paper", {}),
     ("scale_temperature", "long", WARM),
-    ("spin_up", "long", {}),
-    ("warmup", "long", {}),
-    ("drift", "long", {}),
+    ("bias_temperature", "long", WARM),
+    ("warmup", "long", WARM),
+    ("order_tone", "long", {"table_angle": False}),
 )
 """An effect, and a protocol that cannot tell it from another."""
 
@@ -315,7 +316,7 @@ def _kept(case: Case) -> Case | None:
         truth = make(case, scratch)
     rivals: list[str] = []
     for effect in case.effects:
-        seen, beside = told_apart(truth, effect.id)
+        seen, beside = told_apart(truth, effect.id, physical=case.kind == "confounded")
         nearest = min(beside.values(), default=seen)
         if seen < SEEN or (case.kind == "unknown" and power(truth, effect.id) < SEEN_UNKNOWN):
             return None

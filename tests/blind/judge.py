@@ -76,7 +76,7 @@ def _walk(session: Session, found: Diagnosis, truth: Truth, most_steps: int) -> 
             break
         _, after, model = add(session, model, best.effect.id)
         best = diagnose(session, model).best if len(named) < most_steps else None
-    group = found.best.group if found.best is not None else ()
+    group = found.best.group if found.best is not None else next((c.group for c in found.candidates if c.group), ())
     decisions = tuple(c.decision for c in _on_truth(found, truth.case))
     return Answer(found.verdict, tuple(named), group, decisions, error_dps(after.fit, truth))
 

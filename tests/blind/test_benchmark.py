@@ -13,7 +13,7 @@ from gyrocal.inference.heldout import Prediction
 from gyrocal.recording.session import Session
 
 from . import benchmark, judge, stepwise
-from .benchmark import score
+from .benchmark import chosen, score
 from .generator.case import Case, Effect
 from .generator.session import make
 from .judge import error_dps
@@ -175,3 +175,8 @@ def test_without_a_checkout_it_says_so(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(verb.BENCHMARKS, "blind", tmp_path / "blind")
     assert main(["benchmark", "blind"]) == 1
     assert "runs from a checkout" in capsys.readouterr().err
+
+
+def test_cases_can_be_skipped() -> None:
+    part = chosen(False, "work", ["null", "set"], 2, 12)
+    assert sorted(case.name for case in part) == ["work_null_012", "work_null_013", "work_set_012", "work_set_013"]

@@ -3,7 +3,8 @@
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate, Decision
-from gyrocal.diagnosis.rivals import with_groups
+from gyrocal.diagnosis.gains import total
+from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.effects.base import effect
 
 SIGNAL = np.sin(np.arange(200) / 9)
@@ -34,3 +35,17 @@ def test_a_richer_rival_of_the_same_shape_is_not_shown() -> None:
     line = candidate("drift", "add", [5.0, 6.0, 5.5], 1)
     curve = candidate("bias_temperature", "suggest", [5.1, 6.1, 5.6], 3)
     assert with_groups([line, curve])[0].group == ("drift",)
+
+
+def test_suggestions_of_one_shape_are_shown_together_where_nothing_passes() -> None:
+    """One run holds a transient in one part, which no other part predicts: both causes are suggested, and neither is proven."""
+    table = candidate("spin_up", "suggest", [9.0, 0.1, 0.0], 2)
+    sensor = candidate("warmup", "suggest", [8.0, 0.2, 0.1], 2)
+    judged = with_suggested_groups([table, sensor], ["z"])
+    assert {c.group for c in judged} >= {("spin_up", "warmup")} or {c.group for c in judged} >= {("warmup", "spin_up")}
+    assert all(c.decision == "suggest" for c in judged)
+    assert with_suggested_groups([table], ["z"])[0].group == ()
+
+
+def test_a_unit_that_is_not_predicted_leaves_the_gain_without_an_error() -> None:
+    assert total(np.array([1.0, -np.inf]))[1] is None

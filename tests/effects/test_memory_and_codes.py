@@ -6,6 +6,7 @@ import pytest
 from gyrocal.effects.base import effect
 from gyrocal.effects.byte_fault import carried, lost_carry, single_power
 from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
 from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.recording.session import Run
 
@@ -108,6 +109,78 @@ def test_single_readings_without_a_carry_are_told_from_other_outliers(make_run: 
     assert single_power([swinging(make_run, np.round(spikes / LSB_DPS) * LSB_DPS, w_dps)], 2) is None
 
 
+def torn(make_run: MakeRun, bit: int) -> Run:
+    """Noise of a count and more, and now and then the upper part of the sample before."""
+    rng = np.random.default_rng(6)
+    codes = np.rint(2.0 + rng.normal(0, 1.4, 60_000)).astype(np.int64)
+    before = np.concatenate([codes[:1], codes[:-1]])
+    part = 1 << bit
+    wrong = np.where(rng.random(codes.size) < 0.04, before - before % part + codes % part, codes)
+    return swinging(make_run, wrong * LSB_DPS, np.zeros(codes.size))
+
+
+def test_low_bits_show_a_torn_reading_whose_step_is_few_times_the_noise(make_run: MakeRun) -> None:
+    """The step of bit 4 is eleven times the noise. Such readings were called outliers of a jumping bias."""
+    assert (single_power([torn(make_run, 4)], 2) or (None,))[0] == 4
+    rng = np.random.default_rng(7)
+    spikes = rng.normal(0, 1.4, 40_000) + rng.choice([0.0, -16.0, 16.0], 40_000, p=[0.999, 0.0005, 0.0005])
+    assert single_power([swinging(make_run, np.rint(spikes) * LSB_DPS, np.zeros(40_000))], 2) is None
+
+
+def polled(chip: Array, every: float, repeats: float, rng: np.random.Generator) -> Array:
+    """What a host reads that takes the newest of the chip's samples [m, 3] at each poll, in counts of 0.00875 dps."""
+    newest = np.floor(np.arange(int(len(chip) / every)) * every).astype(np.intp)
+    again = rng.random(newest.size) < repeats
+    again[0] = False
+    newest = newest[np.maximum.accumulate(np.where(again, 0, np.arange(newest.size)))]
+    return np.asarray(np.rint(chip[newest] / LSB_DPS) * LSB_DPS)
+
+
+def test_neighbours_that_chance_makes_equal_are_no_repeated_samples(make_run: MakeRun) -> None:
+    """Polls at 0.6 of the chip's rate are one or two smooth samples apart, in turn, and the counts are coarse."""
+    rng = np.random.default_rng(8)
+    smooth = np.apply_along_axis(np.convolve, 0, rng.normal(0, 1.0, (100_000, 3)), np.hanning(9), "same")
+    chip = 2.0 * LSB_DPS * smooth / smooth.std()
+    fault = effect("sampling_fault").fault
+    assert fault is not None
+    for repeats, found in ((0.0, False), (0.02, True)):
+        gyro = polled(chip, 1.666, repeats, np.random.default_rng(9))
+        run = make_run(np.arange(len(gyro)) / 1000, gyro, table_rate_dps=0.0)
+        assert (fault.detect([run], 0) is not None) is found
+
+
+def test_a_narrow_dead_band_shows_in_turns_by_hand(make_run: MakeRun) -> None:
+    """Steps of the readings from sample to sample are mostly motion, which was taken for noise."""
+    rng = np.random.default_rng(10)
+    w_dps = 70 * np.sin(2 * np.pi * 0.3 * np.arange(6000) / 100)
+    noisy = w_dps + rng.normal(0, 0.0125, w_dps.size)
+    lost = np.where(np.abs(w_dps) < 0.6, noisy - w_dps, noisy)
+    assert effect("dead_band").shows([swinging(make_run, lost, w_dps)], 2, 1.0)
+    assert not effect("dead_band").shows([swinging(make_run, noisy, w_dps)], 2, 1.0)
+
+
+def test_a_dead_band_takes_small_rates_away_and_not_a_part_of_them() -> None:
+    assert effect("dead_band").contradicted({"width_dps": 12.0, "depth": 0.008}, 1.0)
+    assert not effect("dead_band").contradicted({"width_dps": 0.6, "depth": 0.8}, 1.0)
+
+
+def test_a_reading_that_leads_is_no_lag_unless_that_is_the_main_cause() -> None:
+    """A reading cannot precede the rate. A late reference looks like that, and then explains nearly all of the error."""
+    assert effect("lag").contradicted({"tau_s": -3e-4, "order": 0.0}, None)
+    assert not effect("lag").contradicted({"tau_s": -3e-3, "order": 0.0}, 0.95)
+    assert not effect("lag").contradicted({"tau_s": 3e-4, "order": 0.0}, None)
+
+
+def test_a_small_tone_of_a_ripples_own_order_is_what_the_ripple_left(make_run: MakeRun) -> None:
+    """Readings are later than the table's angle, so that a ripple keeps a small part where the table reverses."""
+    run = make_run(np.arange(2000) / 100, rate_ref_dps=150 * np.sign(np.sin(np.arange(2000) / 300)))
+    ripple = [(effect("table_ripple"), {"amplitude_3": 0.0016, "phase_3_deg": 20.0})]
+    tone = effect("order_tone")
+    assert tone.repeats({"order": 2.996, "A_dps": 0.008}, [run], 2, ripple)
+    assert not tone.repeats({"order": 2.996, "A_dps": 0.2}, [run], 2, ripple)
+    assert not tone.repeats({"order": 5.0, "A_dps": 0.008}, [run], 2, ripple)
+
+
 def test_readings_that_keep_the_carry_which_their_neighbours_lack_are_of_the_same_fault(make_run: MakeRun) -> None:
     """Just below the border a few readings lack the carry. Just above it most of them do, and the few others stand out."""
     border_dps = 2**7 * LSB_DPS
@@ -130,3 +203,36 @@ def test_a_motion_that_nobody_recorded_is_no_lost_carry(make_run: MakeRun) -> No
 def test_carries_are_counted_from_zero_up() -> None:
     codes = np.array([0, 63, 64, 127, 128, -1, -128]) * LSB_DPS
     assert carried(codes, LSB_DPS, 7, 0.5).tolist() == [True, True, False, False, True, False, True]
+
+
+def test_a_line_of_the_vibration_is_in_its_square(make_run: MakeRun) -> None:
+    """The gyroscope's low-pass weakens the line, so that the fit leaves a part of it, which is of no other cause."""
+    t_s = np.arange(4000) / 100
+    shaken = 0.3 * np.sin(2 * np.pi * 8.0 * t_s) * (1 + 0.5 * np.sin(2 * np.pi * 0.05 * t_s))
+    noise = np.random.default_rng(11).normal(0, 1e-3, (3, t_s.size))
+    run = make_run(t_s, table_rate_dps=0.0, ax_g=noise[0], ay_g=1 + shaken + noise[1], az_g=noise[2])
+    g2 = effect("g2_sensitivity")
+    assert g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 8.01)
+    assert not g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 11.0)
+
+
+@pytest.mark.parametrize(("rate", "told"), [(np.sign, True), (np.ones_like, False)])
+def test_a_table_that_turns_back_tells_an_order_from_a_frequency(make_run: MakeRun, rate, told: bool) -> None:  # type: ignore[no-untyped-def]
+    t_s = np.arange(4000) / 100
+    w_dps = 150 * rate(np.sin(2 * np.pi * 0.025 * t_s) + 1e-6)
+    run = make_run(t_s, rate_ref_dps=w_dps, table_angle_deg=np.cumsum(w_dps) / 100)
+    assert told_from_frequency([run]) is told
+
+
+def test_rests_do_not_hide_a_tone_of_an_order(make_run: MakeRun) -> None:
+    """All samples at rest have one angle. What they leave there spreads over all orders."""
+    rng = np.random.default_rng(12)
+    t_s = np.arange(5000) / 50
+    w_dps = 150.0 * np.repeat([0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0], 500)
+    angle_deg = np.cumsum(w_dps) / 50
+    reading = w_dps + 0.03 * (w_dps == 0) + 0.03 * np.sin(np.deg2rad(4.25 * angle_deg)) + rng.normal(0, 0.03, t_s.size)
+    gyro = np.column_stack([np.zeros((t_s.size, 2)), reading])
+    run = make_run(t_s, gyro, rate_ref_dps=w_dps, table_angle_deg=angle_deg)
+    (peak, *_) = spectrum_over_turns([run], 2).peaks(1)
+    assert peak.order == pytest.approx(4.25, abs=0.1)
+    assert peak.chance < 1e-6

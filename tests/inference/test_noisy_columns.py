@@ -1,10 +1,16 @@
 """Noise of the reference and of the thermometer neither attenuates an estimate nor hides in its standard error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
+from gyrocal.plausibility import check
+from gyrocal.recording.header import Reference
+from gyrocal.recording.smoothing import smoothed_temperature
 from make_runs import make_run, make_session
 
 RATE_HZ = 50.0
@@ -65,3 +71,30 @@ def test_a_reference_that_only_shows_noise_gives_no_scale():
     ]
     fitted = fit(make_session(*runs), Model.open("paper"), axes="z").model
     assert all("scale" not in line.values for line in fitted.lines() if line.id == "scale")
+
+
+def jumpy(**reference):
+    """A reference that moves at random from sample to sample, so that nothing tells its noise from its motion."""
+    rng = np.random.default_rng(7)
+    t_s = np.arange(40_000) / RATE_HZ
+    rate = lfilter([1], [1, -0.8], rng.normal(0, 3.0, t_s.size))
+    gyro = rng.normal(0, GYRO_SD, (t_s.size, 3))
+    gyro[:, 2] += rate
+    run = make_run(t_s, gyro, rate_ref_dps=rate + rng.normal(0, 0.5, t_s.size), rate_hz=RATE_HZ)
+    return make_session(replace(run, reference=Reference(**reference)))
+
+
+def test_the_bound_of_an_unknown_attenuation_is_told():
+    (warning,) = (w for w in check(jumpy()) if w.code == "noise_unknown")
+    assert not warning.blocking
+    assert "at most" in warning.text
+    assert "ref_noise_dps" in warning.text
+    assert "noise_unknown" not in [w.code for w in check(jumpy(ref_noise_dps=0.5))]
+    assert "noise_unknown" not in [w.code for w in check(weak_swing(0))]
+
+
+def test_the_stated_noise_of_a_thermometer_is_believed():
+    t_s = np.arange(60_000) / 5.0
+    temp_c = 25 + np.cumsum(np.random.default_rng(3).normal(0, 0.05, t_s.size))
+    assert smoothed_temperature(temp_c, t_s, 0.01).noise.uncertainty < 1
+    assert smoothed_temperature(temp_c, t_s).noise.uncertainty == 1

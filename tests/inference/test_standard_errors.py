@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import curve_fit
+from scipy.optimize import curve_fit, minimize
 
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
@@ -188,3 +188,44 @@ def test_information_of_the_spreads_is_that_of_dense_matrices() -> None:
     for ours, dense in ((information, sums.T @ g**2 @ sums / 2), (scatter, sums.T @ h**2 @ sums / 2)):
         scale = np.sqrt(np.outer(np.diag(dense), np.diag(dense)))
         np.testing.assert_allclose(ours / scale, dense / scale, atol=1e-8)
+
+
+def test_the_spread_of_power_cycles_has_an_error_joint_with_the_drift() -> None:
+    """Single runs of 50 s, in which a drift of 15 s is hardly told from an offset, against the Hessian of dense matrices."""
+    rng, runs, seconds = np.random.default_rng(5), 20, 50.0
+    t_s = np.arange(round(seconds * 4)) / 4
+
+    def drift(sd_dps: float, tau_s: float) -> Array:
+        return sd_dps**2 * np.exp(-np.abs(t_s[:, None] - t_s) / tau_s)
+
+    root = np.linalg.cholesky(drift(0.003, 15.0) + 1e-12 * np.eye(t_s.size))
+    readings = [rng.normal(0, 0.005) + root @ rng.normal(size=t_s.size) + rng.normal(0, 0.01, t_s.size) for _ in range(runs)]
+    made = [
+        make_run(t_s, np.column_stack([y, y, y]), table_rate_dps=0.0, scenario=f"s{i}") for i, y in enumerate(readings)
+    ]
+    found = fit(make_session(*made), Model.builtin("default"), axes=["x"])
+    axis, line = found.axes["x"], found.model.line("turn_on_bias", "x")
+    assert line is not None
+
+    def loglik(x: Array) -> float:
+        """REML of all runs with the logarithms of white level, drift's growth and rate, and the offsets' spread."""
+        white, growth, rate, sd = np.exp(x)
+        v = drift(np.sqrt(growth / rate), 1 / rate) + white**2 * np.eye(t_s.size) + sd**2
+        inverse, ones = np.linalg.inv(v), np.ones(t_s.size)
+        weight = ones @ inverse @ ones
+        mean = np.mean([ones @ inverse @ y for y in readings]) / weight
+        squares = sum((y - mean) @ inverse @ (y - mean) for y in readings)
+        return float(-0.5 * (runs * np.linalg.slogdet(v)[1] + np.log(runs * weight) + squares))
+
+    noise = axis.noise
+    start = np.log([noise.white_sd_dps, noise.ou_sd_dps**2 / noise.ou_tau_s, 1 / noise.ou_tau_s, axis.turn_on_sd_dps])
+    at = minimize(lambda x: -loglik(x), start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-5}).x
+    steps = np.diag([0.01, 0.1, 0.1, 0.1])
+    hessian = np.array([
+        [(loglik(at + a + b) - loglik(at + a - b) - loglik(at - a + b) + loglik(at - a - b)) / (4 * a.max() * b.max())
+         for b in steps] for a in steps
+    ])  # fmt: skip
+    joint = np.exp(at[3]) * np.sqrt(np.linalg.inv(-hessian)[3, 3])
+    alone = np.exp(at[3]) / np.sqrt(-hessian[3, 3])
+    assert joint > 1.1 * alone
+    assert line.se["sd_dps"] == pytest.approx(joint, rel=0.12)

@@ -165,7 +165,7 @@ def test_the_command_trains_on_sessions(tmp_path: Path, capsys: pytest.CaptureFi
     assert str(tmp_path) not in (out / "made_by.json").read_text(), "names no path of this machine"
 
     assert main(["train", "--epochs", "1", "--out", str(out)]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
     assert main(["train", "--net", "resnet", "--out", str(tmp_path / "x")]) == 2
     assert main(["train", str(tmp_path / "absent"), "--out", str(tmp_path / "y")]) == 2
     assert not (tmp_path / "x").exists()

@@ -174,7 +174,7 @@ def test_files_are_added_to_a_session(rows: np.ndarray, tmp_path: Path) -> None:
     slower = write(tmp_path / "b.csv", "t,x,y,z", rows * [2, 1, 1, 1])
     with pytest.raises(InputError, match="one session holds one rate"):
         import_recording(slower, out, ["t_s=t", *PLAIN], defaults=REST, append=True)
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         import_recording(source, out, ["t_s=t", *PLAIN], defaults=REST)
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
 

@@ -145,7 +145,7 @@ def test_columns_of_other_names_may_be_there(folder: Path) -> None:
 
 def test_saving_over_a_folder_is_refused_and_leaves_nothing(folder: Path) -> None:
     session = Session.open(folder)
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         session.save(folder)
     assert sorted(p.name for p in folder.parent.iterdir()) == ["s"]
 

@@ -29,3 +29,19 @@ def test_the_warning_stands_on_top(served: Any, look: Callable[..., Any]) -> Non
     page.get_by_role("button", name="Diagnose").first.click()
     page.get_by_text("own axis is not judged").first.wait_for()
     assert page.locator('[aria-label="what is missing"] [aria-label="warnings"]').is_visible()
+
+
+def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[..., Any]) -> None:
+    header = served.folder / "slip/session.toml"
+    before = header.read_text()
+    page = look(f"{served.url}compare")
+    page.get_by_role("button", name="Turn the face of 008_down.csv over").click()
+    page.get_by_text("The other face of 008_down.csv is written into session.toml").wait_for()
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_role("button", name="Do it").wait_for(state="hidden")
+    assert header.read_text() == before
+    page.get_by_role("button", name="Turn the face of 008_down.csv over").click()
+    page.get_by_role("button", name="Do it").click()
+    page.get_by_text("The model fits.").wait_for()
+    assert "face_wrong" not in page.locator("body").inner_text()
+    assert (served.folder / "slip/session.toml.before").read_text() == before

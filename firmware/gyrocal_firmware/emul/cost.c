@@ -1,5 +1,5 @@
-/* Counts what a part costs on this CPU: instructions a call (mean and largest) and stack. Under QEMU's -icount shift=0 an
-   instruction is a nanosecond. */
+/* Counts the cost of a part on this CPU: instructions per call (mean and largest) and stack. With QEMU's -icount shift=0 an
+   instruction takes a nanosecond. */
 #include "cost.h"
 
 #include <stdint.h>

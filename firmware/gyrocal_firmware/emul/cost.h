@@ -2,7 +2,7 @@
 #ifndef COST_H
 #define COST_H
 
-extern const unsigned cost_times; /* how often cost_act is called */
+extern const unsigned cost_times; /* number of calls of cost_act */
 
 void cost_prepare(void);
 void cost_act(void);

@@ -1,4 +1,4 @@
-/* What sim/main.c needs of <poll.h> on a CPU without an operating system. */
+/* The part of <poll.h> that sim/main.c needs on a CPU without an operating system. */
 #ifndef POLL_H
 #define POLL_H
 

@@ -1,5 +1,5 @@
-/* The little of POSIX that programs ask for on an emulated CPU, by semihosting: the emulator's own files, output and
-   command line. Standard input is always empty, and time stands still: only virtual time counts there. */
+/* The POSIX functions that programs need on an emulated CPU, by semihosting: the emulator's own files, output and command line.
+   Standard input is always empty, and the time is constant, because only virtual time counts. */
 #include "poll.h"
 
 #include <semihost.h>

@@ -25,7 +25,7 @@
 #include <unistd.h>
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
-#define FLASH_US 5000u /* duration of a write */
+#define FLASH_US 5000u /* duration of a write, us */
 #define FASTEST_SINGLE_HZ 833.0f
 
 typedef struct {
@@ -115,7 +115,7 @@ static void misbehave(sim_t *sim) {
     }
 }
 
-/* What the sensor measures at a row, including its faults. */
+/* The readings of the sensor at a row, including its faults. */
 static void feed(sim_t *sim, uint64_t t_us, const int16_t row[EMUL_WORDS]) {
     int16_t world[EMUL_WORDS];
     memcpy(world, row, sizeof world);

@@ -1,4 +1,4 @@
-/* One light for all sensors: docs/board.md tells what it shows. */
+/* One light for all sensors; docs/board.md lists its signals. */
 #ifndef STATUS_LED_H
 #define STATUS_LED_H
 

@@ -2,12 +2,18 @@
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from gyrocal.device.record import Report
+    from rich.console import Console
+    from rich.status import Status
+
+    from gyrocal.device.port import Link
+    from gyrocal.device.record import Recorder, Report
+    from gyrocal.device.run_writer import Recorded
+    from gyrocal.recording.plan_file import PlannedRuns
 
 
 def run(
@@ -38,8 +44,6 @@ def run(
 
     from gyrocal.device import record
     from gyrocal.device.port import Link
-    from gyrocal.device.record_plan import PlanRecorder
-    from gyrocal.device.run_writer import Recorded
     from gyrocal.errors import DeviceError, GyrocalError, InputError
     from gyrocal.recording.plan_file import PlannedRuns
     from gyrocal.warning import Warning
@@ -47,23 +51,13 @@ def run(
     if plan is not None and (follow or any(v is not None for v in (face, rate, seconds, turn_deg, axis, day))):
         raise InputError("--plan says which runs there are; leave out --follow, --face, --rate, --seconds, --axis and --day")
     wanted = None if follow or plan is not None else record.wanted(face, rate, seconds, turn_deg, axis)
+    planned = None if plan is None else PlannedRuns.open(plan)
     console = Console(stderr=True)
     report = record.Report(str(out))
     try:
         with Link(port, reconnect=plan is not None) as link, console.status(f"{port}: waiting for the device") as status:
-
-            def progress(run: Recorded) -> None:
-                status.update(
-                    f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost, {run.missed} missed"
-                )
-
-            def say(text: str) -> None:
-                console.print(text, markup=False, highlight=False)
-
-            if plan is None:
-                recorder = record.Recorder(link, out, wanted=wanted, scenario=scenario, day=day, imu=imu, progress=progress)
-            else:
-                recorder = PlanRecorder(link, out, PlannedRuns.open(plan), say, imu=imu, progress=progress)
+            one = {"wanted": wanted, "scenario": scenario, "day": day}
+            recorder = _recorder(link, out, planned, one, imu, console, status)
             report = recorder.report
             with recorder.stopped_by_signals():
                 recorder.record()
@@ -75,6 +69,24 @@ def run(
         _finish(report, as_json)
         raise
     _finish(report, as_json)
+
+
+def _recorder(
+    link: "Link", out: Path, plan: "PlannedRuns | None", one: dict[str, Any], imu: int, console: "Console", status: "Status"
+) -> "Recorder":  # fmt: skip
+    """What records the plan, or else the runs that ``one`` describes, and shows how far it is."""
+    from gyrocal.device.record import Recorder
+    from gyrocal.device.record_plan import PlanRecorder
+
+    def progress(run: "Recorded") -> None:
+        status.update(f"{out}/{run.file}: {run.seconds:.1f} s, {run.samples} samples, {run.lost} lost, {run.missed} missed")
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, highlight=False)
+
+    if plan is None:
+        return Recorder(link, out, imu=imu, progress=progress, **one)
+    return PlanRecorder(link, out, plan, say, imu=imu, progress=progress)
 
 
 def _finish(report: "Report", as_json: bool) -> None:

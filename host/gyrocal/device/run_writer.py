@@ -72,7 +72,7 @@ class SessionFolder:
             self._keys = read_header(path).model_dump(exclude_none=True)
             self._entries = self._keys.pop("run")
         elif path.exists() and (not path.is_dir() or any(not p.name.endswith("_unknown.csv") for p in path.iterdir())):
-            raise InputError(f"{path}: is there already and is no session; choose another name")
+            raise InputError(f"{path}: exists already and is no session; choose another name")
 
     @property
     def axis(self) -> str:

@@ -1,4 +1,4 @@
-"""Diagnosis: where a model fails, which effect explains the failure, and a formula where no effect does.
+"""Diagnosis: where a model fails, which effect explains the failure, or a formula if no effect does.
 
 This folder imports ``inference`` and the folders below it.
 """

@@ -1,4 +1,4 @@
-"""Net angles of runs: what a session is judged by where the table's angle is known, but not its rate at each moment.
+"""Net angles of runs, by which a session is judged if the table's angle is known but not its rate at each moment.
 
 The net angle of a run is the integral of its rate. A run with ``turn_deg`` has no other known quantity. In a session with such
 a run, every run counts by its net angle on each axis, so that rests and turns add up in one unit.
@@ -32,7 +32,7 @@ class Level:
 
     @staticmethod
     def of(squares: float, floor: float, error: float, noise: float, count: int) -> Level:
-        """From mean squares of angles and their expectation (deg^2), its standard error, and the noise of one angle."""
+        """The level from mean squares of angles, their expectation with standard error, and the noise of an angle, deg^2."""
         if not count:
             return Level(None, None)
         excess, se = excess_of(squares - floor, error, noise / count)
@@ -52,7 +52,7 @@ def by_angle(session: Session) -> bool:
 
 @dataclass(frozen=True)
 class Angles:
-    """Net angles of all runs, held out where that is possible, and the covariance [r, r] of their noise by axis, deg^2."""
+    """Net angles of all runs, held out if that is possible, and the covariance [r, r] of their noise by axis, deg^2."""
 
     table: pl.DataFrame = field(repr=False)
     """Columns file, t_s (the end of the run), axis, measured_deg and modelled_deg."""

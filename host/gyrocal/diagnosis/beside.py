@@ -1,4 +1,4 @@
-"""What the candidates of an axis show beside each other.
+"""The candidates of an axis, judged beside each other.
 
 Each candidate is judged beside the model alone. The signal of a strong cause can raise others that have nothing to do with
 it: a dead band makes jumps, and a lost carry makes wide waves. Beside the first candidate of an axis, another one keeps the

@@ -1,4 +1,4 @@
-"""A model held against the measurements: how much error exceeds the noise, and where it appears.
+"""Comparison of a model with the measurements: the error beyond the noise, and where it appears.
 
 ``rms`` is computed from held-out samples. ``floor`` is the rms that noise alone would leave, ``excess`` the remainder; both are
 computed in :mod:`gyrocal.diagnosis.levels`. A missing effect increases the excess. :func:`measure` runs the tests of the
@@ -40,7 +40,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Comparison(Shown):
-    """A model held against a session. ``fit`` holds the model fitted to all data; levels are in deg/s."""
+    """Comparison of a model with a session. ``fit`` has the model fitted to all data; levels are in deg/s."""
 
     fit: Fit
     pooled: Level
@@ -62,7 +62,7 @@ class Comparison(Shown):
     moved: list[Moved] | None = None
     """What has become of the parameters of a model that is held against the session as it is; else None."""
     angles: Angles | None = field(default=None, repr=False)
-    """Net angles of the runs, by which the session is judged where a run's rate is not known; else None."""
+    """Net angles of the runs, by which the session is judged if a run's rate is not known; otherwise None."""
 
     @property
     def cycles(self) -> int:
@@ -185,7 +185,7 @@ def measure(
 def _left_over(
     fitted: Fit, misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
 ) -> list[Finding]:
-    """An excess that noise does not leave, on axes where the other findings describe little of it."""
+    """An excess beyond that of noise, on axes where the other findings describe little of it."""
     out = []
     for axis in judged:
         told = sum(f.amplitude_dps**2 / 2 for f in misfit.found if f.axis == axis)
@@ -205,7 +205,7 @@ def _strongest_first(found: Sequence[Finding], untold: Sequence[Finding]) -> lis
 
 
 def _as_drawn(fitted: Fit, finding: Finding) -> Finding:
-    """An excess told against the variable that the residual follows, in the words of the picture."""
+    """An excess as a finding against the variable that the residual follows, in the words of the picture."""
     shapes = [(against, s) for against, shapes in of_session(fitted.session, AXES.index(finding.axis)) for s in shapes]
     current = fitted.axes[finding.axis]
     seen = most_visible(current, shapes)

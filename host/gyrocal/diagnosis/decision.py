@@ -7,7 +7,9 @@ from dataclasses import replace
 
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.finding import Finding
 from gyrocal.policy import POLICY
+from gyrocal.recording.session import AXES
 from gyrocal.variables.reading import Reading
 
 
@@ -39,8 +41,16 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
     """True if the candidate explains a substantial part of this axis's strongest finding, or most of the excess."""
     if c.effect.fault_of(c.values) or (c.explained or 0.0) > POLICY.main_cause:
         return True
-    gains = [max(f.strength, f.snr) ** 2 / 2 for f in comparison.where if f.axis == c.axis and f.against != Reading.name]
+    others = [f for f in comparison.where if f.axis == c.axis and f.against != Reading.name and not _own_line(c, f, comparison)]
+    gains = [max(f.strength, f.snr) ** 2 / 2 for f in others]
     return (c.gain or 0.0) >= POLICY.of_finding * max(gains, default=0.0)
+
+
+def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:
+    """True if a line is the candidate's own: it is in the term as well."""
+    if finding.band_hz is None or finding.band_hz[0] != finding.band_hz[1]:
+        return False
+    return c.effect.has_line(comparison.fit.session.runs, AXES.index(c.axis), c.values, finding.band_hz[0])
 
 
 def proven(c: Candidate, tested: int) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.explained import explained
+from gyrocal.diagnosis.explained import Explained, explained
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect
@@ -75,17 +75,18 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     parameters = added_parameters(current.fit, fitted)
     looks = effect.looks(current.runs, current.index)
     chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
-    if chance > unless:
+    known = [(t.effect, t.values) for t in fitted.terms[:-1]]
+    if chance > unless or effect.repeats(term.values, current.runs, current.index, known):
         return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
     parameters += effect.picked(current.runs, current.index)
     gains = held_out_gain(current.fit, fitted, current.folds)
-    if not np.isfinite(gains).all():  # without some of the data, the noise of its column hides what the column shows
-        return Candidate(effect, current.axis, "not_measurable", next_measurement=effect.measure_next)
     gain, gain_se = total(gains)
     signal = _signal(fitted)
-    excess = explained(current, fitted, signal, chance)
+    if gain is not None and not np.isfinite(gain):  # one unit alone holds the effect, and the others say nothing of its size
+        gain = gain_se = None
+    excess = Explained(None, False) if gain is None else explained(current, fitted, signal, chance)
     partial = isinstance(effect, Wave) and _contradicted(fitted, effect)
-    partial = partial or (effect.common_mean and _without_mean(term))
+    partial = partial or (effect.common_mean and _without_mean(term)) or effect.contradicted(term.values, excess.part)
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
@@ -103,7 +104,7 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if the sizes of a wave in the runs contradict what it says about its size."""
+    """True if the sizes of a wave in the runs contradict the dependence of its size on the rate."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:

@@ -18,7 +18,6 @@ from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.evidence import judge
-from gyrocal.diagnosis.rivals import cosine
 from gyrocal.diagnosis.sets import choose, overlapping, without
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
@@ -139,6 +138,7 @@ def explain(
             return Explanation([_over_one_floor(s, last.comparison) for s in steps], [*left, *_unproven(last)], first, last)
         step, last = taken
         steps.append(step)
+        refused.clear()  # what did not decrease the excess beside a larger error may do so now
         for axis in step.axes:
             added[axis] = [*(i for i in added.get(axis, []) if i not in step.removed), *step.effects]
 
@@ -147,20 +147,21 @@ REPEAT = "record the same runs again in another power cycle; no run of this sess
 
 
 def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
-    """The best suggestion on each axis with a finding, and its rivals, if nothing of the session can be held out."""
-    if diagnosis.comparison.held_out != "none":
-        return
+    """The best suggestion on each axis with a finding, if nothing can be held out that would prove it, and its rivals."""
+    nothing_held_out = diagnosis.comparison.held_out == "none"
+    named = {c.axis for c in diagnosis.candidates if c.decision == "add"}
     for axis in dict.fromkeys(f.axis for f in diagnosis.comparison.where):
         suggested = [c for c in diagnosis.candidates if c.axis == axis and c.decision == "suggest"]
         best = min(suggested, key=lambda c: c.chance, default=None)
-        if best is not None:
-            rivals = [c for c in suggested if c is not best and cosine(best.signal, c.signal) > POLICY.similar_shape]
-            yield Open((best.effect.id, *(c.effect.id for c in rivals)), axis, REPEAT)
+        if best is None or axis in named:
+            continue
+        if nothing_held_out or best.gain is None:
+            yield Open(best.group or (best.effect.id,), axis, REPEAT if nothing_held_out else best.next_measurement)
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """What the sets of one axis say: effects to add to the model, effects to remove from it, and ids that stay open."""
+    """The result of the sets of one axis: effects to add to the model, effects to remove from it, and ids that stay open."""
 
     lead: Candidate
     new: tuple[Effect, ...]

@@ -23,6 +23,6 @@ class Finding:
     note: str
     shape: Shape | None = field(default=None, repr=False, compare=False)
     snr: float = 0.0
-    """Signal-to-noise ratio in standard deviations where ``strength`` is limited by what the test compares with."""
+    """Signal-to-noise ratio in standard deviations, if ``strength`` is limited by the reference of the test."""
     band_hz: tuple[float, float] | None = field(default=None, repr=False, compare=False)
     """The lowest and the highest frequency of a finding against the frequency, Hz."""

@@ -18,6 +18,6 @@ def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) 
 
 
 def total(gains: Array) -> tuple[float | None, float | None]:
-    """Sum of the gains [units] and its standard error; None where there are too few units."""
-    error = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 else None
+    """Sum of the gains [units] and its standard error; None where there are too few units, or one that is not predicted."""
+    error = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 and np.isfinite(gains).all() else None
     return (float(np.sum(gains)) if gains.size else None), error

@@ -42,7 +42,7 @@ class MeanSquares:
 
     @staticmethod
     def of(held: Iterable[Prediction]) -> MeanSquares:
-        """Of the predictions of one axis. Without any, the mean squares are zero and ``samples`` is 0."""
+        """The mean squares of the predictions of one axis. Without predictions they are zero, and ``samples`` is 0."""
         squares, samples = 0.0, 0
         sums: dict[str, Array] = {}
         norms: dict[str, Array] = {}
@@ -222,7 +222,7 @@ class Cleaned:
 
 @dataclass(frozen=True)
 class Remainder:
-    """What the model leaves of an axis in sample: residuals [n] of each run by its index, deg/s, and their spectrum."""
+    """In-sample residuals [n] of an axis by the index of the run, deg/s, and their spectrum."""
 
     by_run: dict[int, Array]
     spectrum: Spectrum

@@ -15,11 +15,9 @@ from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_read
 from gyrocal.diagnosis.rounding import beside_rounding
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.effects.byte_fault import ByteFault
-from gyrocal.effects.order_tone import turned_turn
-from gyrocal.effects.wave import ONE_RATE
+from gyrocal.effects.order_tone import over_turns, told_from_frequency
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
-from gyrocal.noise.orders import order_spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run
 from gyrocal.threads import each
@@ -47,18 +45,17 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
 def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a line in the residual's spectrum over the table's angle.
 
-    At one rate, a line that is no whole number per turn is as well a frequency.
+    A line that is no whole number per turn may as well be a frequency, unless the table's motion tells them apart.
     """
     runs = [b.run.about(axis) for b in fitted.blocks]
     turning = [r for r in runs if not r.rate_is_mean and np.any(r.rate_dps)]
     if not turning:
         return None
-    peaks = order_spectrum([remainder.by_run[r.index] for r in turning], [turned_turn(r) for r in turning]).peaks(1)
+    peaks = over_turns(turning, [remainder.by_run[r.index] for r in turning]).peaks(1)
     if not peaks or peaks[0].chance >= alarm:
         return None
     (peak,) = peaks
-    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
-    if peak.whole is None and np.ptp(rates_dps) < ONE_RATE * max(rates_dps):
+    if peak.whole is None and not told_from_frequency(turning):
         return None
     noise_dps = fitted.axes[axis].noise.white_sd_dps
     strength = peak.amplitude_dps / max(noise_dps, LEAST_WHITE_DPS) * float(np.sqrt(sum(map(len, turning)) / 2))
@@ -132,7 +129,7 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]
         if f.band_hz is None:
             return False
         low, high = f.band_hz
-        if high > WIDE * low:  # power in a wide band says nothing beside a wave that the model lacks
+        if high > WIDE * low:  # a wave that the model lacks causes power in a wide band too
             return any(other.strength > f.strength for other in waves_found)
         waves = ((abs(o * float(np.mean(r.rate_dps)) / 360), 2 / r.duration_s) for r in runs for o in orders)
         return any(low - width <= hz <= high + width for hz, width in waves if hz > 0)

@@ -14,7 +14,7 @@ from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import decide, with_q_values
 from gyrocal.diagnosis.evidence import judge
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.rivals import with_groups
+from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
 from gyrocal.recording.session import AXES
@@ -39,7 +39,8 @@ def candidates(
 
     judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
     judged = as_sets(beside_first(with_groups(decide(with_q_values(judged), comparison)), comparison), comparison)
-    return sorted(judged, key=_best_first)
+    unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
+    return sorted(with_suggested_groups(judged, unnamed), key=_best_first)
 
 
 def _best_first(candidate: Candidate) -> tuple[int, float, int, str]:

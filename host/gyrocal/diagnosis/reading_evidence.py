@@ -46,7 +46,7 @@ def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidat
 
 
 def _mean_power(powers: dict[str, RunPower]) -> float:
-    """Mean square of what the fault leaves over, dps^2: all of it counts as noise, whatever part of it is white."""
+    """Mean square of the residuals beside the fault, dps^2. All of it counts as noise, not only the white part."""
     return sum(p.squares for p in powers.values()) / max(1, sum(p.samples for p in powers.values()))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +26,22 @@ def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
         return [r for r in passed if r is not c and r.axis == c.axis]
 
     return [_grouped(c, rivals(c)) if c.decision == "add" else c for c in candidates]
+
+
+def with_suggested_groups(candidates: Sequence[Candidate], axes: Iterable[str]) -> list[Candidate]:
+    """Give the best suggestion of each of the ``axes`` its group: the other suggestions of a similar shape.
+
+    These axes have a misfit, and none of their candidates passed.
+    """
+    out = list(candidates)
+    for axis in axes:
+        suggested = [c for c in candidates if c.axis == axis and c.decision == "suggest"]
+        best = min(suggested, key=lambda c: c.chance, default=None)
+        if best is not None:
+            rivals = [c for c in suggested if c is not best and cosine(best.signal, c.signal) > POLICY.similar_shape]
+            group = (best.effect.id, *(c.effect.id for c in rivals))
+            out = [replace(c, group=group) if c is best and rivals else c for c in out]
+    return out
 
 
 def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:

@@ -18,9 +18,9 @@ from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.shapes import Columns
 
 LARGEST_NOISE = 0.5
-"""Of a count: above this noise, rounding averages out to less than 0.3 % of a count."""
+"""Noise in counts above which rounding averages out to less than 0.3 % of a count."""
 LEAST = 1e-3
-"""Of a count: smaller amplitudes of a harmonic are left out."""
+"""Smallest amplitude of a harmonic, in counts, that is not left out."""
 HARMONICS = 3
 """Number of harmonics. The third is left out from a noise of 0.16 counts on."""
 

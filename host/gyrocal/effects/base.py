@@ -89,8 +89,8 @@ class Effect(Described):
     fast: ClassVar[bool] = False
     """True if the effect varies from sample to sample. It is then fitted to samples instead of block means."""
     origin_free: ClassVar[bool] = False
-    """True if the zero of the quantity is a convention (25 degC, power-on). What a session says of the effect is then judged by
-    its columns' variation about bias and scale, not by their size."""
+    """True if the zero of the quantity is a convention (25 degC, power-on) or a constant (gravity beside vibration). What a
+    session says of the effect is then judged by its columns' variation about bias and scale, not by their size."""
     stands_for: ClassVar[Role] = Role.BIAS
     """The term of eq. (4) that takes the effect's place, with a value of its own, in a run that lacks the effect's data."""
     is_line: ClassVar[bool] = False
@@ -158,6 +158,21 @@ class Effect(Described):
     def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
         """The part of a nonlinear parameter's standard error that comes from the spacing of the samples, even without noise."""
         return 0.0
+
+    def contradicted(self, values: Values, explained: float | None) -> bool:
+        """True if the fitted ``values`` contradict what the effect is, although the fit is good.
+
+        ``explained`` is the part of the excess that the fit explains, None if it is not known.
+        """
+        return False
+
+    def has_line(self, runs: Sequence[Run], axis: int, values: Values, frequency_hz: float) -> bool:
+        """True if the term itself has a line at this frequency, which a filter may have weakened in the readings."""
+        return False
+
+    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
+        """True if the fitted ``values`` describe what an imperfect fit of an effect among the ``known`` ones leaves over."""
+        return False
 
     @property
     def fault(self) -> ReadingFault | None:

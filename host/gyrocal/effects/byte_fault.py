@@ -32,7 +32,10 @@ LEAST_CROSSINGS, LEAST_RUNS = 20, 3
 MOST_SAMPLES = 40_000
 LEAST_SINGLE = 5
 SIZE_WITHIN, TOLD_APART = 5.0, 20.0
-"""Standard deviations of the noise by which an outlier may miss a bit's value, and that a bit's value must exceed."""
+"""Standard deviations of the noise by which an outlier may miss a bit's value, and that a bit's value must exceed unless the
+low bits alone show the fault."""
+BY_CHANCE = 1e-4
+"""Probability of low bits in one half of the range where outliers are no fault, below which the low bits show the fault."""
 MOST = 0.9
 """Part of the outliers that must have the size of one bit."""
 
@@ -227,12 +230,20 @@ def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
     sizes, noise = np.abs(apart_dps) / count_dps, _noise_dps(runs, axis) / count_dps
     bit = round(float(np.log2(np.median(sizes))))
     alike = np.abs(sizes - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)
-    if bit not in BITS or TOLD_APART * noise > 2.0**bit or float(np.mean(alike)) < MOST:
+    if bit not in BITS or float(np.mean(alike)) < MOST:
         return None
     readings = np.concatenate([r.gyro_dps[rows, axis] for r, rows, _ in found])
     low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit + 0.5 * (apart_dps > 0)
     in_half = max(float(np.mean(np.mod(low - start, 1.0) <= 0.5)) for start in low)
-    return (bit, apart_dps.size) if in_half >= MOST else None
+    certain = TOLD_APART * noise < 2.0**bit or low.size * _all_in_half(round(in_half * low.size), low.size) < BY_CHANCE
+    return (bit, apart_dps.size) if in_half >= MOST and certain else None
+
+
+def _all_in_half(inside: int, number: int) -> float:
+    """The probability that so many of a number of low bits lie in the half of the range that begins at one of them."""
+    from scipy.stats import binom
+
+    return float(binom.sf(inside - 2, number - 1, 0.5))
 
 
 def _apart(run: Run, axis: int) -> tuple[Index, Array]:

@@ -13,6 +13,8 @@ from gyrocal.recording.outliers import Index, outliers
 from gyrocal.recording.session import Array, Run
 
 WIDTHS_DPS = tuple(float(w) for w in np.geomspace(0.03, 10.0, 12))
+LEAST_DEPTH = 0.5
+"""Part of the small rates that a dead band takes away at least. Filters round its edges, and the fit's depth is below 1."""
 FIRST_SIGHT = 5.0
 """Standard errors that the lost part of small rates must have before a fit is tried."""
 
@@ -60,6 +62,10 @@ class DeadBand(Effect):
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
         return float(_scores(runs, axis).max()) > FIRST_SIGHT
+
+    def contradicted(self, values: Values, explained: float | None) -> bool:
+        """True if small rates are not lost for the most part: the rate's error in this range is another effect's."""
+        return values["depth"] < LEAST_DEPTH
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         return 0.1

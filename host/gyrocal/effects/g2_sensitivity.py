@@ -16,6 +16,8 @@ ALL = 3
 """The first argument of the C twin if the acceleration of all three axes counts."""
 LEAST_CHANGE_G2 = 0.05
 PARTS = 10
+LINE, LINE_HZ = 100.0, 0.2
+"""Power of a line over the median of the spectrum, and the distance in Hz within which two lines are one."""
 
 
 class G2Sensitivity(Effect):
@@ -44,6 +46,7 @@ class G2Sensitivity(Effect):
     )  # fmt: skip
     linear = (TOTAL, *ALONG)
     on_device = True
+    origin_free = True  # gravity alone is a constant
     law = Law({TOTAL: 0.01, "kx_dps_per_g2": 0.002}, "0.01*(ax**2 + ay**2 + az**2) + 0.002*ax**2")
     cases = (Case({TOTAL: 0.01}, (TOTAL,), "shaker"),)
 
@@ -65,6 +68,14 @@ class G2Sensitivity(Effect):
             return np.zeros((len(run), len(self.used(values))))
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1)])
         return stack(*(squares[:, ALONG.get(name, ALL)] for name in self.used(values)))
+
+    def has_line(self, runs: Sequence[Run], axis: int, values: Values, frequency_hz: float) -> bool:
+        """True if the squared acceleration has a line there. The gyroscope's low-pass weakens it, not the rectified part."""
+        terms = [self.term(r, axis, values) for r in runs]
+        spectra = [np.abs(np.fft.rfft((y - y.mean()) * np.hanning(y.size))) ** 2 for y in terms]
+        near = [np.abs(np.fft.rfftfreq(len(r), 1 / r.sample_rate_hz) - frequency_hz) < LINE_HZ for r in runs]
+        ratios = [float(p[n].max(initial=0.0)) / max(float(np.median(p)), 1e-300) for p, n in zip(spectra, near, strict=True)]
+        return max(ratios, default=0.0) > LINE
 
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
         return [(float(ALONG.get(name, ALL)),) for name in self.used(values)]

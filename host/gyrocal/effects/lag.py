@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from gyrocal.effects.base import Law, Parameter, Values
 from gyrocal.effects.timing import TimingEffect
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 from gyrocal.recording.timing import Motion, Timing
 
@@ -46,6 +47,10 @@ class Lag(TimingEffect):
     )
     linear = ("tau_s",)
     law = Law({"tau_s": 0.004}, None, degree=1)
+
+    def contradicted(self, values: Values, explained: float | None) -> bool:
+        """True if the reading leads and that is not the main cause. A late reference makes it lead, and so does friction."""
+        return values["tau_s"] < 0 and (explained is None or explained < POLICY.main_cause)
 
     def structure(self, values: Mapping[str, float]) -> Values:
         return super().structure(values) | {"order": values.get("order", 0.0)}

@@ -7,16 +7,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gyrocal.effects.base import Case, Law, Parameter, Values, elapsed_s, table_angle_rad
-from gyrocal.effects.quantities import TURNING_AT_ALL
-from gyrocal.effects.wave import ONE_RATE, Tone, size_over_rate
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
+from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
+from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
 from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
 
-PEAKS = 2
+PEAKS = 4
+NEAR_WHOLE = 0.05
+"""Difference in periods per turn from a whole number within which a fitted order is that number."""
+LEFT_OF_RIPPLE = 0.2
+"""Amplitude of a tone, as a fraction of a ripple of the same order, below which it may be what a delay leaves of the ripple."""
+AT_REST = 0.1
+"""Rate, as a fraction of the run's fastest, below which the table passes so slowly that its angle shows noise and no wave."""
+BACK = 0.5
+"""Fastest turn back, as a fraction of the fastest turn, from which on a run turns both ways."""
 HARMONIC = 0.3
 """Amplitude of a harmonic, as a fraction of the strongest line's, from which on the wave is no tone."""
 
@@ -29,7 +37,14 @@ def turned_turn(run: Run) -> Array:
 def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
     """The spectrum over the table's angle of measured minus true rate on one axis, each run without its offset and slope."""
     turning = [r for r in runs if _turns(r)]
-    return order_spectrum([_rest_dps(r, axis) for r in turning], [turned_turn(r) for r in turning])
+    return over_turns(turning, [_rest_dps(r, axis) for r in turning])
+
+
+def over_turns(turning: Sequence[Run], residuals: Sequence[Array]) -> OrderSpectrum:
+    """The spectrum over the table's angle of residuals [n] of runs that turn, without the samples at which the table rests."""
+    moves = [np.abs(r.rate_dps) > AT_REST * np.abs(r.rate_dps).max() for r in turning]
+    turned = [turned_turn(r)[m] for r, m in zip(turning, moves, strict=True)]
+    return order_spectrum([y[m] for y, m in zip(residuals, moves, strict=True)], turned)
 
 
 def _rest_dps(run: Run, axis: int) -> Array:
@@ -42,15 +57,26 @@ def _rest_dps(run: Run, axis: int) -> Array:
 def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     """The strongest lines over the table's angle, strongest first.
 
-    At one rate these are whole numbers per turn, because any other line is as well a frequency. There is none if the strongest
+    Where a line may as well be a frequency, these are whole numbers per turn. There is none if the strongest
     has a strong harmonic: the wave then has another shape, as a sawtooth has.
     """
     peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
     if any(_harmonic(p, peaks[0]) for p in peaks[1:]):
         return []
-    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in runs if _turns(r)]
-    one_rate = np.ptp(rates_dps) < ONE_RATE * max(rates_dps) if rates_dps else True
-    return [p for p in peaks if not one_rate or p.whole is not None]
+    return [p for p in peaks if p.whole is not None or told_from_frequency(runs)]
+
+
+def told_from_frequency(runs: Sequence[Run]) -> bool:
+    """True if runs tell a line over the table's angle from one over time: the table turns at several rates, or it turns back.
+
+    At a known angle, a wave that is fixed to the table goes back with it. A vibration does not.
+    """
+    turning = [r for r in runs if _turns(r)]
+    rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
+    several = bool(rates_dps) and np.ptp(rates_dps) >= ONE_RATE * max(rates_dps)
+    known = all(r.column("table_angle_deg") is not None for r in turning)
+    both_ways = [min(r.rate_dps.max(), -r.rate_dps.min()) > BACK * np.abs(r.rate_dps).max() for r in turning]
+    return bool(several or (known and any(both_ways)))
 
 
 def _harmonic(peak: OrderPeak, strongest: OrderPeak) -> bool:
@@ -127,6 +153,21 @@ class OrderTone(Tone):
     def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
         turning = np.array([_turns(r) for r in runs])
         return super().holds(runs, sizes[turning]) and (size_over_rate(runs, sizes) or 0.0) < 1.0 / POLICY.one_size
+
+    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
+        """A ripple leaves a small tone of its own order where a table of known angle reverses, because readings are late."""
+        order = round(values["order"])
+        if abs(values["order"] - order) > NEAR_WHOLE:
+            return False
+        largest_dps = max((float(np.abs(rate_about(r, axis)).max()) for r in runs), default=0.0)
+        sizes = [
+            of[name] * largest_dps
+            for effect, of in known
+            if isinstance(effect, TableWave)
+            for name, k in zip(effect.linear, effect.orders, strict=True)
+            if k == order and name in of
+        ]
+        return values["A_dps"] < LEFT_OF_RIPPLE * max(sizes, default=0.0)
 
     def periods(self, run: Run, values: Mapping[str, float]) -> Array:
         return values["order"] * turned_turn(run)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Mask, Parameter
+from gyrocal.effects.byte_fault import count_dps_of
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
@@ -23,6 +24,24 @@ def _volume(runs: Sequence[Run], apart: int) -> float:
     covariance = differences.T @ differences / max(1, len(differences))
     rounding = np.minimum(max(np.max(r.step_dps) for r in runs) ** 2 / 6, 0.9 * np.diag(covariance))
     return float(np.sqrt(max(0.0, np.linalg.det(covariance - np.diag(rounding)))))
+
+
+def _by_chance(runs: Sequence[Run], equal: int) -> float:
+    """The probability of so many equal neighbours where their differences in counts have a smooth distribution.
+
+    Neighbours differ in none, in one or in two axes by one count in 1, 6 and 12 ways. The frequency of a way falls with the
+    square of the difference, and from none to one at most as it does from one to two.
+    """
+    from scipy.stats import binom
+
+    squares = [
+        np.sum(np.rint(np.diff(r.gyro_dps, axis=0) / count_dps) ** 2, axis=1)
+        for r in runs
+        if np.isfinite(count_dps := count_dps_of([r], r.axis_index))
+    ]
+    one, two = (sum(int(np.count_nonzero(s == k)) for s in squares) for k in (1, 2))
+    ratio = max(1.0, (one / 6) / (two / 12)) if two else 1.0
+    return float(binom.sf(equal - 1, equal + one + 1, ratio / (6 + ratio)))
 
 
 class SamplingFault(ReadingFault):
@@ -48,7 +67,8 @@ class SamplingFault(ReadingFault):
         """Detect more neighbours that are equal on all three axes than samples two apart.
 
         Coarse counts and axes that share noise make readings equal at either distance. A low-pass filter makes neighbours more
-        alike; then equal ones are more frequent by the ratio of the generalised standard deviations of the differences.
+        alike; then equal ones are more frequent by the ratio of the generalised standard deviations of the differences. Where
+        the counts are so coarse that chance makes equal neighbours, neighbours that differ by a count are about as frequent.
         """
         from scipy.stats import binom
 
@@ -58,6 +78,7 @@ class SamplingFault(ReadingFault):
         alike = max(1.0, _volume(runs, 2) / max(_volume(runs, 1), 1e-300))
         # of Poisson counts with this ratio of means, the share of one in their sum is binomial
         chance = float(binom.sf(equal - 1, equal + apart + 1, alike / (1 + alike)))
+        chance = max(chance, _by_chance(runs, equal))
         if chance > 1e-4:
             return None
         fraction = equal / pairs

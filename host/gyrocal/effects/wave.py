@@ -96,7 +96,8 @@ class Tone(Wave):
         """The highest frequency that the tone has in these runs, Hz."""
 
     def needs_samples(self, runs: Sequence[Run], axis: int) -> bool:
-        return any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis))
+        """True if block means lose the strongest line. Fits to samples and to block means cannot be compared as rivals."""
+        return any(self.highest_hz(runs, values) > LOST_IN_BLOCKS_HZ for values in self.variants(runs, axis)[:1])
 
     def wave(self, run: Run, axis: int, values: Mapping[str, float], name: str) -> NDArray[np.complex128]:
         """The wave, shape [n]. A sine is a cosine a quarter of a period earlier."""

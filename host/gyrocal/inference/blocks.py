@@ -85,7 +85,7 @@ class Blocks:
         )  # fmt: skip
 
     def about(self, axis: str) -> Blocks:
-        """The same blocks with the true rate about another axis of the sensor, where the reference has three axes."""
+        """The same blocks with the true rate about another axis of the sensor, if the reference has three axes."""
         run = self.run.about(axis)
         return self if run is self.run else replace(self, run=run)
 
@@ -113,7 +113,7 @@ def residual_dps(run: Run) -> Array:
 
 
 def begins_apart(run: Run, axis: int, y_dps: Array) -> Array:
-    """How far the first readings of a residual [n] are off what follows, shape [FIRST], deg/s: a warning, and no effect."""
+    """Deviation of the first readings of a residual [n] from the following ones, shape [FIRST], deg/s, for a warning."""
     run = run.about(AXES[axis])
     moves_dps = 2 * float(np.ptp(run.rate_dps[: FIRST + 2])) if axis == run.axis_index else 0.0
     return first_apart(y_dps, float(run.step_dps[axis]), moves_dps)
@@ -134,7 +134,7 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
     start = np.concatenate(starts).astype(np.intp) if starts else np.zeros(0, dtype=np.intp)
     if start.size == 0:  # only gaps: every sample is a block
         size, start = 1, np.arange(n, dtype=np.intp)
-    if not run.reached.all():  # a block without a reference says nothing
+    if not run.reached.all():  # a block without a reference has no residual
         start = start[run.reached[start[:, None] + np.arange(size)].all(axis=1)]
     return _blocks_of(run, scenario, start, size)
 

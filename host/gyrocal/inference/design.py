@@ -115,7 +115,7 @@ class Design:
         return lacks & (not lacks.all())
 
     def _level(self, t: int) -> Array:
-        """What a term's columns are, as a multiple of bias or scale, over the runs that have its data, shape [k]."""
+        """A term's columns as multiples of bias or scale over the runs that have its data, shape [k]."""
         top, norm = np.zeros(1), 0.0
         for i in np.flatnonzero(~self.lacking[t]):
             b, means = self.blocks[i], self.means[i][t]
@@ -135,7 +135,7 @@ class Design:
         return self._unit(t, b) * self.levels[t]
 
     def _noises(self, i: int, like: Design | None) -> list[Array | None]:
-        """What the noise of measured data adds to the squared norm of each term's columns in one run, and its standard error.
+        """The part of the squared norm of each term's columns in one run that comes from noise, and its standard error.
 
         [k, 2] for each term, in (deg/s per unit)^2 summed over samples; None for a term whose columns have no noise.
         """

@@ -26,7 +26,7 @@ from gyrocal.inference.heldout import EVERYTHING, SESSION, Fold, time_masks
 from gyrocal.recording.session import Array
 
 CELLS = 120
-"""Number of cells of time of all runs together, or one for each run where there are more runs."""
+"""Number of cells of time of all runs together, or one for each run if there are more runs."""
 
 SETTLED = 0.02
 """Log-likelihood by which a search for the noise typically stops short of the maximum."""

@@ -1,4 +1,4 @@
-"""What a few power cycles leave unknown of their own spread: a factor on the standard errors of what they measure.
+"""Uncertainty of a spread over few power cycles, as a factor on the standard errors of the quantities that depend on it.
 
 A standard error at the fitted spreads takes them for known. With c power cycles, the estimate is then distributed like
 Student's t with about c - 1 degrees of freedom, and a spread that is fitted as zero has no part in the error at all. The

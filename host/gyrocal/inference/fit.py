@@ -104,7 +104,7 @@ def fit_axis(
         current = choose_variant(current, terms[i])
     order = {t.effect_id: i for i, t in enumerate(terms)}
     current = _in_order(current, order, bool(pending))
-    return finish(settle(runs_apart(refine(current))))
+    return finish(settle(runs_apart(refine(current))), reported=True)
 
 
 def _prepared(term: Term, blocks: Sequence[Blocks], axis: int) -> Term:

@@ -1,4 +1,4 @@
-"""What a fit found: one axis, and a session's model with its axes."""
+"""The result of a fit on one axis, and a session's model with its axes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class AxisFit:
         return self.scenario_sd(self.spreads.scenario, Role.BIAS)
 
     def scenario_sd(self, of: Array, role: Role) -> float:
-        """Of values [k], one for each spread over power cycles, that of the bias or the scale; 0 where there is none."""
+        """The value of the bias or the scale in values [k], one for each spread over power cycles; 0 if there is none."""
         for k, j in enumerate(self.design.layout.scenario):
             if self.design.terms[self.design.layout.fixed[j][0]].effect.role is role:
                 return float(np.nan_to_num(of[k]))
@@ -56,11 +56,11 @@ class AxisFit:
         return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
-        """The solution from some of the runs (a mask [runs])."""
+        """The solution from the runs with True in ``runs`` [runs]."""
         return self.equations(runs).solve(spreads or self.spreads)
 
     def equations(self, runs: Mask | slice = slice(None)) -> Equations:
-        """The normal equations of some of the runs (a mask [runs]), or of all."""
+        """The normal equations of the runs with True in ``runs`` [runs], or of all."""
         design = self.design
         n = int(design.n_blocks[runs].sum())
         return Equations(design.layout, self.grams[runs], self.logdet[runs], design.scenarios[runs], n)

@@ -32,7 +32,7 @@ class Fold:
 
 
 EVERYTHING = Fold("all", ())
-"""Stands for a prediction in sample, where nothing can be left out."""
+"""The name of a prediction in sample, which is used if nothing can be left out."""
 SESSION = "session"
 """Label of the fold that leaves out all runs: the parameters are those of another session."""
 

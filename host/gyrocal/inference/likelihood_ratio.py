@@ -2,19 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from gyrocal.effects.base import Effect, elapsed_s
+from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import with_noise
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.reml import Spreads, SpreadScale
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import AXES, Array, Run
 
 FREE = 1e3
 """Of a spread, or what one power cycle knows of it: wide enough to say nothing."""
 LEAST_CHANCE = 0.05
 """More is no finding, whatever the test."""
+LONG = 20.0
+"""Of the drift's correlation time: in longer runs, noise over decades moves more slowly than the fitted drift can."""
+HALF_WAVES = 10
+
+
+class _Wander(Effect):
+    """Slow noise of each run: ``HALF_WAVES`` cosines over its length, whose variances fall as the inverse of frequency."""
+
+    id, title, cause, equation, looks_like, measure_next = "wander", "", "", "", "", ""
+    parameters, scope = (), "run"
+    linear = tuple(f"c{k}" for k in range(1, HALF_WAVES + 1))
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        k = np.arange(1, HALF_WAVES + 1)
+        waves = np.cos(np.pi * k * elapsed_s(run)[:, None] / max(run.duration_s, 1e-9)) / np.sqrt(k)
+        return np.asarray(waves * (not run.rate_is_mean))
+
+    def groups(self, values: Mapping[str, float]) -> list[int]:
+        return [0] * HALF_WAVES
 
 
 def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, float]:
@@ -23,8 +45,25 @@ def likelihood_ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tupl
     Both at their own noise, the poorer one also at the richer one's, whichever suits it. Chi-square takes the spread of power
     cycles for known, and a few cycles say little of it: what differs from cycle to cycle alone has to pass an F test of as many
     values as there are cycles. What shows within them has to pass chi-square with each cycle's own offset left free. The better
-    of the two counts, twice, for there were two.
+    of the two counts, twice, for there were two. In runs far longer than the drift's correlation time, the gain must also
+    remain beside slow noise of each run.
     """
+    statistic, chance = _ratio(current, fitted, parameters)
+    if chance < LEAST_CHANCE and current.design.extent_s[0] > LONG * current.noise.ou_tau_s and current.noise.ou_sd_dps > 0:
+        slow, richer = _beside_wander(current), _beside_wander(fitted)
+        chance = max(chance, _ratio(slow, richer, parameters)[1])
+    return statistic, chance
+
+
+def _beside_wander(fit: AxisFit) -> AxisFit:
+    axis = AXES[fit.design.axis]
+    wander = Term("wander", axis, dict.fromkeys(_Wander.linear, 0.0), own=_Wander())
+    design = fit.design.changed([*fit.design.terms, wander])
+    return fit_noise(design, start=with_noise(design, fit.noise, carry_spreads(fit, design)))
+
+
+def _ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, float]:
+    """The ratio and the chance with the drift as the only slow noise of runs."""
     from scipy.stats import chi2, f
 
     poorer = [current]

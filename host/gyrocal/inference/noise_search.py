@@ -21,7 +21,7 @@ LEAST_BENDS = 30
 FAST_S = 20.0
 """Correlation time of the faster drift with which a search begins, s."""
 STEP = 1e-5
-"""Of logarithms, for numerical gradients: far above the likelihood's rounding."""
+"""Step of logarithms for numerical gradients, far above the rounding of the likelihood."""
 
 
 def white_start(design: Design) -> float:
@@ -54,13 +54,13 @@ def _bends(design: Design) -> Array:
 
 
 def _drifts(design: Design) -> bool:
-    """Has the model a drift, and are the runs long enough to show one?"""
+    """True if the model has a drift and the runs are long enough to show one."""
     longest_s, block_s = design.extent_s
     return design.noise_model.drift is not None and longest_s > 10 * block_s
 
 
 def first_noises(design: Design) -> list[Noise]:
-    """Where a search for the noise may begin: drifts of two sizes, fast ones and ones as slow as the runs are long."""
+    """Starts of a search for the noise: drifts of two sizes, fast ones and ones as slow as the runs are long."""
     white0 = white_start(design)
     if not _drifts(design):
         return [Noise(white0)]
@@ -96,7 +96,7 @@ class NoiseScale:
     """
 
     white_sd_dps: float
-    """Where the white level is expected."""
+    """The expected white level."""
     growth_unit: float
     """Growth, dps^2/s, of a drift that moves the mean of the longest run as white noise does. Less is not seen."""
     slowest_per_s: float

@@ -14,7 +14,7 @@ from gyrocal.recording.session import Array
 NEARBY, MOVES = 3.0, 5
 """A single parameter is searched within so many of its steps, and again about what was found if that is at the edge."""
 EXACT = 3e-3
-"""Of a step: how exactly a parameter is found."""
+"""Fraction of a step to which a parameter is determined."""
 
 Cost = Callable[[Array], float]
 

@@ -1,4 +1,4 @@
-"""How a reference's frame and clock lie relative to the sensor's, estimated together with the model and the noise.
+"""The frame and clock of a reference relative to the sensor's, estimated together with the model and the noise.
 
 The readings of each axis are fitted with the model and, beside it, the true rates about the other axes and the derivatives by
 the clock's offset and drift. The three fits are combined by their information: offset and drift are common, and the map
@@ -30,13 +30,13 @@ STEPS = 4
 SETTLED = 0.05
 """The registration has settled if a step moves each of its parameters by less than this fraction of its standard error."""
 TIMES = ("offset_s", "e")
-"""Of the clock, after the nine elements of the map."""
+"""Names of the clock's parameters, which follow the nine elements of the map."""
 DIFFERENCE_DEG = 1e-4
 """Step of the derivative of the rotation vector, deg."""
 
 
 class _Map(Effect):
-    """What a registration may still move: the rates about the other axes, and derivatives by offset and drift."""
+    """The columns that correct a registration: the rates about the other axes, and derivatives by offset and drift."""
 
     id = "registration"
     title = equation = cause = looks_like = measure_next = ""
@@ -176,7 +176,7 @@ def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tup
 
 
 def _nearest(vector_deg: Array, found: Registration) -> Array:
-    """Of the two rotation vectors of one rotation near half a turn, the one nearer to that which was found."""
+    """The rotation vector, of the two of one rotation near half a turn, that is nearer to the registration's."""
     size = float(np.linalg.norm(vector_deg))
     other = vector_deg * (1 - 360 / size) if size > 0 else vector_deg
     return min((vector_deg, other), key=lambda v: float(np.linalg.norm(v - np.array(found.rotation_deg))))

@@ -73,7 +73,7 @@ class Integrated:
 
     @property
     def weights(self) -> Array:
-        """Weights [..., k, r]: the expectation of the standardised coefficients is ``v = weights (y, -X)``."""
+        """Weights [..., k, r] of ``v = weights (y, -X)``, the expectation of the standardised coefficients."""
         return np.asarray(self.root.swapaxes(-1, -2) @ self.half)
 
     @property
@@ -248,7 +248,7 @@ class Equations:
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
-    """The solution of the normal equations [runs, q, q] of ``n`` blocks for given spreads; see :class:`Equations`."""
+    """Integrate out the random coefficients of ``grams`` [runs, p, p], and solve for the shared ones (:class:`Equations`)."""
     return Equations(layout, grams, logdet, scenarios, n).solve(spreads)
 
 

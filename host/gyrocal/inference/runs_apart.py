@@ -16,11 +16,11 @@ from gyrocal.recording.session import Array
 APART_GRID, APART_RATIO, APART_ROUNDS = 25, 6.0, 5
 """Values of a parameter that may be each run's own, from a sixth of the common one (in the middle) to six times it."""
 APART_SETTLED = 0.1
-"""Of its standard error: the common value has moved by less."""
+"""Change of the common value, as a fraction of its standard error, below which the search ends."""
 
 
 def runs_apart(current: AxisFit) -> AxisFit:
-    """Let a nonlinear parameter be each run's own, where that is worth it (the time constant of a transient, say).
+    """Fit a nonlinear parameter, for example a time constant, separately in each run if that gains enough.
 
     Empirical Bayes: the likelihood of each run on a grid of values, all else as fitted; a Gaussian in the logarithm for what
     the runs have in common, by expectation maximisation; each run is then given its posterior mean.
@@ -79,7 +79,7 @@ class _Common:
 
 
 def _common(log_values: Array, logliks: Array) -> _Common:
-    """From each run's log-likelihood [runs, grid] at the logarithms [grid], by expectation maximisation."""
+    """The population from each run's log-likelihood [runs, grid] at the logarithms [grid], by expectation maximisation."""
     step = float(log_values[1] - log_values[0])
     log_mean, log_sd = float(log_values[logliks.sum(axis=0).argmax()]), 0.3
     for _ in range(50):

@@ -76,7 +76,7 @@ def spread_errors(current: AxisFit) -> tuple[Array, Array]:
 
 
 def _inverse(current: AxisFit, sd: Array, free: Index) -> tuple[Array, Array]:
-    """Of the logarithms of the free variances: inverse information, and the scatter of the coefficients of these runs."""
+    """Covariance of the logarithms of the free variances: inverse information, and the scatter of these runs' coefficients."""
     of_these_runs = np.concatenate([_about_zero(current), np.zeros(current.spreads.scenario.size, dtype=bool)])
     unit = np.outer(sd[free] ** 2, sd[free] ** 2)
     population, scatter = (m[np.ix_(free, free)] * unit for m in _information(current, sd, of_these_runs))
@@ -139,7 +139,7 @@ def _information(current: AxisFit, sd: Array, of_these_runs: Array) -> tuple[Arr
 
 
 def _coupled(grams: Array, p: int, own: int, scenario: list[int]) -> tuple[Array, Array]:
-    """Of one power cycle's runs: Z'V^-1 Z [n, n] and Z'V^-1 X [n, p] for the noise V without random coefficients."""
+    """Products Z'V^-1 Z [n, n] and Z'V^-1 X [n, p] of one power cycle's runs for the noise V without random coefficients."""
     runs, n = grams.shape[0], grams.shape[0] * own + len(scenario)
     w, x = np.zeros((n, n)), np.zeros((n, p))
     cycle = slice(runs * own, n)

@@ -8,6 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
+from gyrocal.inference.beside_drift import drift_factor
 from gyrocal.inference.few_cycles import widening
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.joint import Joint, errors_of, joint
@@ -19,11 +20,16 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 
-def finish(current: AxisFit) -> AxisFit:
-    """The fit with its terms and noise as a model holds them: parameters by name, with their standard errors."""
+def finish(current: AxisFit, reported: bool = False) -> AxisFit:
+    """The fit with its terms and noise as a model holds them: parameters by name, with their standard errors.
+
+    Only if the noise is ``reported``, the errors of its spreads contain what the drift leaves unknown; that takes longer.
+    """
     current = settled(current)
     layout, design = current.design.layout, current.design
     run_se, scenario_se = spread_errors(current)
+    if reported:
+        scenario_se = scenario_se * drift_factor(current, scenario_se)
     together = joint(current).widened(widening(current))
     terms = []
     for i, term in enumerate(design.terms):

@@ -1,4 +1,4 @@
-"""The structure of a term whose values are open: which of its variants the session speaks for."""
+"""The structure of a term whose values are open: the choice of its variant by the session."""
 
 from __future__ import annotations
 

@@ -45,10 +45,10 @@ class OrderPeak:
 
 @dataclass(frozen=True)
 class OrderSpectrum:
-    """Periodograms over the angle, averaged over ``runs`` runs.
+    """Periodograms over the angle, averaged over runs.
 
     ``power`` [f] is the square of the amplitude (dps^2) at each order, and ``tail`` [f] is the probability that noise alone
-    reaches it. ``turns`` is the length of the longest run.
+    reaches it; for this, each run counts relative to its own level. ``turns`` is the length of the longest run.
     """
 
     order: Array
@@ -92,17 +92,18 @@ def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> 
     use = (order >= max(0.5, LEAST_TURNS / turns)) & (order <= reach)
     if np.count_nonzero(use) < NEIGHBOURS:
         return NOTHING
-    power = np.zeros(int(np.count_nonzero(use)))
+    power, even = np.zeros((2, int(np.count_nonzero(use))))
     for y, angle in pairs:
         inside = angle < turns
         bins = np.minimum((angle[inside] * BINS).astype(np.intp), length - 1)
         line = np.fft.rfft(np.bincount(bins, y[inside], minlength=length)[:length])[use]
-        power += np.abs(2 * line / np.count_nonzero(inside)) ** 2
-    power /= len(pairs)
-    level = median_filter(power, NEIGHBOURS, mode="reflect") / (gamma.ppf(0.5, len(pairs)) / len(pairs))
+        own = np.abs(2 * line / np.count_nonzero(inside)) ** 2
+        power += own / len(pairs)
+        even += own / max(float(np.median(own)), np.finfo(np.float64).tiny)  # a noisy run counts as much as a quiet one
+    level = median_filter(even, NEIGHBOURS, mode="reflect") / (gamma.ppf(0.5, len(pairs)) / len(pairs))
     # the level is itself estimated, from the median of that many independent values of the spectrum
     values = len(pairs) * NEIGHBOURS / PAD * MEDIAN_EFFICIENCY
-    tail = f.sf(power / np.maximum(level, np.finfo(np.float64).tiny), 2 * len(pairs), 2 * values)
+    tail = f.sf(even / np.maximum(level, np.finfo(np.float64).tiny), 2 * len(pairs), 2 * values)
     tail[-NEIGHBOURS // 2 :] = 1.0  # there, half of the neighbours are missing
     shortest = max(LEAST_TURNS, min(turns, *(float(a.max()) for _, a in pairs)))
     return OrderSpectrum(order[use], power, np.asarray(tail), max(turns, shortest))

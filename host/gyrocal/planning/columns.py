@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from gyrocal.diagnosis.current import Current
-from gyrocal.effects.base import Effect, Role, Values
-from gyrocal.effects.wave import Wave
+from gyrocal.effects.base import Effect, OfEachRun, Role, Values
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
-from gyrocal.inference.design import Design
+from gyrocal.inference.design import Design, Mask
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.reml import integrate
 from gyrocal.noise.power_cycles import TurnOnBias
@@ -23,10 +22,12 @@ from gyrocal.planning.rig import Cycle, Rig
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
 
+NOBODY = -2
+"""The owner of columns that only stand for a rival at other values; the model's columns have the owner -1."""
 FREE = 1e3
 """The spread of a coefficient of one run that is free, in standard errors with which the run knows it."""
-NEIGHBOUR = 1.3
-"""The factor between two values of a nonlinear parameter: the columns of both nearly span those of the values between them."""
+NEIGHBOURS = (1.4, 0.7, 2.0, 0.5, 2.8, 0.35)
+"""Factors on a nonlinear parameter, nearest first: a rival may take these values too, within the range that a fit searches."""
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -44,12 +45,21 @@ class Member:
     measured: bool
 
     @property
-    def terms(self) -> list[Term]:
-        """The effect's term, and for each nonlinear parameter the term at a neighbouring value, which a fit could take too."""
-        axis = AXES[self.fit.design.axis]
-        near = [] if isinstance(self.effect, Wave) else [n for n in self.effect.nonlinear if n in self.values]
-        moved = [{**self.values, name: NEIGHBOUR * self.values[name]} for name in near]
-        return [Term.of(self.effect, axis, values) for values in (self.values, *moved)]
+    def term(self) -> Term:
+        """The effect at its values."""
+        return Term.of(self.effect, AXES[self.fit.design.axis], self.values)
+
+    @property
+    def neighbours(self) -> list[Term]:
+        """The effect at other values of its nonlinear parameters, which a fit could take as well."""
+        if isinstance(self.effect, OfEachRun):
+            return []
+        moved = []
+        for name in (n for n in self.effect.nonlinear if n in self.values):
+            low, high = self.effect.parameter(name).search_range
+            tried = [factor * self.values[name] for factor in NEIGHBOURS]
+            moved += [{**self.values, name: value} for value in tried if low <= value <= high]
+        return [Term.of(self.effect, AXES[self.fit.design.axis], values) for values in moved]
 
 
 @dataclass(frozen=True)
@@ -78,18 +88,28 @@ class Columns:
         owner = [next((k for k, m in enumerate(members) if m.effect.id == t.effect_id), -1) for t in terms]
         for k, member in enumerate(members):
             if member.effect.id not in inside:
-                terms += member.terms
-                owner += [k] * len(member.terms)
+                terms.append(member.term)
+                owner.append(k)
+        near = [(k, term) for k, member in enumerate(members) for term in member.neighbours]
         runs, self.kinds = _planned(rig, expected, cycles, seconds, len(own))
-        self.design = Design([*own, *runs], fit.design.axis, terms, fit.design.noise_model, fit.design.cell_s)
+        every = [*terms, *(term for _, term in near)]
+        self.design = Design([*own, *runs], fit.design.axis, every, fit.design.noise_model, fit.design.cell_s)
         layout = self.design.layout
         self.fit, self.n_own = fit, len(own)
+        owner += [NOBODY] * len(near)
         self.owner = np.array([owner[t] for t, _ in layout.fixed], dtype=int)
+        of_term = np.array([t for t, _ in layout.fixed], dtype=int)
+        self.near = [(k, of_term == len(terms) + i) for i, (k, _) in enumerate(near)]
+        """The member and the mask [p] of the shared columns of each neighbour."""
         self.run_owner = np.array([owner[t] for t, _ in layout.run], dtype=int)
         main = {owner.index(k): k for k in range(len(members)) if k in owner}
         self.place = [(main[t], j) if t in main else None for t, j in layout.fixed]
-        """The member and its coefficient of each shared column; None for the model's and for neighbours."""
+        """The member and its coefficient of each shared column; None for the others."""
         self._plain = self.design.grams(Noise(1.0))[0]
+
+    def variants(self, k: int) -> list[Mask]:
+        """Masks [p] of the shared columns of a member, one for each value that its nonlinear parameters may take."""
+        return [self.owner == k, *(mask for member, mask in self.near if member == k and mask.any())]
 
     def coefficients(self, k: int, member: Member) -> Array:
         """The member's sizes as coefficients of the shared columns, shape [p]; zero for columns that are not its own."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -31,13 +32,22 @@ Chosen = Sequence[tuple[int, float]]
 """Kinds of power cycles with their numbers. Kinds from ``Contest.n_new`` on are the session's own power cycles."""
 
 
+class Strengths(NamedTuple):
+    """Number, sum and sum of squares of the lambdas, and the cosine of the shapes, [candidates] each."""
+
+    n: Array
+    first: Array
+    second: Array
+    cosine: Array
+
+
 @dataclass(frozen=True)
 class Contest:
     """A true effect against a rival, or against none.
 
     ``grams`` [kinds + cycles, p, p] are those of the planned kinds and of the session's cycles, ``random`` [kinds + cycles] is
     what a random part adds, ``plain`` [kinds + cycles, p, p] holds the products without noise. ``size`` [p] holds the true
-    coefficients; ``model`` and ``rival`` [p] are masks of columns.
+    coefficients. ``model`` [p] is a mask of columns, and ``rivals`` [p] are those that the rival may take: it takes the best.
     """
 
     grams: Array
@@ -45,13 +55,14 @@ class Contest:
     plain: Array
     size: Array
     model: Mask
-    rival: Mask
+    rivals: tuple[Mask, ...]
     n_new: int
     least: float
     """Log-likelihood that the true effect must gain."""
 
     @staticmethod
     def of(columns: Columns, members: Sequence[Member], truth: int, rival: int | None, least: float) -> Contest:
+        """The contest of member ``truth`` against member ``rival``, or against none."""
         grams = columns.grams(truth, members[truth], rival)
         own, new = columns.plain()
         cycles = len(grams.own)
@@ -60,44 +71,45 @@ class Contest:
         return Contest(
             np.concatenate([grams.new, grams.own]), np.concatenate([grams.new_random, grams.own_random]), plain,
             columns.coefficients(truth, members[truth]), columns.owner == -1,
-            none if rival is None else columns.owner == rival, len(grams.new), least,
+            (none,) if rival is None else tuple(columns.variants(rival)), len(grams.new), least,
         )  # fmt: skip
 
-    def strengths(self, chosen: Chosen, candidates: Chosen = ((0, 0.0),)) -> tuple[Array, Array, Array, Array]:
-        """For a plan with each candidate added: number, sum and sum of squares of the lambdas, and the cosine of the shapes.
-
-        All are [candidates]. The session's own power cycles are part of each.
-        """
+    def strengths(self, chosen: Chosen, candidates: Chosen = ((0, 0.0),)) -> Strengths:
+        """Strengths of a plan with each candidate added. The session's own power cycles are part of each."""
         own = np.arange(self.n_new, len(self.grams))
         kinds = np.concatenate([own, [k for k, _ in chosen]]).astype(int)
         times = np.concatenate([np.ones(own.size), [n for _, n in chosen]])
         extra, number = (np.array([c[i] for c in candidates]) for i in (0, 1))
         extra = extra.astype(int)
         total = np.tensordot(times, self.grams[kinds], 1) + number[:, None, None] * self.grams[extra]
-        mismatch = self._mismatch(total)
-        lambdas = np.einsum("kij,ci,cj->ck", self.grams[kinds], mismatch, mismatch, optimize=True) + self.random[kinds]
-        last = np.einsum("cij,ci,cj->c", self.grams[extra], mismatch, mismatch, optimize=True) + self.random[extra]
-        lambdas, last = np.maximum(lambdas, 0.0), np.maximum(last, 0.0)
         plain = np.tensordot(times, self.plain[kinds], 1) + number[:, None, None] * self.plain[extra]
-        return (
-            times.sum() + number, lambdas @ times + number * last, lambdas**2 @ times + number * last**2,
-            self._cosine(plain, mismatch),
-        )  # fmt: skip
+        found = []
+        for rival in self.rivals:
+            mismatch = self._mismatch(total, rival)
+            lambdas = np.einsum("kij,ci,cj->ck", self.grams[kinds], mismatch, mismatch, optimize=True) + self.random[kinds]
+            last = np.einsum("cij,ci,cj->c", self.grams[extra], mismatch, mismatch, optimize=True) + self.random[extra]
+            lambdas, last = np.maximum(lambdas, 0.0), np.maximum(last, 0.0)
+            found.append((
+                lambdas @ times + number * last, lambdas**2 @ times + number * last**2, self._cosine(plain, mismatch, rival)
+            ))  # fmt: skip
+        sums, squares, cosines = (np.array([one[i] for one in found]) for i in range(3))
+        best = (np.argmin(sums, axis=0), np.arange(len(number)))
+        return Strengths(times.sum() + number, sums[best], squares[best], cosines[best])
 
-    def _mismatch(self, total: Array) -> Array:
+    def _mismatch(self, total: Array, rival: Mask) -> Array:
         """Coefficients [c, p] of the true term minus the best that the model and the rival make of it."""
-        rest = self.model | self.rival
+        rest = self.model | rival
         out = np.repeat(self.size[None], len(total), axis=0)
         if rest.any():
             h, g = total[:, rest][:, :, rest], total[:, rest] @ self.size
             out[:, rest] -= solved(h, g)
         return out
 
-    def _cosine(self, plain: Array, mismatch: Array) -> Array:
+    def _cosine(self, plain: Array, mismatch: Array, rival: Mask) -> Array:
         """Cosine [c] of the true signal and of the rival's fit to it, both without what the model explains."""
-        if not self.rival.any() or not self.size.any():
+        if not rival.any() or not self.size.any():
             return np.zeros(len(plain))
-        sizes = np.stack([np.repeat(self.size[None], len(plain), axis=0), np.where(self.rival, -mismatch, 0.0)], axis=1)
+        sizes = np.stack([np.repeat(self.size[None], len(plain), axis=0), np.where(rival, -mismatch, 0.0)], axis=1)
         if self.model.any():
             h, g = plain[:, self.model][:, :, self.model], plain[:, self.model] @ sizes.swapaxes(1, 2)
             sizes[:, :, self.model] -= solved(h, g).swapaxes(1, 2)
@@ -110,7 +122,7 @@ class Contest:
         total, squares = size**2 * first, size**4 * second
         scatter = squares / 4 - total**2 / 4 / n + (1 - 1 / n) * total
         errors = np.sqrt(np.maximum(n / np.maximum(n - 1, 1.0) * scatter, 0.0))
-        if self.rival.any():
+        if self.rivals[0].any():
             wanted = np.where(cosine <= POLICY.similar_shape, 0.0, POLICY.rival_errors * errors)
         else:
             wanted = np.maximum(POLICY.gain_errors * errors, self.least)

@@ -19,7 +19,7 @@ from gyrocal.warning import Warning, accepted
 
 def check(session: Session, model: Model | str | Path | None = None) -> list[Warning]:
     """All warnings of a session. ``model`` is the one in use, None = ``default``. Accepted warnings do not block."""
-    if session.reference.kind == "gravity":  # no true rate is known; the rests are looked at where they are found
+    if session.reference.kind == "gravity":  # no true rate is known, and the rests are checked when they are found
         return accepted([*columns.check(session), *header.check(session)], session.accept)
     session = registered(session)
     dead = readings.constant(session)

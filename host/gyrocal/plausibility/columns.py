@@ -24,7 +24,7 @@ def mistimed_turns(session: Session) -> set[tuple[str | None, str | None]]:
 
 
 def _acceleration(session: Session) -> list[Warning]:
-    """By the mean acceleration of each run at rest, in which vibration averages out.
+    """``accel_unit``, from the mean acceleration of each run at rest, in which vibration averages out.
 
     Without one, the size of each sample is taken, because the mean over turning gravity is the accelerometer's own bias.
     """
@@ -91,19 +91,19 @@ def _sample_rate(session: Session) -> list[Warning]:
 
 
 def _too_slow(rate_hz: float, run: Run) -> bool:
-    """Are the times of a run of so many samples a second in milliseconds?"""
+    """True if the times of a run with so many samples per second are in milliseconds."""
     return rate_hz < POLICY.slowest_hz or POLICY.milliseconds[0] < run.sample_rate_hz / rate_hz < POLICY.milliseconds[1]
 
 
 def _too_fast(rate_hz: float, run: Run) -> bool:
-    """Are they thousandths of seconds that were divided by 1000?"""
+    """True if the times are seconds that were divided by 1000."""
     return POLICY.milliseconds[0] < rate_hz / run.sample_rate_hz < POLICY.milliseconds[1]
 
 
 def measured_hz(run: Run) -> float:
-    """Samples a second by regression of time on the sample's number.
+    """Samples per second by regression of time on the sample's number.
 
-    Where samples arrive in bursts, the first of each burst counts: a line through a few steps leans with its ends.
+    If samples arrive in bursts, only the first of each burst counts, because a line through a few steps depends on its ends.
     """
     gaps = np.diff(run.t_s)
     first = np.concatenate([[0], np.flatnonzero(gaps > gaps.mean() / 2) + 1])

@@ -12,7 +12,7 @@ CODES = (
     "unit_rad_s", "axes_swapped", "sign_flipped", "face_wrong", "rate_wrong", "scale_implausible", "bias_implausible",
     "turn_on_implausible", "not_at_rest", "constant_reading", "axis_absent", "unit_unsure", "clipped", "accel_unit",
     "temp_unit", "sample_rate", "first_sample", "unknown_key", "line_damaged", "samples_lost", "run_unannounced", "device_gone",
-    "no_answer", "reference_jumps", "offset_ambiguous",
+    "no_answer", "reference_jumps", "offset_ambiguous", "noise_unknown",
 )  # fmt: skip
 """Codes that ``accept`` may name."""
 
@@ -37,7 +37,7 @@ def _unread(key: str, schema: type[RunEntry] | type[SessionFile]) -> str:
 
 
 def _unaccepted(entry: str) -> str:
-    """What is wrong with an entry of ``accept``; empty where nothing is."""
+    """The error in an entry of ``accept`` in words; empty if there is none."""
     code, colon, axis = entry.partition(":")
     (nearest,) = get_close_matches(code, CODES, n=1, cutoff=0.0)
     if code in CODES and (axis in AXES if colon else True):

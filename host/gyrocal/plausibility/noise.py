@@ -11,9 +11,9 @@ from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
 ROUNDING_DPS = 1e-6
-"""Steps below this are of the numbers' own rounding."""
+"""Smaller steps come from the rounding of the numbers."""
 STRETCHES, LEAST_STRETCH, STILLEST = 16, 32, 0.1
-"""Stretches of a run, samples of one at least, and the part of them by which noise is told from movement."""
+"""Number of stretches of a run, their smallest number of samples, and the stillest part of them, which shows only noise."""
 SHEPPARD = 1 / 12
 """Variance, counts^2, that rounding to whole counts adds."""
 
@@ -26,7 +26,7 @@ def still_dps(run: Run, axis: int) -> Array:
 
 
 def step_dps(session: Session, axis: int) -> float:
-    """One count: the least step of the readings of the axis, or as the session states it where that is more; 0 for neither."""
+    """One count, deg/s: the smallest step of the axis's readings, or the stated one if it is larger; 0 if there is neither."""
     steps = [s for s in (float(r.step_dps[axis]) for r in session.runs) if s > ROUNDING_DPS]
     return max(min(steps, default=0.0), session.lsb_dps or 0.0)
 
@@ -41,9 +41,9 @@ def own_sd_dps(session: Session, axis: int) -> float | None:
 
 
 def _change_dps2(run: Run, axis: int) -> float:
-    """Mean square of a sample's change, (deg/s)^2; where the axis turns unsteadily, that of its stillest tenth.
+    """Mean square of a sample's change, (deg/s)^2; that of the stillest tenth if the axis turns unsteadily.
 
-    A noisy reference puts more into readings less true rate than a slow movement puts into readings.
+    A noisy reference adds more to readings less true rate than a slow movement adds to readings.
     """
     run = run.about(AXES[axis])
     readings = np.diff(run.gyro_dps[:, axis]) ** 2
@@ -72,7 +72,7 @@ def unit_unsure(session: Session) -> list[Warning]:
     if not (small or large):
         return []
     text = (
-        f"no run turns in this session, so deg/s and rad/s cannot be told apart. The noise of {np.median(found):.2g} dps is "
+        f"no run turns in this session, so deg/s and rad/s cannot be distinguished. The noise of {np.median(found):.2g} dps is "
         f"{1 / ratio if small else ratio:.0f} times {'less' if small else 'more'} than usual; the readings may be in "
         f"{'rad/s' if small else 'deg/s already when they were converted'}. Check the unit of --map, and record a known turn"
     )

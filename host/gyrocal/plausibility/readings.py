@@ -77,7 +77,7 @@ def _moves(run: Run, axis: int, start: int, stop: int, session: Session) -> bool
 
 
 def _standing(session: Session, axis: int, runs: list[Run], level: float | None, noise_counts: float) -> list[Warning]:
-    """Stretches of half a second and more in which a reading stands still although the rate moves or the noise must show."""
+    """Stretches of half a second and more in which a reading is constant although the rate changes or the noise must show."""
     out = []
     samples = sum(map(len, runs))
     for run in runs:
@@ -98,12 +98,12 @@ def _standing(session: Session, axis: int, runs: list[Run], level: float | None,
 
 
 def _chance_of_equal(noise_counts: float) -> float:
-    """Largest chance that noise leaves a reading where it was: its mean lies in the middle of a count."""
+    """Largest probability that noise leaves a reading unchanged, which is that for a mean in the middle of a count."""
     return erf(0.5 / (POLICY.noise_share * noise_counts * sqrt(2))) if noise_counts > 0 else 1.0
 
 
 def _misses_the_rate(run: Run, axis: int, start: int, stop: int, session: Session) -> bool:
-    """Does a reading that follows the rate elsewhere stand still between two rows while the rate moves, delays granted?"""
+    """True if a reading that follows the rate elsewhere is constant between two rows while the rate changes, despite delays."""
     if run.axis_index != axis or run.rate_is_mean or np.ptp(run.rate_dps) == 0:
         return False
     rest = np.ones(len(run), dtype=bool)
@@ -132,9 +132,9 @@ def _at(value: float, level: float | None) -> bool:
 def clip_level_dps(session: Session, axis: int) -> float | None:
     """The reading at which an axis is clipped, deg/s; None if it is not clipped.
 
-    Readings heap at the largest value that occurs, and this is the end of a range: as stated or usual; or by the readings
-    themselves, which noise or the true rate would have carried further. One run that is stuck there by itself is not cut off,
-    unless the value is the stated or a usual range.
+    Readings accumulate at the largest value that occurs, and this value is the end of a range. It is the stated range or a
+    usual one, or noise or the true rate would exceed it. A single run that is constant there is not clipped unless the value is
+    the stated range or a usual one.
     """
     session = session.about(AXES[axis])
     readings = [r.gyro_dps[:, axis] for r in session.runs]
@@ -156,9 +156,9 @@ def clip_level_dps(session: Session, axis: int) -> float | None:
 
 
 def _rates_differ(session: Session, axis: int, at: list[Mask], limit: float) -> bool:
-    """Do readings at the limit, deg/s, belong to true rates that counts and noise cannot bring to one reading?
+    """True if readings at the limit, deg/s, belong to true rates that counts and noise cannot turn into one reading.
 
-    A reading that stands still while the true rate is far below it is not at the end of a range.
+    A reading that is constant while the true rate is far below it is not at the end of a range.
     """
     limits: dict[float, list[Array]] = {-1.0: [], 1.0: []}
     for run, mask in zip(session.runs, at, strict=True):
@@ -187,7 +187,7 @@ def cut_off(session: Session) -> set[tuple[str | None, str | None]]:
 
 
 def clipped(session: Session, model: Model) -> list[Warning]:
-    """``clipped``: readings at full scale, unless the model holds a fault that leaves such readings out."""
+    """``clipped``: readings at full scale, unless the model contains a fault that excludes such readings."""
     out = []
     for i, axis in enumerate(AXES):
         known = any(term.fault is not None and term.fault.clips for term in model.on(axis))

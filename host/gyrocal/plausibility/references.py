@@ -1,15 +1,21 @@
-"""Checks of a measured reference: whether it jumps, mirrors the motion, or leaves its offset in time ambiguous."""
+"""Checks of measured columns: a reference that jumps, mirrors the motion or leaves its offset open, and unknown noise."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
+from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import Run, Session
+from gyrocal.recording.smoothing import Smoothed
 from gyrocal.warning import Warning
 
 
 def check(session: Session) -> list[Warning]:
-    """``reference_jumps``, ``sign_flipped`` for a mirrored reference, and ``offset_ambiguous``."""
-    out = []
+    """``reference_jumps``, ``sign_flipped`` for a mirrored reference, ``offset_ambiguous``, and ``noise_unknown``."""
+    out = [*_noise_unknown(session)]
     for run in session.runs:
         jumps = 0 if run.measured_rates is None else run.measured_rates.jumps
         if jumps:
@@ -35,4 +41,26 @@ def check(session: Session) -> list[Warning]:
             f"{others} s. Move irregularly for a few seconds to tell"
         )
         out.append(Warning("offset_ambiguous", None, None, text))
+    return out
+
+
+def _noise_unknown(session: Session) -> list[Warning]:
+    """``noise_unknown``: a measured column whose noise hides in its motion, and how much that noise may attenuate at most."""
+    columns: list[tuple[str, str, str, str, Callable[[Run], Smoothed | None]]] = [
+        ("true rate", "dps", "scale", "ref_noise_dps", lambda run: run.smooth_rate),
+        ("temperature", "degC", "temperature coefficients", "temp_noise_c", lambda run: run.smooth_temp),
+    ]
+    out = []
+    for name, unit, of, key, column in columns:
+        found = [(c.noise, float(np.var(c.values))) for c in map(column, session.runs) if c is not None]
+        most = max((n.sd for n, _ in found if not (n.estimated or n.stated)), default=0.0)
+        motion = float(np.mean([variance for _, variance in found])) if found else 0.0
+        if motion <= 0 or most**2 < POLICY.told_attenuation * motion:
+            continue
+        text = (
+            f"the {name} moves up to half of the sampling rate, so its noise cannot be told from its motion. The noise is at "
+            f"most {most:.2g} {unit}, and may make the {of} too small by at most {min(most**2 / motion, 1.0):.2g} of it, "
+            f"which the standard errors contain. State {key} under [reference] in session.toml, or sample faster"
+        )
+        out.append(Warning("noise_unknown", None, None, text))
     return out

@@ -41,7 +41,7 @@ def _scatter_dps(lines: Lines, axis: str) -> float:
 
 
 def _bias_dps(means: Means, lines: Lines, axis: str) -> float:
-    """The bias that other runs than the rests show: of the line, else of runs about another axis; 0 if there are none."""
+    """The bias without the rests, deg/s: that of the line, or of runs about another axis; 0 if there are none."""
     line = lines.get((axis, axis))
     if line is not None and line.bias_dps is not None:
         return line.bias_dps
@@ -73,9 +73,9 @@ def _text(m: Mean, rests: list[Mean], axis: str) -> str:
 
 
 def _gravity_turns_deg(run: Run) -> float:
-    """Largest angle between mean accelerations of one second each, less what vibration makes of it, deg.
+    """Largest angle between mean accelerations of one second each, less the part that vibration explains, deg.
 
-    0 without an accelerometer.
+    It is 0 without an accelerometer.
     """
     if run.acc_g is None or not np.isfinite(run.acc_g).all():
         return 0.0

@@ -87,7 +87,7 @@ def _omega_rad_s(run: Run) -> float:
 
 
 def _follows(y: Array, rate: Array) -> bool:
-    """Does a reading follow a reference of small variation, as one in rad/s has? It does not follow the noise of an encoder."""
+    """True if a reading follows a reference of small variation, such as one in rad/s, rather than the noise of an encoder."""
     return bool(np.ptp(y) > 0) and abs(float(np.corrcoef(y, rate)[0, 1])) > POLICY.follows_correlation
 
 

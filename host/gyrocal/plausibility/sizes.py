@@ -1,4 +1,4 @@
-"""Biases and spreads of power cycles beyond what a gyroscope has."""
+"""Biases and spreads over power cycles that are too large for a gyroscope."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gyrocal.warning import Warning
 
 
 def check(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
-    """Biases and spreads of power cycles beyond what a gyroscope has, runs that are explained otherwise left out."""
+    """Biases and spreads over power cycles that are too large for a gyroscope, without runs that are explained otherwise."""
     accused = contradictions(means, found)
     whole = {w.axis for w in accused if w.file is None}
     if any(w.code == "axes_swapped" for w in accused):
@@ -68,7 +68,7 @@ def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[W
 
 
 def _at_one_rate(axis: str, points: list[Mean]) -> list[Warning]:
-    """At a single rate, offset and scale look alike: power cycles that scatter by more than both limits make together."""
+    """Power cycles at a single rate that scatter by more than the sum of both limits. Offset and scale are equivalent there."""
     turning = [m for m in points if m.slope is None and not m.rests and not m.run.rate_is_mean]
     cycles: dict[str, list[float]] = {}
     for m in turning:
@@ -93,7 +93,7 @@ def _scatters(axis: str, cycles: int, how: str) -> Warning:
 
 
 def _scale_sd_of_single_runs(points: list[Mean], bias: float) -> float:
-    """Scatter of the scale over power cycles of one run each, beyond what ``Policy.granted_offset_dps`` makes of it."""
+    """Scatter of the scale over power cycles of one run each, beyond the part that ``Policy.granted_offset_dps`` explains."""
     turning = [m for m in points if m.slope is None and not m.rests]
     if len(turning) < POLICY.few_runs:
         return 0.0

@@ -35,7 +35,7 @@ class Slope:
 
     @property
     def informs(self) -> bool:
-        """Is its error small against itself, or against 1 where the axis does not follow?"""
+        """True if its error is small compared with the slope, or with 1 if the axis does not follow."""
         return self.se < POLICY.slope_se * max(1.0, abs(self.value))
 
 
@@ -89,9 +89,9 @@ def _line(points: list[Mean]) -> Line:
 
 
 def _of_cycles(points: list[Mean], bias: float, slope: float) -> dict[str, float]:
-    """Slope of each power cycle with an offset of its own, where this brings runs together that the common line does not.
+    """Slope of each power cycle with an offset of its own, if its runs then agree although the common line does not fit them.
 
-    The runs of a cycle share its offset; a wrong rate or face of one of them does not look like that.
+    The runs of a cycle share its offset, unlike a wrong rate or face of one of them.
     """
     slopes = {}
     for scenario in {m.run.scenario for m in points}:
@@ -192,7 +192,7 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
 
 
 def _behind_a_filter(slopes: list[Slope], errors: float) -> bool:
-    """True if faster motions read less by as much as one first-order low-pass makes of one scale.
+    """True if the slopes of faster motions are smaller as behind a first-order low-pass with one scale.
 
     Behind a low-pass of time constant tau, a motion of angular frequency w has the slope s / sqrt(1 + (w tau)^2), so that
     1 / slope^2 is a line in w^2.
@@ -226,7 +226,7 @@ def _beyond_any_bias(slopes: list[Slope], axis: str) -> list[Warning]:
 
 
 def _one_face(points: list[Mean]) -> Slope | None:
-    """The only run whose face, turned over, makes an implausible line a plausible one that all runs agree on."""
+    """The only run whose opposite face turns an implausible line into a plausible one on which all runs agree."""
     found = []
     values = np.array([m.mean_dps for m in points])
     for i, m in enumerate(points):
@@ -344,7 +344,7 @@ def _pole(sign: float) -> str:
 
 
 def _upwards(run: Run) -> float:
-    """+1 where the run's axis points up by its accelerometer, -1 down, 0 where neither or gravity turns about it."""
+    """+1 if the run's axis points up by its accelerometer, -1 if down, 0 if neither or if gravity turns about it."""
     assert run.acc_g is not None
     along = float(np.nanmean(run.acc_g[:, run.axis_index])) / max(float(np.nanmedian(np.linalg.norm(run.acc_g, axis=1))), 1e-12)
     return float(np.sign(along)) if abs(along) > POLICY.gravity_along else 0.0

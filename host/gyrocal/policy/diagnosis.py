@@ -108,11 +108,11 @@ class Diagnosis:
     )  # fmt: skip
     alike: float = threshold(
         0.1, "fraction of the residual's mean square by which two variables describe an excess equally well",
-        larger="a variable of few steps is told although the picture of another shows more",
-        smaller="time in the run is told wherever the cause moves smoothly in time",
+        larger="a variable of few steps is reported although the picture of another shows more",
+        smaller="time in the run is reported for every cause that changes smoothly in time",
     )  # fmt: skip
     visible: float = threshold(
-        0.5, "fraction of the residual's mean square that follows a variable, from which on an excess is told against it",
+        0.5, "fraction of the residual's mean square that follows a variable, from which on an excess is reported against it",
         larger="an excess that a picture shows is said to have no shape", smaller="noise names the variable of an excess",
     )  # fmt: skip
     excess_errors: float = threshold(

@@ -12,9 +12,9 @@ class Inference:
     """Thresholds of the fit: power cycles, and the gain in log-likelihood that a richer structure must reach."""
 
     least_scenarios: int = threshold(
-        3, "smallest number of power cycles from which their spread is told",
+        3, "smallest number of power cycles from which on their spread is stated",
         larger="the spread of few power cycles is left out of the model",
-        smaller="a spread is told that two values determine, with one degree of freedom",
+        smaller="a spread is stated that two values determine, with one degree of freedom",
     )  # fmt: skip
     largest_bias_spread_dps: float = threshold(
         5.0, "largest standard deviation of the bias over power cycles, dps",

@@ -26,14 +26,15 @@ class Planning:
     shortest_planned_s: float = threshold(
         20.0, "shortest run of a plan, s",
         larger="fewer power cycles in the same minutes", smaller="more work for a person in the same minutes",
-        chosen_by="the shortest run that is cut into parts, shortest_run_s",
+        chosen_by="chosen by judgement; the shortest run that is cut into parts, shortest_run_s",
     )  # fmt: skip
     longest_planned_s: float = threshold(
         600.0, "longest run of a plan, s",
         larger="fewer power cycles in the same minutes", smaller="slow effects are seen over less of their course",
-        chosen_by="the ten minutes that effects/drift.py asks for",
+        chosen_by="chosen by judgement; the ten minutes that effects/drift.py asks for",
     )  # fmt: skip
     precision: float = threshold(
         0.1, "ratio of standard error to value at which a parameter counts as measured",
-        larger="a rough value answers the question", smaller="longer plans", chosen_by="the definition of `plan`: to a tenth",
+        larger="a rough value answers the question", smaller="longer plans",
+        chosen_by="the question of `gyrocal plan --measure`: to a tenth",
     )  # fmt: skip

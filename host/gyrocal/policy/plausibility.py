@@ -74,7 +74,7 @@ class Plausibility:
     )  # fmt: skip
     turning_errors: float = threshold(
         5.0, "standard errors by which the slope of a turning run must differ from zero; also the tolerances of a common line",
-        larger="readings in rad/s at low rates are not recognised", smaller="a table that stands still is called a wrong unit",
+        larger="readings in rad/s at low rates are not recognised", smaller="a table at rest is called a wrong unit",
         chosen_by=SLOPES,
     )  # fmt: skip
     slope_se: float = threshold(
@@ -261,4 +261,9 @@ class Plausibility:
         (-60.0, 150.0), "temperatures of a working part, degC",
         larger="degrees Fahrenheit and kelvin pass", smaller="hot parts are reported",
         chosen_by="the usual -40 to 125 degC with a margin; pytest tests/plausibility/test_columns.py",
+    )  # fmt: skip
+    told_attenuation: float = threshold(
+        1e-3, "attenuation by the unknown noise of a measured column, as a fraction, from which on its bound is told",
+        larger="an attenuated scale is not told", smaller="a bound without meaning is told of fast motions",
+        chosen_by="half of what smoothing may change; chosen by judgement",
     )  # fmt: skip

@@ -49,7 +49,7 @@ def named(step: Step) -> str:
 
 
 def remark(step: Step) -> str:
-    """What a reader should know about a step; empty if there is nothing special."""
+    """Remarks on a step; empty if there is nothing special."""
     parts = [] if step.matters else [TOO_SMALL]
     if step.removed:
         parts.append(f"replaces {', '.join(step.removed)}")
@@ -59,7 +59,7 @@ def remark(step: Step) -> str:
 
 
 def open_words(one: Open) -> str:
-    """What the session cannot tell apart, and what to measure."""
+    """The effects that the session cannot distinguish, and the measurement that would."""
     if len(one.group) == 1:
         fits = f"On {one.axis} {one.group[0]} fits the readings, but this session cannot prove it."
         return f"{fits} To prove it: {one.next_measurement}."

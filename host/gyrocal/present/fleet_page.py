@@ -43,7 +43,7 @@ def missing_words(m: Missing) -> str:
     """One missing effect in words."""
     at = "".join(f", {name} = {value:.3g}" for name, value in m.nonlinear.items())
     alone = f"{m.named_alone_by} boards show it by themselves" if m.named_alone_by else "no board shows it by itself"
-    rivals = f" The boards cannot tell it from {', '.join(i for i in m.group if i != m.effect)}." if m.group else ""
+    rivals = f" The boards cannot distinguish it from {', '.join(i for i in m.group if i != m.effect)}." if m.group else ""
     return (
         f"{m.effect} on {m.axis}: {m.parameter} = {plus_minus(m.mean, m.mean_se)} on average{at}; {m.share:.0%} of the "
         f"boards have it, with a spread of {m.sd:.2g}. Held-out gain {m.heldout_gain:.1f}; {alone}. "

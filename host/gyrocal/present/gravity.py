@@ -1,4 +1,4 @@
-"""What the verbs answer, and people see, of sessions whose reference is gravity."""
+"""The output of the verbs for sessions whose reference is gravity."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def show_calibration(
 def show_compare(
     session: Session, model: str | None, residuals: Path | None, page: Path | None, as_json: bool, as_is: bool = False
 ) -> None:
-    """Raises InputError if a page or pictures are asked for, which show rates over time."""
+    """Compare a session by gravity and print the result. Raises InputError if a page or pictures are wanted."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; use --residuals for a table of movements")
     found = (compare_as_is if as_is else comparison.compare)(session, model)
@@ -54,7 +54,7 @@ def show_diagnose(session: Session, path: Path, model: str | None, formulas: Seq
 
 
 def show_add(session: Session, effect: str, model: Path, only_day: int | None, as_json: bool) -> None:
-    """Raises InputError for ``--heldout-day``: movements of all units are judged."""
+    """Raise InputError for ``--heldout-day``, because the movements of all units are judged."""
     if only_day is not None:
         raise InputError(f"--heldout-day {only_day}: a session by gravity is judged on all its movements; leave the option out")
     before, after = diagnosis.add(session, model if model.exists() else None, effect)
@@ -75,7 +75,7 @@ def show_add(session: Session, effect: str, model: Path, only_day: int | None, a
 def show_explain(
     session: Session, path: Path, model: Path, most_steps: int, page: Path | None, as_json: bool
 ) -> None:
-    """Raises InputError if a page is asked for."""
+    """Raise InputError if a page is wanted."""
     if page is not None:
         raise InputError(f"{page}: a page shows rates, and the reference is gravity; leave --html out")
     found = diagnosis.explain(session, model if model.exists() else None, most_steps)
@@ -107,7 +107,7 @@ def headline(c: Comparison) -> str:
 
 
 def print_comparison(c: Comparison) -> None:
-    """Levels by the axis that a movement mainly turns about, and where the model fails."""
+    """Print the levels by the axis about which a movement mainly turns, and where the model fails."""
     print_warnings(c.warnings)
     scene = c.fit.scene
     stdout.print(f"{len(scene.rests)} rests, {len(scene.movements)} movements; rests begin at {_begins(scene)} s")
@@ -124,7 +124,7 @@ def print_comparison(c: Comparison) -> None:
 
 
 def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
-    """Candidates, what such a session cannot show, and the verdict."""
+    """Print the candidates, the effects that such a session cannot show, and the verdict."""
     print_warnings(d.comparison.warnings)
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
@@ -154,7 +154,7 @@ def _candidate(c: Candidate) -> list[str]:
 
 
 def print_calibration(c: Calibration) -> None:
-    """Rests, estimates, misalignment and the budget of the errors."""
+    """Print the rests, the estimates, the misalignment and the error budget."""
     print_warnings(c.warnings)
     for name, fitted in c.fits.items():
         scene = fitted.scene

@@ -1,4 +1,4 @@
-"""How results are shown in Python and in a notebook: their words, tables and pictures, registered by the import."""
+"""The words, tables and pictures of results in Python and in a notebook. Importing this module registers them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _diagnosis_words(found: Diagnosis) -> str:
 
 
 def _diagnosis_table(found: Diagnosis) -> pl.DataFrame:
-    """One row a candidate, best first."""
+    """One row for each candidate, best first."""
     keys = ("effect", "axis", "decision", "heldout_gain", "heldout_gain_se", "q_value", "explained", "next_measurement")
     return _table([{key: row[key] for key in keys} for row in (c.to_json() for c in found.candidates)])
 
@@ -123,7 +123,7 @@ def _model_rows(model: Model) -> list[dict[str, Any]]:
 
 
 def _model_table(model: Model) -> pl.DataFrame:
-    """One row a fitted parameter."""
+    """One row for each fitted parameter."""
     schema = {"effect": pl.String, "axis": pl.String, "parameter": pl.String, "value": pl.Float64, "se": pl.Float64}
     return pl.DataFrame(_model_rows(model), schema=schema)
 

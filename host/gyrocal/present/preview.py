@@ -17,7 +17,7 @@ ROWS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """The unit of each row of axes, and the columns drawn there."""
 POINTS = 4000
-"""Samples of a run that are drawn at most, evenly spread."""
+"""Largest number of samples of a run that are drawn, evenly spread."""
 
 
 def preview(session: Session) -> Figure:

@@ -19,7 +19,7 @@ from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
 BLOCKED = (
-    "The session's own axis is not judged, because a warning stands against it. Correct what the warnings describe, or "
+    "The session's own axis is not judged, because it has a blocking warning. Correct what the warnings describe, or "
     "overrule them with accept in session.toml."
 )
 
@@ -54,7 +54,7 @@ def _is_untimed(c: Comparison) -> bool:
 
 
 def axis_names(c: Comparison) -> tuple[dict[str, str], str]:
-    """What tables call each axis and all of them together: an axis that a warning blocks is marked in both."""
+    """Names of each axis and of all together in tables, where an axis with a blocking warning is marked."""
     blocked = [axis for axis in c.per_axis if axis not in c.judged]
     names = {axis: f"{axis} (not judged)" if axis in blocked else axis for axis in c.per_axis}
     return names, f"all (with {', '.join(blocked)})" if blocked else "all"
@@ -118,6 +118,7 @@ def moved_rows(moved: Sequence[Moved]) -> list[list[str]]:
 
 
 def print_note(note: str) -> None:
+    """Print a note as a line of its own, unless it is empty."""
     if note:
         stdout.print(note, markup=False)
 
@@ -186,7 +187,7 @@ def verdict_text(d: Diagnosis) -> str:
 
 
 def unproven(d: Diagnosis) -> list[Candidate]:
-    """The candidates that a diagnosis suggests on the axis of what is unknown."""
+    """The candidates that a diagnosis suggests on the axis of the unknown misfit."""
     return [c for c in d.candidates if d.unknown is not None and c.decision == "suggest" and c.axis == d.unknown["axis"]]
 
 

@@ -1,4 +1,4 @@
-"""Which columns of another's table are taken, in which units: ``target=(column-zero)[:unit][*factor]``."""
+"""The mapping of a foreign table's columns and units to a session's: ``target=(column-zero)[:unit][*factor]``."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FORMATS = {"euroc": EUROC}
 
 @dataclass(frozen=True)
 class Scaling:
-    """What ``counts`` and ``samples`` mean in a file: size of one count, samples a second."""
+    """The sizes of the units ``counts`` and ``samples`` in a file: one count, and samples per second."""
 
     rate_hz: float | None = None
     lsb_dps: float | None = None
@@ -60,7 +60,7 @@ class ColumnMap:
 
     @property
     def is_angle_of_rate(self) -> bool:
-        """True where an angle is mapped to a rate, which is its derivative."""
+        """True if an angle is mapped to a rate, which is its derivative."""
         return self.target == "rate_ref_dps" and self.unit in _ANGLE
 
     @staticmethod
@@ -115,7 +115,7 @@ def has_reference(columns: Iterable[str]) -> bool:
 
 
 def mapping_of(form: str) -> tuple[str, ...]:
-    """The mappings of a known form; InputError where there is none of that name."""
+    """The mappings of a known form. Raises InputError if there is none of that name."""
     if form not in FORMATS:
         raise InputError(f"--format {form}: there are {', '.join(FORMATS)}; other tables by --map")
     return FORMATS[form]

@@ -20,7 +20,7 @@ from gyrocal.warning import Warning
 Index = np.ndarray[Any, np.dtype[np.intp]]
 Kind = TypeVar("Kind", bound=np.dtype[Any])
 MOST_DAMAGED = 0.05
-"""Of the rows. Where more are damaged, the columns or the units are wrong, and not a few rows."""
+"""Largest fraction of damaged rows. If there are more, the columns or the units are wrong rather than a few rows."""
 ANGLE_SMOOTHING = 16.0
 """Bandwidth of the spline that differentiates an angle, in steps of it (its penalty is this times the step cubed)."""
 
@@ -100,7 +100,7 @@ def _words(
     source: Source, mappings: Sequence[ColumnMap], kept: Index, damaged: Booleans, footer: Booleans,
     lacking: Mapping[str, Booleans],
 ) -> str:  # fmt: skip
-    """What was left out, in words; empty where nothing was."""
+    """The rows that were left out, in words; empty if there are none."""
     told = []
     if damaged.any():
         many = f"{int(damaged.sum())} damaged rows are" if damaged.sum() > 1 else "a damaged row is"
@@ -138,7 +138,7 @@ def unwrapped(angle_deg: Array) -> Array:
 
 
 def even(t_s: Array, where: str, file: str) -> tuple[Array, Warning | None]:
-    """Times [n], s: as they are, or by regression with a warning where they repeat or come in bursts."""
+    """Times [n], s: unchanged, or by regression with a warning if they repeat or come in bursts."""
     if not in_bursts(t_s):
         return t_s, None
     if goes_back(t_s) or t_s[-1] <= t_s[0]:

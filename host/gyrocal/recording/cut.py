@@ -1,4 +1,4 @@
-"""Which rows of a table are which run, and what is known of each: the options ``--run``, ``--run-meta`` and ``--sections``."""
+"""The runs of a table and their facts, from the options ``--run``, ``--run-meta`` and ``--sections``."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def check_name(name: str, what: str) -> str:
 
 
 def check_names_differ(cuts: Sequence[Cut]) -> None:
-    """InputError where two runs would be one file."""
+    """Raise InputError if two runs would have one file."""
     names = [cut.name for cut in cuts]
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:

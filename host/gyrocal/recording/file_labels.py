@@ -1,4 +1,4 @@
-"""What a file's name says of its run: ``s003_down_-78dps.csv`` is face down, -78 deg/s, scenario s003."""
+"""Facts of a run from the name of its file: ``s003_down_-78dps.csv`` is face down, -78 deg/s, scenario s003."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ import numpy as np
 from gyrocal.recording.session import Array
 
 FIRST, FOLLOWING = 3, 30
-"""Readings at the beginning of a run that are held against a line, and those through which the line goes."""
+"""Number of readings at the beginning of a run that are compared with a line, and of those that determine the line."""
 STANDS_OFF, STANDS_OFF_STEPS = 10.0, 3.0
 
 

@@ -70,7 +70,7 @@ class Imported:
     repaired: Mapping[str, int]
 
     def save(self, out: str | Path, *, append: bool = False) -> Session:
-        """Write the session into a new folder, or add its runs to one; nothing is left behind where that fails."""
+        """Write the session into a new folder, or add its runs to one. Nothing is written if that fails."""
         folder = Path(out)
         if append and folder.exists():
             return _append(folder, Session.open(folder, check=False), list(self.session.runs))
@@ -79,9 +79,9 @@ class Imported:
 
 
 def check_is_new(folder: Path, append: bool) -> None:
-    """InputError where the folder is there already."""
+    """Raise InputError if the folder exists already."""
     if folder.exists() and not append:
-        raise InputError(f"{folder}: is there already; choose another name, or --append to add runs to it")
+        raise InputError(f"{folder}: exists already; choose another name, or --append to add runs to it")
 
 
 def import_recording(
@@ -341,7 +341,7 @@ def _append(folder: Path, session: Session, runs: list[Run]) -> Session:
     entries = header.pop("run")
     for run in runs:
         if (folder / run.file).exists():
-            raise InputError(f"{folder / run.file}: is there already; name the run otherwise with --run NAME::")
+            raise InputError(f"{folder / run.file}: exists already; name the run otherwise with --run NAME::")
     written: list[Path] = []
     try:
         for run in runs:

@@ -1,4 +1,4 @@
-"""What several steps ask of the same runs is computed once."""
+"""Results that several steps need of the same runs are computed once."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 NEIGHBOURS = 7
-"""Samples that a reading is held against: their median, and the means of those at the same distance on either side."""
+"""Neighbours with which a reading is compared: their median, and the means of those at equal distances on both sides."""
 STANDS_OUT = POLICY.outlier_spreads
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
@@ -36,7 +36,7 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
 
 
 def spread_of(level: Array, apart: Array, step_dps: float) -> float:
-    """Standard deviation of the noise about a reading's neighbours, deg/s, whatever the outliers."""
+    """Standard deviation of the noise about a reading's neighbours, deg/s, not affected by outliers."""
     from scipy.stats import norm
 
     spread = 1.4826 * float(np.median(np.abs(level)))
@@ -47,7 +47,7 @@ def spread_of(level: Array, apart: Array, step_dps: float) -> float:
 
 
 def between(y_dps: Array) -> Array:
-    """Where each reading [n] should be by its neighbours on both sides: the median of three pairs' means, true on a slope."""
+    """The value of each reading [n] by its neighbours on both sides: the median of three pairs' means, correct on a slope."""
     wide = np.pad(y_dps, NEIGHBOURS // 2, mode="edge")
     n, middle = y_dps.size, NEIGHBOURS // 2
     one, two, three = ((wide[middle - k : middle - k + n] + wide[middle + k : middle + k + n]) / 2 for k in (1, 2, 3))

@@ -40,7 +40,7 @@ AMBIGUOUS = 3.0
 WORSE = 0.5
 """A reference is too late if a later offset leaves less than this part of what the best allowed one leaves."""
 LEAST_EXPLAINED = 0.5
-"""Of the readings' power: a later offset must explain at least this."""
+"""Smallest fraction of the readings' power that an additional offset must explain."""
 
 
 def registered(session: Session) -> Session:

@@ -1,4 +1,4 @@
-"""How a reference's axes and clock lie relative to those of the sensor."""
+"""The position of a reference's axes and clock relative to those of the sensor."""
 
 from __future__ import annotations
 

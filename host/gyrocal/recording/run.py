@@ -26,13 +26,13 @@ GAP_PERIODS = 1.5
 OF_FILE = (
     "_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "smooth_temp", "measured_rates",
 )  # fmt: skip
-"""What a run has read or computed and that depends on its file alone."""
+"""Values of a run that depend only on its file, stored once they are read or computed."""
 BY_GRAVITY = (
     "the reference is gravity, so no true rate is known; what reads such sessions is compare, diagnose, add, explain, and "
     "calibrate --method model"
 )
 KEPT = (*OF_FILE, "reference_dps", "motion", "_smooth_reference")
-"""What does not depend on the run's timing."""
+"""Values that do not depend on the run's timing."""
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -62,13 +62,13 @@ class Run:
     table_rate_se_dps: float | None = None
     """Standard error of ``table_rate_dps``."""
     reference: Reference = field(default_factory=Reference)
-    """What the session says of its references."""
+    """The session's description of its references."""
     smooth: bool = True
     """False if noisy columns are taken as they are, sample by sample, as the device takes them."""
     timing: Timing = SYNCHRONOUS
-    """How the reading follows the reference; ``rate_dps`` is the true rate that the reading shows with this timing."""
+    """The timing of the reading relative to the reference; ``rate_dps`` is the true rate with this timing."""
     registration: Registration = field(default_factory=Registration)
-    """How the reference's frame and clock lie relative to the sensor's."""
+    """The reference's frame and clock relative to the sensor's."""
 
     @property
     def axis_index(self) -> int:
@@ -94,7 +94,7 @@ class Run:
 
     @property
     def damage(self) -> str:
-        """What was left out of the table, in words; empty where nothing was."""
+        """The rows that were left out of the table, in words; empty if there are none."""
         return self._read[1]
 
     def __len__(self) -> int:
@@ -107,7 +107,7 @@ class Run:
 
     @cached_property
     def sample_s(self) -> Array:
-        """Time of each sample, shape [n], s: as in the file, or by regression on its number where times come in bursts."""
+        """Time of each sample, shape [n], s: as in the file, or by regression on its number if times come in bursts."""
         return regression(self.t_s).t_s if in_bursts(self.t_s) else self.t_s
 
     @property
@@ -128,13 +128,13 @@ class Run:
 
     @cached_property
     def step_dps(self) -> Array:
-        """What the readings step by, shape [3], deg/s: the least by which successive ones differ; 0 where all are the same."""
+        """The smallest step of the readings of each axis, shape [3], deg/s; 0 if all are equal."""
         steps = np.abs(np.diff(self.gyro_dps, axis=0))
         least = np.min(steps, axis=0, where=steps > 0, initial=np.inf)
         return np.where(np.isfinite(least), least, 0.0)
 
     def column(self, name: str) -> Array | None:
-        """An optional column, shape [n]; missing cells are NaN. None where the file lacks it or holds no value."""
+        """An optional column, shape [n]; missing cells are NaN. None if the file lacks it or has no value in it."""
         if name not in self.table.columns or self.table[name].null_count() == self.table.height:
             return None
         return self.table[name].to_numpy()
@@ -178,7 +178,7 @@ class Run:
 
     @cached_property
     def reference_dps(self) -> Array | None:
-        """The measured true rate about the run's axis in the sensor's sign, shape [n], deg/s; NaN where it is missing."""
+        """The measured true rate about the run's axis in the sensor's sign, shape [n], deg/s; NaN if it is missing."""
         measured = self.measured_rates
         found = None if measured is None else measured.about(self.axis_index, self.registration)
         return found if found is not None and np.isfinite(found).any() else None
@@ -210,7 +210,7 @@ class Run:
 
     @cached_property
     def _smooth_reference(self) -> Smoothed | None:
-        """The reference without its noise, whatever the timing; None if the rate is not measured but known.
+        """The reference without its noise, which does not depend on the timing; None if the rate is not measured but known.
 
         The rate of a rest is zero. The residual holds the reference's noise, so a column of what is left of it at rest
         would fit it.
@@ -246,7 +246,7 @@ class Run:
 
     @cached_property
     def motion(self) -> Motion | None:
-        """The true rate between the samples of the reference; None where the run has fewer than five."""
+        """The true rate between the samples of the reference; None if the run has fewer than five."""
         reference = self.reference_dps
         known = np.zeros(0, dtype=bool) if reference is None else np.isfinite(reference)
         return None if reference is None or known.sum() < 5 else Motion(self.sample_s[known], reference[known])
@@ -260,14 +260,14 @@ class Run:
 
     @property
     def _recorded(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """True for the samples [n] with a reference; for all of them where it lies on the line between its samples."""
+        """True for the samples [n] with a reference; for all of them if the reference is interpolated linearly."""
         measured, rate_dps = self.measured_rates, self.reference_dps
         if measured is None or rate_dps is None or (measured.interpolated and self.registration.same_clock):
             return np.ones(len(self), dtype=bool)
         return np.isfinite(rate_dps)
 
     def timed(self, timing: Timing) -> Run:
-        """The same run with another timing; the run itself where its true rate is constant."""
+        """The same run with another timing; the run itself if its true rate is constant."""
         return self if timing == self.timing or self.motion is None else self._sharing(KEPT, timing=timing)
 
     @property
@@ -278,17 +278,17 @@ class Run:
 
     @property
     def relative_rate_se(self) -> float:
-        """Standard error of the stated table's rate, a fraction of it; 0 where none is given."""
+        """Standard error of the stated table rate, as a fraction of the rate; 0 if none is given."""
         return abs(self.table_rate_se_dps / self.table_rate_dps) if self.table_rate_se_dps and self.table_rate_dps else 0.0
 
     @property
     def rate_is_mean(self) -> bool:
-        """True where only the run's net angle is known, not its rate at each moment."""
+        """True if only the run's net angle is known, and not its rate at each moment."""
         return self.table_rate_dps is None and self.turn_deg is not None and self.reference_dps is None
 
     @property
     def duration_s(self) -> float:
-        """From the first sample to one period past the last, s."""
+        """Time from the first sample to one period past the last, s."""
         return float(self.sample_s[-1] - self.sample_s[0]) * len(self) / (len(self) - 1)
 
     def first(self, seconds: float) -> Run | None:

@@ -21,7 +21,7 @@ REACH = 3.0
 
 @dataclass(frozen=True)
 class SecondFile:
-    """Where the reference lies: ``maps`` as for the sensor's file, with ``t_s``; ``clock`` "same" if one clock stamped both."""
+    """The file of the reference: ``maps`` as for the sensor's file, with ``t_s``; ``clock`` "same" if both have one clock."""
 
     path: Path
     maps: Sequence[str]

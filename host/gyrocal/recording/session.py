@@ -40,9 +40,9 @@ class Session(Shown):
     rig: str | None = None
     line: str | None = None
     made_on: str | None = None
-    """What a fleet knows its boards by: serial number, rig, production line and date (ISO), as free text."""
+    """The origin of a board in a fleet: serial number, rig, production line and date (ISO), as free text."""
     registration_fit: RegistrationFit | None = None
-    """How well the runs' ``registration`` is known; None where it was not estimated."""
+    """The estimate of the runs' ``registration``; None if it was not estimated."""
 
     @staticmethod
     def open(path: str | Path, *, check: bool = True) -> Session:
@@ -90,7 +90,7 @@ class Session(Shown):
 
     @property
     def registration_parameters(self) -> tuple[ReferenceParameter, ...]:
-        """What was estimated about the reference's frame and clock."""
+        """The estimated parameters of the reference's frame and clock."""
         return () if self.registration_fit is None else self.registration_fit.parameters
 
     @property
@@ -123,10 +123,10 @@ class Session(Shown):
             yield name, [run for run in self.runs if run.scenario == name]
 
     def save(self, path: str | Path, *, parquet: bool = False) -> Session:
-        """Write the session into a new folder; InputError if it is there already."""
+        """Write the session into a new folder; InputError if it exists already."""
         folder = Path(path)
         if folder.exists():
-            raise InputError(f"{folder}: is there already; choose another name or remove it")
+            raise InputError(f"{folder}: exists already; choose another name or remove it")
         with new_folder(folder) as partial:
             entries = []
             for run in self.runs:

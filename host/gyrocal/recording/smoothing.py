@@ -9,7 +9,7 @@ a fast motion is left as it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ SEGMENT = 256
 LEAST_SAMPLES = 64
 """Fewer samples have no spectrum; their noise is estimated from third differences."""
 ABOVE = 0.3
-"""Of the sampling rate: the noise is estimated from here to one half."""
+"""Fraction of the sampling rate from which up to one half the noise is estimated."""
 SIGNIFICANT = 4.0
 """Standard errors that count as significant: of a fall of the level between the halves of that band, and of a lost motion."""
 AGREE = 3.0
@@ -31,11 +31,13 @@ HIDDEN = 4.0
 AT_REST = 20
 """So many values in a row that may be zero are a rest, and not the moment at which a swing turns back."""
 LARGEST_CHANGE = 1e-3
-"""Of the motion: a window that removes significantly more of it over the whole run is too long."""
+"""Fraction of the motion. A window that removes significantly more over the whole run is too long."""
 TURNS_BACK = 0.25
-"""Of the steps of a thermometer: if more of them undo the step before, noise decides between two codes."""
+"""Fraction of a thermometer's steps that undo the step before, above which noise decides between two codes."""
 SECOND_S = 1.0
 """Heat needs longer than this to pass through a package: temperatures are smoothed from their means over this time, s."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the absolute value of a standard normal variable."""
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
 """A taper whose leakage is 92 dB down: a swing of 50 deg/s leaks less than 2 mdps."""
 
@@ -72,7 +74,7 @@ class Smoothed:
         return np.minimum(self.error, self.noise.sd**2 / samples)
 
     def at_rest(self) -> Smoothed:
-        """The same column, zero where its noise hides for ``AT_REST`` values or more whether it differs from zero."""
+        """The same column, zero for ``AT_REST`` or more successive values that do not differ from zero by more than noise."""
         hidden = self.values**2 < HIDDEN**2 * self.error
         start = np.flatnonzero(np.diff(hidden, prepend=False) & hidden)
         length = np.flatnonzero(np.diff(hidden, append=False) & hidden) + 1 - start
@@ -124,7 +126,7 @@ def smoothed_temperature(temp_c: Array, t_s: Array, stated_sd_c: float | None = 
     of_means = smoothed(mean_c, None if stated_sd_c is None else stated_sd_c / typical**0.5)
     return Smoothed(
         _line(t_s, at_s, of_means.values), np.interp(t_s, at_s, of_means.error),
-        NoiseLevel(of_means.noise.sd * typical**0.5, of_means.noise.relative_se, of_means.noise.estimated),
+        replace(of_means.noise, sd=of_means.noise.sd * typical**0.5),
     )  # fmt: skip
 
 
@@ -158,7 +160,19 @@ def noise_level(values: Array) -> NoiseLevel:
     scatter = np.sqrt(4 / (half * count))  # of the level of one half, relative; two bins are one independent value
     falling = lower > upper * (1 + SIGNIFICANT * scatter)
     level = upper if falling else _typical(power)
+    quiet = _between_starts(values)
+    if not falling and level > quiet.sd**2 * (1 + SIGNIFICANT * np.hypot(scatter, quiet.relative_se)) > 0:
+        return quiet
     return NoiseLevel(float(np.sqrt(level)), float(scatter), estimated=not falling)
+
+
+def _between_starts(values: Array) -> NoiseLevel:
+    """The white noise from the median third difference of readings [n], which a few samples of faster motion do not raise.
+
+    A turn by hand starts and stops with a kink, whose spectrum reaches through the band in every segment that holds one.
+    """
+    third = np.abs(np.diff(values, 3))
+    return NoiseLevel(float(np.median(third)) / (MEDIAN_OF_NORMAL * 20**0.5), float(3 / third.size**0.5))
 
 
 def _typical(power: Array) -> float:

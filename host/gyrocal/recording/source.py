@@ -32,10 +32,10 @@ class Source:
     frame: pl.DataFrame
     first_row: int = 1
     si: bool = False
-    """True where the kind of file defines its units: rad/s and m/s2."""
+    """True if the kind of file defines its units, which are rad/s and m/s2."""
 
     def check_has(self, names: Sequence[str]) -> None:
-        """InputError where one of the columns is not there."""
+        """Raise InputError if one of the columns is missing."""
         for name in names:
             if name not in self.frame.columns:
                 shown = ", ".join(self.frame.columns[:SHOWN_COLUMNS])
@@ -43,11 +43,11 @@ class Source:
                 raise InputError(f"{self.label}: no column {name!r} among {shown}{near}")
 
     def row(self, entry: int) -> str:
-        """Where an entry stands, in words."""
+        """The place of an entry in words."""
         return f"{self.label}: row {self.first_row + entry}"
 
     def numbers(self, mapping: ColumnMap) -> Array:
-        """A column [n] in the target's unit; NaN where a cell holds no finite number. Time counts from its first number."""
+        """A column [n] in the target's unit; NaN for a cell without a finite number. Time counts from its first number."""
         column = self.frame[mapping.column]
         if mapping.target == "t_s" and not column.dtype.is_float():
             whole = column.cast(pl.Int64, strict=False)

@@ -15,7 +15,7 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
 BURST = 0.2
-"""Of the mean interval: no sampler takes two samples in less."""
+"""Smallest interval between two samples of a sampler, as a fraction of the mean interval."""
 GAPS = 0.005
 """Fraction of the intervals that may be gaps of any length."""
 LEAST_BURSTS = 0.001
@@ -27,7 +27,7 @@ PART_BURSTS = 16
 ROUNDS = 3
 """Numbers and the interval are found in turn."""
 LOST = 0.7
-"""Of an interval: a shift of all later stamps by more is a lost sample."""
+"""Fraction of an interval. A shift of all later stamps by more means a lost sample."""
 KNOT_S = 60.0
 """The interval may change slowly: the regression is a chain of lines between moments this far apart, s."""
 LATEST_S = 5.0

@@ -23,7 +23,7 @@ OPTIONAL = (
 UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
 """The unit at the end of a column's name."""
 NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
-"""What a table's rows are made of; nan and inf are read, and then refused with their row."""
+"""Characters of a table's rows. The values nan and inf are read, and then rejected with their row."""
 SMALL_BYTES = 2**18
 """A shorter table is parsed faster here than by the reader for large ones, which distributes it over threads."""
 LARGEST_DPS = 1e6
@@ -167,7 +167,7 @@ def _is_number_at(cell: bytes) -> bool:
 
 
 def _cut(cell: bytes, rows: list[bytes]) -> bool:
-    """Is a last cell far from the last cells of the rows above: as a number that lost its end would be?"""
+    """True if a last cell is far from the last cells of the rows above, as a number that lost its end is."""
     above = [c for c in (row.rsplit(b",", 1)[-1].strip() for row in rows) if c and _is_number_at(c)]
     if not above:
         return False
@@ -179,7 +179,7 @@ def _cut(cell: bytes, rows: list[bytes]) -> bool:
 
 
 def _find_bad_row(path: Path, label: str, width: int) -> None:
-    """Name the first row that is short, long or not a number; returns where there is none."""
+    """Raise InputError for the first row that is short, long or not a number; return if there is none."""
     with path.open("r", encoding="utf-8", errors="replace") as handle:
         next(handle)
         for number, line in enumerate(handle, start=2):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -16,6 +17,10 @@ EDGES = np.linspace(0.0, STANDS_OUT, 161)
 FREEDOMS = np.array([1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 40.0, 100.0, 1e6])
 LEVELS = 5
 """Sizes at which outliers are counted, each twice the one before."""
+REPEATED = 2
+"""So many outliers of a size, at the least, are a fault. The largest of heavy-tailed noise has no upper limit."""
+GRID = 5000
+"""Points on either side of zero at which densities are computed, up to 100 scales."""
 BESIDE = np.array([-3, -2, -1, 1, 2, 3])
 """Neighbours within the reach of the filters that find outliers."""
 
@@ -55,25 +60,52 @@ def chance_of(residuals: Sequence[Array], step_dps: float) -> float:
     beyond = max(samples * 2 * tail, large + 2 * np.sqrt(large))  # expected beyond POLICY.large_spreads
     chances = []
     for least in STANDS_OUT * 2.0 ** np.arange(LEVELS):
+        count = int(np.count_nonzero(found > least))
+        if count < REPEATED:
+            break
         expected = beyond * float(t.sf(least / _unit(freedom), freedom)) / tail
-        chances.append(float(poisson.sf(int(np.count_nonzero(found > least)) - 1, expected)))
-    return min(1.0, LEVELS * min(chances))
+        chances.append(float(poisson.sf(count - 1, expected)))
+    return min(1.0, LEVELS * min(chances, default=1.0))
 
 
-def _unit(freedom: Array | float) -> Array | float:
-    """Scale of t distributions whose median absolute deviation is that of a standard normal one."""
+@cache
+def _of_deviations() -> tuple[Array, Array]:
+    """For each of ``FREEDOMS``: the distribution function at ``EDGES`` of deviations from the neighbours, and the scale.
+
+    A deviation is that of the reading less that of its neighbours, the median of three means of two readings
+    (:func:`~gyrocal.recording.outliers.between`). Its centre is therefore nearer to a normal distribution than its tail is. The
+    scale is that of the reading's t distribution whose deviations have the median of a standard normal variable.
+    """
+    from scipy.signal import fftconvolve
     from scipy.stats import t
 
-    return 1 / (ROBUST * t.ppf(0.75, freedom))
+    step = 100 / GRID
+    x = step * np.arange(-GRID, GRID + 1)
+    cdfs, units = [], []
+    for freedom in FREEDOMS:
+        one = t.pdf(x, freedom)
+        mean = 2 * step * fftconvolve(one, one)[::2]  # at 2x = a + b the mean of two is x
+        below = np.clip((np.cumsum(mean) - mean / 2) * step, 0.0, 1.0)
+        median = 6 * mean * below * (1 - below)
+        density = fftconvolve(one, median, mode="same")[GRID:]
+        within = (2 * np.cumsum(density) - density - density[0]) * step
+        within *= (1 - 2 * t.sf(x[-1], freedom)) / within[-1]
+        unit = 1 / (ROBUST * float(np.interp(0.5, within, x[GRID:])))
+        cdfs.append(np.interp(EDGES / unit, x[GRID:], within))
+        units.append(unit)
+    return np.array(cdfs).T, np.array(units)
+
+
+def _unit(freedom: float) -> float:
+    """Scale of the t distribution of readings whose deviations have the median of a standard normal variable."""
+    return float(np.interp(np.log(freedom), np.log(FREEDOMS), _of_deviations()[1]))
 
 
 def _freedom(histogram: Array) -> float:
     """The fewest degrees of freedom that the histogram of deviations below ``STANDS_OUT`` spreads allows."""
-    from scipy.stats import t
-
     if not histogram.any():
         return float(FREEDOMS[-1])
-    cdf = t.cdf(EDGES[:, None] / _unit(FREEDOMS), FREEDOMS)
+    cdf = _of_deviations()[0]
     inside = np.diff(cdf, axis=0) / (cdf[-1] - cdf[0])
     loglik = histogram @ np.log(np.maximum(inside, 1e-300))
     return float(FREEDOMS[int(np.argmax(loglik > loglik.max() - POLICY.tail_loss))])

@@ -1,4 +1,4 @@
-"""How a reading follows the true rate in time: late, filtered, or by a clock that runs fast or slow."""
+"""The timing of a reading relative to the true rate: a delay, a filter, or a clock that is fast or slow."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 REACH = 1.5
 """Mean steps of the reference. A moment that is further from every sample of the reference has no true rate."""
 FORGOTTEN = 1e-5
-"""Of the motion: a filter's memory of what was before the first sample has faded to less."""
+"""Fraction of the motion to which a filter's memory of the time before the first sample has decayed."""
 WIDTHS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0)
 """Bandwidths of the spline that smooths the reference, in steps of it."""
 NEGLIGIBLE_NOISE = 2e-3
 """Noise of the reference that needs no smoothing, as a fraction of the motion's change from sample to sample."""
 LARGEST_LOSS = 0.3
-"""Of the error that the reference's noise gives a scale: twice-smoothed motion loses no more than this."""
+"""Largest loss of a twice-smoothed motion, as a fraction of the error that the reference's noise gives a scale."""
 STEP = 0.01
 """Relative step of the numerical derivative by the filter's time constant."""
 

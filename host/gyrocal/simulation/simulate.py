@@ -146,57 +146,57 @@ def simulate(
     ``effects`` are ``"id:name=value,..."`` or ``(id, {name: value})``; parameters left out take their default, phases are drawn
     for each run. A part, drawn by its number ``sensor`` (None: the seed), has a scale within 3 % and a bias within 10 deg/s on
     each axis. With ``vary`` they differ between scenarios. ``table2`` is ``paper`` with sensors and effects that make its
-    baseline err as the paper's. A ``plan`` takes the place of the campaign. Its runs follow those of the session
-    ``add_to``, of the same part where that was simulated with this seed and these effects. Returns the session and its truth;
-    ``out`` None: nothing is written.
+    baseline err as the paper's. A ``plan`` takes the campaign's place; its runs follow those of the session ``add_to``, of the
+    same part where that was simulated with this seed and these effects. Returns both; ``out`` None: nothing is written.
     """
-    _check(campaign, seconds)
-    if add_to is not None and (plan is None or add_to.sample_rate_hz != RATE_HZ):
-        raise InputError(f"--add-to: needs --plan, and a session at {RATE_HZ:g} Hz")
+    _check(campaign, seconds, plan, add_to)
     wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
-    if out is not None:
-        check_new(Path(out))
+    check_new(out)
     chosen = CAMPAIGNS[campaign]
     runs_of = chosen.plan(scenarios, seconds) if plan is None else of_plan(plan)
     if campaign == HANDS:
         return _by_hand(out, wanted, seed, seed if sensor is None else sensor, runs_of, parquet)
     rng, weather = np.random.default_rng(seed), np.random.default_rng((seed, 1))
     own, planted = Sensor.of(wanted, turn_on_sd_dps, part(campaign, seed if sensor is None else sensor), rng)
-    mine = sorted({p.day for p in runs_of})
+    mine, before = sorted({p.day for p in runs_of}), 0 if add_to is None else len(add_to.runs)
     rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in (mine if add_to is None else add_to.days)}
     scale, bias_dps = own.draw(rng)
-    before = 0 if add_to is None else len(add_to.runs)
     if before:
-        rng, weather = np.random.default_rng((seed, before)), np.random.default_rng((seed, before, 1))
+        rng, weather = np.random.default_rng((seed, before, *mine)), np.random.default_rng((seed, before, *mine, 1))
         rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in mine}
     days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
-    runs: list[Run] = []
-    truths: list[RunTruth] = []
+    runs, truths = list[Run](), list[RunTruth]()
     shared: dict[str, base.Values] = {}
     several = len({p.axis for p in runs_of}) > 1
     turn_on_dps = np.zeros(3)
     for i, planned in enumerate(runs_of):
-        day = days[planned.day]
-        if i == 0 or planned.scenario != runs_of[i - 1].scenario:
-            if i and planned.day == runs_of[i - 1].day:
-                day.switch_off(runs_of[i - 1].power_on_s + runs_of[i - 1].seconds)
-                cycles = len({p.scenario for p in runs_of[:i] if p.day == planned.day})
-                day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
+        if _begins_cycle(runs_of, i, days):
             turn_on_dps = np.array([own.turn_on_bias.draw_dps(rng) for _ in AXES])
-            # the paper's scenarios differ in scale and bias by more than a turn-on (its Fig. 4)
-            if vary or campaign == "table2":
+            if vary or campaign == "table2":  # the paper's scenarios differ by more than a turn-on (its Fig. 4)
                 scale, bias_dps = own.draw(rng)
         truth = RunTruth(f"{before + i:03d}_{planned.face}.csv", scale.tolist(), (bias_dps + turn_on_dps).tolist())
         extra = table2_draw(rng) if campaign == "table2" else []
-        runs.append(simulate_run(before + i, planned, truth, [*planted, *extra], shared, own, day, several, rng))
+        runs.append(simulate_run(before + i, planned, truth, [*planted, *extra], shared, own, days[planned.day], several, rng))
         truths.append(truth)
         if progress is not None:
             progress(i + 1, len(runs_of))
-    axis = runs_of[0].axis if not several else "z"
-    session = Session(RATE_HZ, tuple(runs), axis, "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
-    session = session if add_to is None else add_to.with_runs([*add_to.runs, *runs])
+    axis = "z" if several else runs_of[0].axis
+    session = add_to or Session(RATE_HZ, (), axis, "LSM6DSO (simulated)", FULL_SCALE_DPS, LSB_DPS)
+    session = session.with_runs([*session.runs, *runs])
     record = _record(campaign, seed, {i for i, _ in wanted}, own, truths)
     return (session if out is None else saved(session, out, record, parquet)), record
+
+
+def _begins_cycle(plan: Sequence[Planned], i: int, days: Mapping[int, Day]) -> bool:
+    """True if a run begins a power cycle; the part then was without power since the run before it."""
+    if i and plan[i].scenario == plan[i - 1].scenario:
+        return False
+    if i and plan[i].day == plan[i - 1].day:
+        day = days[plan[i].day]
+        day.switch_off(plan[i - 1].power_on_s + plan[i - 1].seconds)
+        cycles = len({p.scenario for p in plan[:i] if p.day == plan[i].day})
+        day.off(PAUSE_S if cycles % PAUSE_EVERY == 0 else OFF_S)
+    return True
 
 
 def _by_hand(
@@ -217,7 +217,9 @@ def _by_hand(
     return (session if out is None else saved(session, out, record, parquet)), record
 
 
-def _check(campaign: str, seconds: float | None) -> None:
+def _check(campaign: str, seconds: float | None, plan: PlannedRuns | None, add_to: Session | None) -> None:
+    if add_to is not None and (plan is None or add_to.sample_rate_hz != RATE_HZ):
+        raise InputError(f"--add-to: needs --plan, and a session at {RATE_HZ:g} Hz")
     if campaign not in CAMPAIGNS:
         raise InputError(f"--campaign {campaign}: there are {', '.join(CAMPAIGNS)}{did_you_mean(campaign, CAMPAIGNS)}")
     if seconds is not None and not 2.0 / RATE_HZ <= seconds < np.inf:

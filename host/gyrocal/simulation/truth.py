@@ -32,10 +32,12 @@ def saved(session: Session, out: str | Path, record: Mapping[str, Any], parquet:
     return saved
 
 
-def check_new(out: Path) -> None:
-    if out.exists():
-        raise InputError(f"{out}: is there already; choose another name or remove it")
-    _check_replaceable(Path(f"{out}.truth.json"))
+def check_new(out: str | Path | None) -> None:
+    """Raise InputError if the session's folder exists already, or if a file that is no truth has the truth's name."""
+    if out is not None:
+        if Path(out).exists():
+            raise InputError(f"{out}: exists already; choose another name or remove it")
+        _check_replaceable(Path(f"{out}.truth.json"))
 
 
 def _check_replaceable(truth: Path) -> None:
@@ -46,4 +48,4 @@ def _check_replaceable(truth: Path) -> None:
         except (OSError, ValueError, KeyError, TypeError):
             ours = False
         if not ours:
-            raise InputError(f"{truth}: is there already and holds no truth of a simulation; choose another name")
+            raise InputError(f"{truth}: exists already and holds no truth of a simulation; choose another name")

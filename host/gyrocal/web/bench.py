@@ -21,17 +21,17 @@ from gyrocal.inference.blocks import known_dps
 from gyrocal.policy import POLICY
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
-from gyrocal.web import intake
+from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
 from gyrocal.web.decimate import Pyramid
 from gyrocal.web.doubt import doubts
-from gyrocal.web.fall import Levels
+from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
 from gyrocal.web.mend import Mend, apply
 from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
+from gyrocal.web.told import Change
 from gyrocal.web.views import (
-    Bar,
     CalibrationView,
     Card,
     DiagnosisView,
@@ -102,6 +102,14 @@ class Bench:
     def look(self, file: Path, asked: intake.Asked, progress: Progress) -> intake.Looked:
         """Look at a file that may be imported."""
         return intake.look(file, asked)
+
+    def look_by_gravity(self, folder: Path, progress: Progress) -> by_gravity.GravityView:
+        """Compare the default model with a session by gravity."""
+        return by_gravity.look(folder, progress)
+
+    def missing_by_gravity(self, folder: Path, progress: Progress) -> tuple[str, list[list[str]]]:
+        """Diagnose a session by gravity."""
+        return by_gravity.missing(folder)
 
     def take(self, file: Path, asked: intake.Asked, out: Path, progress: Progress) -> Path:
         """Import a file as a new session."""
@@ -175,7 +183,7 @@ class Bench:
         return ExportView(folder, opened.effect_ids, self.verify(network, progress))
 
     def report(
-        self, recording: Recording, source: str, toml: str, bars: Sequence[Bar], floor_mdps: float,
+        self, recording: Recording, source: str, toml: str, fall: Fall | None, story: Sequence[Change],
         diagnosis: DiagnosisView | None, calibration: CalibrationView | None, progress: Progress,
     ) -> str:  # fmt: skip
         """Write everything on the screen as one HTML file."""
@@ -183,7 +191,7 @@ class Bench:
         if found is None or found.fit.model.toml() != toml:
             found = compare(session, self._model(source), progress=progress)
         progress("drawing")
-        return page(recording.path.name, found, bars, floor_mdps, diagnosis, calibration)
+        return page(recording.path.name, found, fall, story, diagnosis, calibration, sorted(recording.excluded))
 
     # Functions that several of these methods use.
 

@@ -94,13 +94,15 @@ def apply(folder: Path, mend: Mend, out: Callable[[], Path]) -> Path:
 
 
 def _in_degrees(folder: Path, mend: Mend, out: Path) -> Path:
-    """Write the session with readings or reference in deg/s, whichever of them takes the warning away."""
+    """Write the session with readings or reference in deg/s, whichever of them takes the warning away and brings no other."""
     from gyrocal.plausibility import check
 
     session = Session.open(folder)
+    before = sum(w.blocking for w in check(session))
     for convert in (_readings, _reference):
         converted = session.with_runs([convert(run) for run in session.runs])
-        if not any(w.code == mend.code for w in check(converted)):
+        found = check(converted)
+        if sum(w.blocking for w in found) < before and not any(w.code == mend.code for w in found):
             converted.save(out)
             return out
     raise InputError(f"{folder}: neither readings nor reference agree in deg/s throughout; give the units when importing")

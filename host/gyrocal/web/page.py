@@ -18,8 +18,14 @@ from gyrocal.web.surprise import Hunt
 
 PANELS = {"live": "Live", "compare": "Compare", "diagnose": "Diagnose", "calibrate": "Calibrate & export"}
 """The panels, each a file of ``panels``. They are imported when they are shown, or after the first page is drawn."""
+OF_SESSION = ("compare", "diagnose", "calibrate")
+"""The panels of a session on a table; one by gravity has a panel of its own in their place."""
 TITLES = PANELS | {"import_": "Import"}
 DRAWN_S = 1.0
+UNDRAWN = """import("%s").then(({default: chart}) => {
+    chart.beforeUnmount = function () { this.chart?.dispose(); };
+}, () => {})"""
+"""NiceGUI's chart is made shortly after its element, and cannot be removed in between without this."""
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
 _hunts: list[Hunt] = []
@@ -39,6 +45,7 @@ class Tab:
         self.view = view
         self.dark = False
         self.hunt = _hunts[0]
+        self._gravity = self.bench.gravity
         self._update: Callable[[Topic], None] = lambda _: None
 
     @property
@@ -47,7 +54,7 @@ class Tab:
 
     def _query(self) -> str:
         """The part of the address that names the session, so that the address opens it again."""
-        session = self.bench.session
+        session = self.bench.session or self.bench.gravity
         return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
 
     def build(self) -> None:
@@ -92,7 +99,8 @@ class Tab:
         with self._content:
             if view in TITLES:
                 ui.html(f"<h1>{html.escape(TITLES[view])}</h1>", sanitize=False).classes("unseen")
-            self._update = _panel(view)(self)
+            self._update = _panel("gravity" if self.bench.gravity is not None and view in OF_SESSION else view)(self)
+            ui.run_javascript(UNDRAWN % _chart_module())
         self._hunt()
 
     def _hear(self, topic: Topic) -> None:
@@ -108,9 +116,13 @@ class Tab:
             with self._content:
                 ui.notify(bench.message, position="bottom", timeout=9000, close_button="Close", multi_line=True)
         elif topic == "session":
-            self._name.text = "" if bench.session is None else bench.places.name(bench.session.path)
-            if bench.session is not None:
+            opened = bench.session or bench.gravity
+            self._name.text = "" if opened is None else bench.places.name(opened.path)
+            if opened is not None:
                 ui.navigate.history.replace(address(self.view) + self._query())
+            if bench.gravity is not self._gravity:
+                self._gravity = bench.gravity
+                self.go(self.view, push=False)
         if topic in ("session", "model"):
             self._hunt()
         with self._content:
@@ -151,6 +163,13 @@ MARK = (
 )
 
 
+def _chart_module() -> str:
+    from nicegui import __version__
+
+    assert ui.echart.component is not None
+    return f"/_nicegui/{__version__}/components/{ui.echart.component.key}"
+
+
 def address(view: str) -> str:
     """The path of a panel's page; the underscore keeps a module's name from being a keyword."""
     return f"/{view.rstrip('_')}"
@@ -166,7 +185,7 @@ def register() -> None:
 
     def index() -> None:
         bench = _bench[0]
-        looking = bench.opening or bench.session is not None
+        looking = bench.opening or bench.session is not None or bench.gravity is not None
         Tab("compare" if looking else "live" if bench.live.port else "start").build()
 
     ui.page("/")(index)

@@ -123,6 +123,12 @@ class Places:
         made = told.get("made_on", date)
         return Listed(folder, self.name(folder), str(told.get("sensor") or "gyroscope"), str(made), len(files), size)
 
+    def is_by_gravity(self, folder: Path) -> bool:
+        """True if session.toml says that the reference is gravity."""
+        with (folder / "session.toml").open("rb") as header:
+            reference = tomllib.load(header).get("reference")
+        return isinstance(reference, dict) and reference.get("kind") == "gravity"
+
     def name(self, path: Path) -> str:
         """The name of a folder for display, relative to the folder in which it was found."""
         for root in self.roots:

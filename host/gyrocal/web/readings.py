@@ -126,8 +126,7 @@ class Readings:
         if time.monotonic() - self._read > READ_S:
             self._read = time.monotonic()
             self._numbers(samples.latest(self._window.value)[:, 1:])
-        if not self._chart.is_deleted:
-            background_tasks.create(self._send(self._options(frame)))
+        background_tasks.create(self._send(self._options(frame)))
 
     def _numbers(self, rows: Any) -> None:
         """The latest values, or mean and scatter of the window."""
@@ -155,6 +154,8 @@ class Readings:
         self._in_flight += 1
         try:
             with contextlib.suppress(TimeoutError):
+                if self._chart.is_deleted:  # the panel was left meanwhile
+                    return
                 how = {"silent": True, "lazyUpdate": True}
                 await self._chart.run_chart_method("setOption", options, how, timeout=2.0)
         finally:

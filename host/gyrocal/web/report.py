@@ -1,38 +1,134 @@
-"""Everything on the screen as one self-contained HTML file."""
+"""The whole story of a session and its model as one self-contained HTML file."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from typing import Any
 
-from gyrocal.api import Comparison
+import numpy as np
+
+from gyrocal.api import Comparison, Session
+from gyrocal.effects import base
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows
-from gyrocal.web import charts
-from gyrocal.web.views import Bar, CalibrationView, Card, DiagnosisView
+from gyrocal.web import charts, scatter
+from gyrocal.web.fall import Fall
+from gyrocal.web.told import Change
+from gyrocal.web.views import CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence
+
+CORRELATED = 0.3
+"""Correlations of less are not listed."""
+UNITS = {"_dps_per_c": "deg/s/degC", "_dps": "deg/s", "_deg": "deg", "_c": "degC", "_g": "g", "_hz": "Hz", "_s": "s"}
+"""Units by the ends of names, for parameters that no effect declares."""
 
 
 def page(
-    name: str, found: Comparison, bars: Sequence[Bar], floor_mdps: float,
-    diagnosis: DiagnosisView | None, calibration: CalibrationView | None,
+    name: str, found: Comparison, fall: Fall | None, story: Sequence[Change], diagnosis: DiagnosisView | None,
+    calibration: CalibrationView | None, left_out: Sequence[str] = (),
 ) -> str:  # fmt: skip
-    """The report as HTML text."""
+    """The report as HTML text.
+
+    ``diagnosis`` is that of the model that the report is about, and None if it was not diagnosed. ``left_out`` are the files of
+    the runs that are left out of every fit.
+    """
+    compared, session = found.to_json(), found.fit.session
     drawn = [
         ("Residual against time", pictures.png_data(pictures.residual_against_time(found))),
         ("Spectrum", pictures.png_data(pictures.spectra(found))),
         ("Allan deviation", pictures.png_data(pictures.allan(found))),
     ]
-    compared = found.to_json()
-    blocks = charts.blocks(charts.LIGHT, bars)
+    blocks = charts.blocks(charts.LIGHT, [] if fall is None else fall.bars)
+    open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
-        model=", ".join(compared["model"]), held_out=found.held_out, levels=level_rows(found), where=found.where,
-        pictures=drawn, bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, floor_mdps=floor_mdps,
-        diagnosis=diagnosis, calibration=calibration, parameters=compared["parameters"], evidence=evidence, drawn=_drawn,
+        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), where=found.where, pictures=drawn,
+        bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, fall=fall, story=story,
+        missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
+        adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),
+        correlations=[row for axis, one in found.fit.axes.items() for row in _correlations(axis, one)],
+        toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story),
+        scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
+        meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
     )  # fmt: skip
+
+
+def _facts(session: Session, left_out: Sequence[str]) -> list[tuple[str, str]]:
+    """What was measured, in rows of name and value."""
+    runs = session.runs
+    seconds = sum(run.duration_s for run in runs)
+    days = sorted({run.day for run in runs if run.day is not None})
+    warmth = [t for run in runs if (t := run.column("temp_c")) is not None]
+    rows = [
+        ("sensor", session.sensor or "not stated"),
+        ("made on", session.made_on or "not stated"),
+        ("axis", f"{session.axis}, {session.sample_rate_hz:g} samples a second"),
+        ("runs", f"{len(runs)} in {len(session.scenarios)} power cycles, {seconds:.0f} s, {sum(map(len, runs)):,} samples"),
+    ]
+    if days:
+        rows.append(("days", ", ".join(map(str, days))))
+    if warmth:
+        low, high = min(float(np.nanmin(t)) for t in warmth), max(float(np.nanmax(t)) for t in warmth)
+        rows.append(("temperature", f"{low:.1f} to {high:.1f} °C"))
+    if left_out:
+        rows.append(("left out of every fit", ", ".join(sorted(left_out))))
+    return rows
+
+
+def _runs(session: Session) -> list[list[str]]:
+    """File, power cycle, day, face, axis, rate and length of each run."""
+    rows = []
+    for run in session.runs:
+        rate = "by a reference" if run.table_rate_dps is None else f"{run.table_rate_dps:g}"
+        if run.turn_deg is not None:
+            rate = f"turned by {run.turn_deg:g} deg"
+        day = "" if run.day is None else str(run.day)
+        rows.append([run.file, run.scenario, day, run.face, run.axis, rate, f"{run.duration_s:.1f}"])
+    return rows
+
+
+def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The parameters, each with its unit."""
+    kinds = base.effects()
+
+    def unit(effect: str, name: str) -> str:
+        declared = {p.name: p.unit for p in kinds[effect].parameters} if effect in kinds else {}
+        return declared.get(name) or next((u for end, u in UNITS.items() if name.endswith(end)), "")
+
+    return [{**p, "unit": unit(p["effect"], p["name"])} for p in parameters]
+
+
+def _correlations(axis: str, fitted: AxisFit) -> list[list[str]]:
+    """Pairs of shared coefficients of an axis whose estimates depend on each other: axis, both names, correlation."""
+    fixed, cov = fitted.design.layout.fixed, fitted.solution.cov
+    sd = np.sqrt(np.diag(cov))
+    several = {term for term, column in fixed if column}
+    names = [
+        f"{fitted.terms[term].effect_id}, column {column + 1}" if term in several else fitted.terms[term].effect_id
+        for term, column in fixed
+    ]
+    rows = []
+    for i in range(len(fixed)):
+        for j in range(i):
+            if sd[i] > 0 and sd[j] > 0 and abs(cov[i, j]) > CORRELATED * sd[i] * sd[j]:
+                rows.append([axis, names[j], names[i], f"{cov[i, j] / (sd[i] * sd[j]):+.2f}"])
+    return rows
+
+
+def _commands(name: str, story: Sequence[Change]) -> list[str]:
+    """The command lines that repeat what the report shows."""
+    session = shlex.quote(name)
+    first = [f"gyrocal compare {session}", f"gyrocal diagnose {session}"]
+    if not story:
+        return [*first, f"gyrocal calibrate {session} --model default"]
+    changes = [change.command(session) for change in story]
+    last = [f"gyrocal {verb} {session} --model model.toml" for verb in ("compare", "calibrate")]
+    return [*first, *changes, *last]
 
 
 def _drawn(card: Card) -> str:
     assert card.signature is not None
-    return charts.signature_svg(card.signature.dots, card.signature.line, "signature")
+    return charts.signature_svg(card.signature.dots, card.signature.line, card.signature.title)

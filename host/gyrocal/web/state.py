@@ -16,6 +16,7 @@ from gyrocal.web.jobs import Cancelled, Jobs
 from gyrocal.web.live import Live
 from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write_models
 from gyrocal.web.places import Places
+from gyrocal.web.told import story
 from gyrocal.web.training import Training
 from gyrocal.web.views import (
     CalibrationView,
@@ -29,12 +30,12 @@ from gyrocal.web.views import (
 )
 
 if TYPE_CHECKING:
+    from gyrocal.web.by_gravity import GravityView
     from gyrocal.web.fall import Fall
     from gyrocal.web.mend import Mend
     from gyrocal.web.traces import Traces
 
 Topic = Literal["session", "runs", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
-
 
 
 class Workbench:
@@ -53,6 +54,8 @@ class Workbench:
         self.excluded: frozenset[str] = frozenset()
         """The files of the runs that are left out of every fit."""
         self.models = Models()
+        self.gravity: GravityView | None = None
+        """The open session if its reference is gravity; :attr:`session` is None then."""
         self.steps: list[Step] = []
         self.undone: list[Step] = []
         self._views: dict[str, ModelView] = {}
@@ -117,9 +120,12 @@ class Workbench:
             path = self.places.session(folder)
             self.jobs.cancel()
             self._forget()
-            self.opening = True
+            title, self.opening = f"Opening {self.places.name(path)}", True
             try:
-                self.session = await self.jobs.run(f"Opening {self.places.name(path)}", "open", path)
+                if self.places.is_by_gravity(path):
+                    self.gravity = await self.jobs.run(title, "look_by_gravity", path)
+                    return
+                self.session = await self.jobs.run(title, "open", path)
             finally:
                 self.opening = False
                 self.changed("session")
@@ -149,7 +155,6 @@ class Workbench:
         """The answer of a method of the worker; None if it failed, which the user is told."""
         with self._telling():
             return await self.jobs.run(title, method, *args)
-        return None
 
     async def diagnose(self) -> None:
         with self._telling():
@@ -233,11 +238,9 @@ class Workbench:
         """Write everything on the screen as one HTML file and return its path; None if it failed."""
         with self._telling():
             if self.session is not None and self.step is not None:
-                fall = self.fall()
-                bars, floor_mdps = ([], 0.0) if fall is None else (fall.bars, fall.floor_mdps)
                 text: str = await self.jobs.run(
-                    "Writing the report", "report", self.recording, self.step.source, self.step.view.toml,
-                    bars, floor_mdps, self.diagnosed, self.calibration,
+                    "Writing the report", "report", self.recording, self.step.source, self.step.view.toml, self.fall(),
+                    story(self.steps, self._diagnoses), self.diagnosis, self.calibration,
                 )  # fmt: skip
                 return text
         return None
@@ -329,7 +332,7 @@ class Workbench:
     # How it comes about.
 
     def _forget(self) -> None:
-        self.session = self.traces = self.diagnosed = self.before = self.exported = None
+        self.session = self.traces = self.gravity = self.diagnosed = self.before = self.exported = None
         self._diagnoses, self._calibrations = {}, {}
         self.steps, self.undone, self._views = [], [], {}
         self.excluded, self.models = frozenset(), Models()

@@ -16,7 +16,7 @@ Axis = Literal["x", "y", "z"]
 
 def run(
     sessions: Annotated[list[Path] | None, typer.Argument(help="Sessions to train `paper` on; simulated data if none.")] = None,
-    net: Annotated[Net, typer.Option(help="Which network: the paper's, or ours, which also says how sure it is.")] = "paper",
+    net: Annotated[Net, typer.Option(help="The paper's network, or ours, which also gives standard deviations.")] = "paper",
     model: Annotated[
         str | None, typer.Option(help="Simulate from this fitted error model (TOML) instead of the campaign table2.")
     ] = None,

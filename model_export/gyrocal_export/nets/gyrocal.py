@@ -1,8 +1,8 @@
-"""Network `gyrocal`: from the readings of one face about their mean to a correction of that mean and its precision.
+"""Network `gyrocal`, which estimates a correction of the mean of one face's readings and its precision.
 
-A face at true rate w determines only one number, u = w·scale + bias. Its mean over 2, 4 or 6 s is a first estimate, with an
-error that ripple and transient leave in it. The network is the head of Fig. 2, the same for both faces. Its input is the
-readings less their mean, its output a correction and a precision. Therefore a constant added to the readings is added to the
+A face at true rate w determines only one number, u = w·scale + bias. Its mean over 2, 4 or 6 s is a first estimate, which
+ripple and transient bias. The network is the head of Fig. 2, the same for both faces. Its input is the readings less their
+mean, and its output is a correction and a precision. Therefore a constant added to the readings is added to the
 answer, and the weights contain nothing about the spreads of scale and bias. The answers of both faces and the priors are
 combined in closed form.
 """
@@ -18,7 +18,7 @@ from torch.nn.functional import avg_pool1d, leaky_relu
 STAGES = 3
 """Number of stages: answers after 2, 4 and 6 s."""
 LARGEST_LOG_PRECISION = 9.0
-"""The largest log precision of u in units: a standard deviation of a hundredth of a unit, which no 6 s reach."""
+"""The largest log precision of u in units: a standard deviation of a hundredth of a unit, smaller than any after 6 s."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class GyrocalShape:
 
 @dataclass(frozen=True)
 class Range:
-    """Sizes of the training data: ``unit_dps``, of a column less the mean; the largest column less the mean; and the largest
-    sample less its column that is accepted."""
+    """Sizes of the training data: ``unit_dps``, the rms of a column less the mean; the largest column less the mean; and the
+    largest sample less its column that is accepted."""
 
     unit_dps: float
     column_dps: float

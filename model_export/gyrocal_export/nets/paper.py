@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 EPS = 1e-5
 INPUT_EPS = 0.01
-"""The eps of the normalisation in dps^2, about a reading's noise. It keeps the constant true rate from being amplified."""
+"""The eps of the normalisation in dps^2, about the noise of a reading. It prevents amplifying the constant true rate."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class Labels(nn.Module):
 class PaperNet(nn.Module):
     """[N, 1, 2, window] of each run (row 0 measured - true rate, row 1 true rate, dps) -> [N, 2]: scale, bias_dps.
 
-    Each image is first clipped to +-``clip_dps``, the training range of row 0. Row 1 is one constant where there is one
-    table rate; clipped, its sign is all that it tells. The rows are normalised apart (the image's rows are taken as
-    channels, which leaves the 2 x k convolution what it is): together, the rate would drown what differs from it.
+    Each image is first clipped to +-``clip_dps``, the training range of row 0. Row 1 is constant for one table rate, and shows
+    only its sign after clipping. The rows are normalised separately, as channels of the image, which does not change the 2 x k
+    convolution. If they were normalised together, the rate would hide the deviations from it.
     The last layer's outputs are in standard deviations of the training labels, ``label_mean`` and ``label_sd`` [2].
     """
 

@@ -10,25 +10,38 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .case import AXES, Array, Truth
+from .case import AXES, Array, RunTruth, Truth
 from .detectability import whitened
 from .signals import play
 
 Columns = list[Array]  # of each run, [k, n]
-LIMITS = {"drift": ("warmup",)}
-"""Rivals that hold an effect as a limit (a warm-up far slower than the recording is a drift): the simpler is the right name."""
+LIMITS = {"drift": ("warmup",), "table_ripple": ("order_tone",)}
+"""Rivals that hold an effect as a limit: the simpler is the right name. A warm-up far slower than the recording is a drift, and
+at one rate a tone of any order is a ripple where the order is a small whole number."""
+LARGEST = {
+    "bias_temperature": (0.1, 0.01, 0.001), "thermal_lag": (1.0,), "drift": (5e-3,), "warmup": (0.5,),
+    "thermal_hysteresis": (0.3,), "g_sensitivity": (0.3, 0.3, 0.3), "g2_sensitivity": (0.2,), "centripetal": (4e-5,),
+    "misalignment": (0.05,), "scale_asymmetry": (5e-3,), "scale_temperature": (1e-3,), "scale_nonlinearity": (5e-7,),
+    "spin_up": (0.03,), "lag": (0.03,), "clock_error": (5e-3,),
+}  # fmt: skip
+"""Ten times the typical size of each rival's coefficients. Beyond, the rival is not physical and passes for no effect."""
 LOWEST_TONE_HZ = 1.0
 """Of the documented vibration_tone."""
 LAGS_S = (0.5, 1.5, 5.0, 15.0, 50.0, 150.0)
 
 
-def told_apart(truth: Truth, effect: str) -> tuple[float, dict[str, float]]:
+Apart = dict[str, float]
+"""Standard errors by which an effect stands out beside each rival."""
+
+
+def told_apart(truth: Truth, effect: str, physical: bool = False) -> tuple[float, Apart]:
     """Standard errors by which the effect stands out alone, and beside each rival, on the axis that shows it best.
 
-    Scale, bias, turn-on bias and the session's other effects are projected out throughout.
+    Scale, bias, turn-on bias and the session's other effects are projected out throughout. Where only ``physical`` rivals
+    count, one that would need a size beyond ``LARGEST`` leaves all of the effect.
     """
     shown = [i for i in range(3) if any(np.any(run.injected_dps[effect][i]) for run in truth.runs)]
-    each = [_on_axis(truth, effect, axis) for axis in shown]
+    each = [_on_axis(truth, effect, axis, physical) for axis in shown]
     return max(each, default=(0.0, {}), key=lambda found: found[0])
 
 
@@ -49,7 +62,7 @@ def power(truth: Truth, effect: str) -> float:
     return total / np.sqrt(2 * coefficients)
 
 
-def _on_axis(truth: Truth, effect: str, axis: int) -> tuple[float, dict[str, float]]:
+def _on_axis(truth: Truth, effect: str, axis: int, physical: bool) -> tuple[float, Apart]:
     itself = (effect, *LIMITS.get(effect, ()))
     rivals = [(name, columns, own) for name, columns, own in shapes(truth, axis) if name not in itself]
     others = [id_ for id_ in truth.runs[0].injected_dps if id_ != effect]
@@ -68,17 +81,20 @@ def _on_axis(truth: Truth, effect: str, axis: int) -> tuple[float, dict[str, flo
         slices.append(slice(at, at + columns[0].shape[0]))
         at += columns[0].shape[0]
     base = slice(0, slices[0].start) if slices else slice(0, at)
-    alone = _left(truth, [m[base] for m in known])
-    beside: dict[str, float] = {}
+    alone = _left(truth, [m[base] for m in known])[0]
+    beside: Apart = {}
     for (name, _, own), part in zip(rivals, slices, strict=True):
         matrices = [np.concatenate([m[base], m[part]]) for m in known]
-        left = _left(truth, matrices, part.stop - part.start if own else 0)
+        left, sizes = _left(truth, matrices, part.stop - part.start if own else 0)
+        count = part.stop - part.start
+        if physical and name in LARGEST and np.any(np.abs(sizes[-count:]) > LARGEST[name][:count]):
+            left = alone
         beside[name] = min(left, beside.get(name, np.inf))
     return alone, beside
 
 
-def _left(truth: Truth, matrices: list[Array], own: int = 0) -> float:
-    """Norm of the first row beside the others; the last `own` rows have coefficients of their own in each run."""
+def _left(truth: Truth, matrices: list[Array], own: int = 0) -> tuple[float, Array]:
+    """Norm of the first row beside the others, and their coefficients; the last `own` rows have their own in each run."""
     if own:  # projected out run by run
         matrices = [_without(m[:-own], m[-own:]) for m in matrices]
     size = matrices[0].shape[0]
@@ -93,7 +109,8 @@ def _left(truth: Truth, matrices: list[Array], own: int = 0) -> float:
     scale[scale < 1e-12] = 1.0
     scaled = information / np.outer(scale, scale)
     solved = np.linalg.lstsq(scaled[1:, 1:], scaled[0, 1:], rcond=1e-9)[0]
-    return float(scale[0] * np.sqrt(max(0.0, scaled[0, 0] - scaled[0, 1:] @ solved)))
+    left = float(scale[0] * np.sqrt(max(0.0, scaled[0, 0] - scaled[0, 1:] @ solved)))
+    return left, solved * scale[0] / scale[1:]
 
 
 def _without(rows: Array, own: Array) -> Array:
@@ -120,7 +137,7 @@ def shapes(truth: Truth, axis: int) -> Iterator[tuple[str, Columns, bool]]:
         if on_table and order == round(order):
             yield "table_ripple", [w * run.rate_dps for w, run in zip(waves, runs, strict=True)], not known
     for f_hz in (f_hz for f_hz in rates_hz if f_hz >= LOWEST_TONE_HZ):
-        yield "vibration_tone", [_wave(2 * np.pi * f_hz * run.t_s) for run in runs], True
+        yield "vibration_tone", [_wave(2 * np.pi * f_hz * _moments_s(run)) for run in runs], True
 
 
 def _slow(truth: Truth, on_table: bool) -> Iterator[tuple[str, Columns]]:
@@ -149,6 +166,13 @@ def _slow(truth: Truth, on_table: bool) -> Iterator[tuple[str, Columns]]:
         yield "spin_up", [(run.rate_dps * np.exp(-run.t_s / tau_s))[None] for run in runs]
     for width_dps in (0.2, 0.5, 1.0, 2.0):
         yield "dead_band", [np.where(np.abs(run.rate_dps) < width_dps, run.rate_dps, 0.0)[None] for run in runs]
+
+
+def _moments_s(run: RunTruth) -> Array:
+    """The moments that the samples show (a poll reads the chip's newest sample), from the table's angle at a constant rate."""
+    if not run.table_rate_dps:
+        return run.t_s
+    return (run.table_angle_deg - run.table_angle_deg[0]) / run.table_rate_dps
 
 
 def _planted_waves(truth: Truth) -> tuple[set[float], set[float]]:

@@ -1,4 +1,4 @@
-/* A calibration as plain data: what include/calibration.h, written by `gyrocal export`, holds. */
+/* A calibration as plain data, the content of include/calibration.h, which `gyrocal export` writes. */
 #ifndef GC_CALIBRATION_H
 #define GC_CALIBRATION_H
 
@@ -34,15 +34,15 @@ typedef struct {
 /* Parameters stand in the order [run columns, shared columns, bias, scale]; run columns have coefficients of their own in
    each run, shared ones keep theirs. The prior is the Gaussian with this mean and with information R^T R, R upper
    triangular, n x n row-major; a zero row is flat. R must not tie run columns to the others. NULL: all flat.
-   The last n_alternatives run columns exclude each other: one of them acts in a run, each as likely as another beforehand.
-   They need priors, not tied to any other column's. */
+   The last n_alternatives run columns exclude each other: exactly one of them acts in a run, with equal prior probabilities.
+   Their priors must not be tied to those of other columns. */
 typedef struct {
     const char *name;
-    char axis;        /* 'x', 'y' or 'z': the axis it was made for */
+    char axis;        /* axis of the calibration: 'x', 'y' or 'z' */
     float rate_hz;    /* settings that a device starts with; 0 = the firmware's own */
     float table_dps;
     unsigned n_run_columns;
-    unsigned n_alternatives; /* of the run columns */
+    unsigned n_alternatives; /* number of run columns that exclude each other */
     unsigned n_shared_columns;
     const gc_effect_column_t *columns;
     float white_sd_dps; /* of one sample */

@@ -14,7 +14,7 @@ static uint32_t bits_of(float x) {
     return bits;
 }
 
-/* By bits: one integer comparison where nothing is clipped, also without an FPU. NaN stays NaN. */
+/* Works on the bits, with one integer comparison if nothing is clipped, also without an FPU. NaN stays NaN. */
 static float clip(float x, float limit, uint32_t limit_bits) {
     uint32_t bits = bits_of(x), size = bits & 0x7FFFFFFFu;
     if (size <= limit_bits || size > 0x7F800000u) {

@@ -51,7 +51,7 @@ typedef struct gc_cnn_net {
     gc_cnn_layer_t up, down;      /* the constant row of the true rate is in their bias */
     gc_cnn_layer_t combined_conv; /* its inputs: the channels of up, then those of down */
     gc_cnn_layer_t fc1, fc2;
-    const struct gc_convnet *convnet; /* network `gyrocal`, which answers in this one's place where there is one */
+    const struct gc_convnet *convnet; /* network `gyrocal`, which answers instead of this one; NULL = none */
 } gc_cnn_net_t;
 
 /* up, down: measured - true rate (dps), net->window consecutive samples of each run. w_up_dps, w_down_dps: the true

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#define WORDS_MAX 4u /* one more than the longest command has */
+#define WORDS_MAX 4u /* one more word than the longest command has */
 
 typedef struct {
     gc_text_t word[WORDS_MAX];
@@ -16,7 +16,7 @@ static bool is(const gc_words_t *words, unsigned i, const char *text) {
     return i < words->n && gc_text_equals(words->word[i], text);
 }
 
-/* GC_OK, or why the state does not allow it. */
+/* Returns GC_OK, or the error with which the state refuses the trigger. */
 static int allowed(const gc_device_t *d, gc_trigger_t trigger) {
     const int next = gc_state_next(d->state, trigger);
     return next < 0 ? next : GC_OK;
@@ -127,7 +127,7 @@ static void tell_setting(gc_device_t *d, const char *command, gc_setting_t row) 
     gc_tell_end(&d->teller);
 }
 
-/* Takes a changed setting: keeps it, and sets the sensor up again where it must know. */
+/* Stores a changed setting, and sets the sensor up again if the setting concerns it. */
 static int change_setting(gc_device_t *d, const char *command, gc_setting_t row, gc_text_t word) {
     const gc_settings_t before = d->settings.now;
     gc_settings_t settings = before;
@@ -181,7 +181,7 @@ static const struct {
     {"undo", do_undo},
 };
 
-/* More words than any command has: GC_E_ARGUMENT. */
+/* Returns GC_E_ARGUMENT for more words than any command has. */
 static int split(const char *line, size_t n, gc_words_t *words) {
     size_t i = 0;
     words->n = 0;

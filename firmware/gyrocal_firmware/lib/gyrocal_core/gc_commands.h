@@ -1,4 +1,4 @@
-/* Commands, one a line, in plain words; each is answered by $ACK or $ERR. PROTOCOL.md lists them. */
+/* Commands are lines of plain words, and each is answered by $ACK or $ERR. PROTOCOL.md lists them. */
 #ifndef GC_COMMANDS_H
 #define GC_COMMANDS_H
 

@@ -95,7 +95,7 @@ static float neuron(const gc_cnn_layer_t *layer, uint32_t i, const float *x, uin
     return layer->bias[i] + layer->step[i] * dot(layer->code + i * n, x, n);
 }
 
-/* A kernel's weights as they are multiplied: unpacked once for all times. */
+/* The weights of a kernel, unpacked once for all times. */
 static void unpack(const int8_t *code, uint32_t n, float *weight) {
     for (uint32_t i = 0; i < n; i++) {
         weight[i] = (float)code[i];
@@ -258,10 +258,10 @@ int gc_convnet_face(const gc_convnet_t *net, const int16_t *counts, unsigned sta
 
 void gc_convnet_merge(const gc_calibration_t *calibration, const gc_convnet_face_t *up, const gc_convnet_face_t *down,
                       gc_answer_t *answer) {
-    double mean[2] = {0.0, 0.0};           /* of the prior: bias, scale */
+    double mean[2] = {0.0, 0.0};           /* mean of the prior: bias, scale */
     double root[3] = {0.0, 0.0, 0.0};      /* square root of its information: [0 1; . 2] */
     if (calibration != NULL && calibration->prior_mean != NULL && calibration->prior_sqrt_information != NULL) {
-        /* the last triangle of a square root holds what is known of the last parameters whatever the others are */
+        /* the last triangle of a square root is the marginal information of the last parameters */
         const unsigned n = calibration->n_run_columns + calibration->n_shared_columns + 2u;
         const double *last = calibration->prior_sqrt_information + (size_t)n * n - 1u;
         mean[0] = calibration->prior_mean[n - 2u];

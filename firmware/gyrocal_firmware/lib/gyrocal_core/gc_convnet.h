@@ -1,8 +1,9 @@
-/* Network `gyrocal`: the readings of each face -> scale and bias with their standard deviations.
+/* Network `gyrocal`, which estimates scale and bias with their standard deviations from the readings of each face.
  *
- * A face at true rate w says something of u = w scale + bias alone. Its mean is a first answer; a convolutional network, one for
- * both faces, takes the readings less their mean and gives a correction and its precision. Nothing of how scale and bias are
- * spread is in the weights: two faces and the priors of calibration.h meet in closed form. One set of weights for 2, 4 and 6 s.
+ * A face at true rate w determines only u = w scale + bias. Its mean is a first estimate. A convolutional network, the same for
+ * both faces, takes the readings less their mean and gives a correction and its precision. The weights do not depend on the
+ * distribution of scale and bias, because two faces and the priors of calibration.h are combined in closed form. One set of
+ * weights serves 2, 4 and 6 s.
  *
  * The numbers are those of the quantised ONNX graph that the table was made from (int8 weights, float32 activations) to float
  * rounding, and the same bits on every CPU: the order of sums is fixed. Means and the merge are in double, sums of raw counts in

@@ -6,20 +6,20 @@
 #include <math.h>
 #include <string.h>
 
-#define NET_ROOM 20u /* of $HEL: long names are cut */
-#define TABLE_RATE_FRACTION 0.03 /* a rate that differs by more is reported */
+#define NET_ROOM 20u /* bytes of a name in $HEL; longer names are cut */
+#define TABLE_RATE_FRACTION 0.03 /* relative deviation from table_dps above which a rate is reported */
 
 static bool is_recording(const gc_device_t *d) {
     return d->state == GC_STATE_RECORDING;
 }
 
-/* Where it is refused, the state stays. */
+/* The state stays the same if the trigger is refused. */
 static void enter(gc_device_t *d, gc_trigger_t trigger) {
     const int next = gc_state_next(d->state, trigger);
     d->state = next < 0 ? d->state : (gc_state_t)next;
 }
 
-/* ---- what it says ---- */
+/* ---- sentences ---- */
 
 void gc_device_hello(gc_device_t *d) {
     const gc_part_t *part = d->config.part;
@@ -150,7 +150,7 @@ void gc_device_save_settings(gc_device_t *d) {
 void gc_device_start(gc_device_t *d, int face, bool automatic) {
     const gc_settings_t *settings = &d->settings.now;
     const gc_sensor_t *sensor = &d->sampler.sensor;
-    gc_kept_end_dump(&d->kept); /* its windows are about to be overwritten */
+    gc_kept_end_dump(&d->kept); /* the windows of the dump are about to be overwritten */
     if (fabs(gc_run_true_rate_dps(settings, face)) > 0.0) {
         d->run = gc_pair_begin(&d->pair, settings, sensor, face, automatic, d->sampler.samples);
     } else {

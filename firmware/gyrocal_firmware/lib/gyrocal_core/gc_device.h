@@ -1,13 +1,13 @@
-/* The calibrator itself: sample -> run -> estimate -> judge -> send, for one sensor.
+/* The calibrator of one sensor. It takes samples, collects them into runs, estimates, judges and sends the answers.
  *
- *     gc_device_init(&device, &config);          sets the sensor up, says hello
+ *     gc_device_init(&device, &config);          sets the sensor up, sends a hello
  *     for (;;) {
  *         gc_device_receive(&device, bytes, n);  commands, as they come
  *         gc_device_step(&device);               waits for one sample and deals with it
  *     }
  *
- * All three from one task. PROTOCOL.md tells what is said and heard. Each member of gc_device_t but the last few belongs to a
- * module of its own; gc_device.c connects them.
+ * All three must be called from one task. PROTOCOL.md describes sentences and commands. Each member of gc_device_t except the
+ * last few belongs to a separate module; gc_device.c connects them.
  */
 #ifndef GC_DEVICE_H
 #define GC_DEVICE_H
@@ -40,7 +40,7 @@ extern "C" {
 typedef struct {
     const gc_port_t *port;
     const gc_part_t *part; /* the kind of sensor */
-    uint8_t address;       /* of the sensor on its bus */
+    uint8_t address;       /* address of the sensor on its bus */
     unsigned imu;          /* its number on the wire */
     const gc_calibration_t *calibration; /* may be NULL */
     const gc_cnn_net_t *net;             /* may be NULL */
@@ -53,7 +53,7 @@ typedef struct gc_device {
     gc_teller_t teller;
     gc_commands_t commands;
     gc_kept_settings_t settings;
-    bool settings_changed; /* in a run: kept after it */
+    bool settings_changed; /* changed during a run, after which they are stored */
     gc_kept_t kept;
     gc_sampler_t sampler;
     gc_watch_t watch;
@@ -63,7 +63,7 @@ typedef struct gc_device {
 
     gc_state_t state;
     gc_run_t *run; /* the current or the last run, alone or of the pair; NULL = none yet */
-    gc_verdict_t verdict; /* on the last answer */
+    gc_verdict_t verdict; /* verdict on the last answer */
     gc_stream_t stream;
     gc_led_t led;
     bool led_known;

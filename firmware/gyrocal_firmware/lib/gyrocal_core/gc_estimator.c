@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define BLOCK_S (1e-6 * GC_BLOCK_US)
-#define PIVOT_MIN 1e-9 /* of its column: a pivot below it is rounding, not information */
+#define PIVOT_MIN 1e-9 /* fraction of its column below which a pivot is only rounding */
 #define MAX_COLUMNS (GC_ESTIMATOR_PARAMETERS + 2u)
 
 /* State, a calibration's marginals at each checkpoint and an answer in progress fit 4 kB. */
@@ -54,7 +54,7 @@ static bool prior_row(const gc_calibration_t *c, unsigned i, unsigned begin, dou
     return any;
 }
 
-/* Alternatives stand alone: each has a prior, and no other column's prior knows of them. */
+/* Returns GC_OK if each alternative has a prior that is not tied to other columns. */
 static int check_alternatives(const gc_calibration_t *c) {
     const unsigned plain = c->n_run_columns - c->n_alternatives;
     for (unsigned i = 0; i < c->n_run_columns; i++) {
@@ -217,7 +217,7 @@ void gc_estimator_add_sample(gc_estimator_t *e, uint64_t block, double measured_
     }
 }
 
-/* A pivot that is rounding although its column holds something. */
+/* Returns whether a pivot is only rounding although its column is not zero. */
 static bool unidentified(double pivot, double norm) {
     return norm > 0.0 && !(fabs(pivot) > PIVOT_MIN * norm);
 }
@@ -237,7 +237,7 @@ void gc_estimator_marginal(gc_estimator_t *e, gc_marginal_t *marginal) {
         }
         marginal->dof -= e->norm_sq[i] > 0.0 ? 1 : 0;
     }
-    /* To drop the rows of drift and run columns is to integrate them out. */
+    /* Dropping the rows of the drift and the run columns integrates them out. */
     memcpy(marginal->norm_sq, e->norm_sq + plain, marginal->n * sizeof(double));
     memcpy(marginal->triangle, pivot, GC_TRIANGLE(marginal->n + 1u) * sizeof(double));
 }
@@ -308,7 +308,7 @@ static void average(gc_average_t *all, double factor, double chi2, const double 
     }
 }
 
-/* Bias and scale from a common triangle, into the average. GC_E_UNIDENTIFIED if it does not fix them. */
+/* Adds bias and scale from a common triangle to the average. Returns GC_E_UNIDENTIFIED if it does not determine them. */
 static int add_answer(const double *triangle, unsigned columns, const double *norm, double factor, gc_average_t *all) {
     const unsigned n = columns - 1u;
     const double *pivot = triangle;
@@ -329,7 +329,7 @@ static int add_answer(const double *triangle, unsigned columns, const double *no
     return GC_OK;
 }
 
-/* The prior on what runs share, as a triangle; returns how many of its rows are not flat, and adds to norm_sq. */
+/* Gives the prior of the shared parameters as a triangle, adds to norm_sq, and returns the number of rows that are not flat. */
 static int32_t shared_prior(const gc_calibration_t *c, double *triangle, double *norm_sq) {
     const unsigned columns = common_columns(c);
     int32_t rows = 0;
@@ -374,7 +374,7 @@ int gc_estimator_begin_solve(gc_solution_t *s, const gc_calibration_t *c, const 
     return GC_OK;
 }
 
-/* Columns or priors beyond what a double holds leave no number. */
+/* Columns or priors beyond the range of a double give no number. */
 static bool is_answer(const gc_answer_t *a) {
     return is_finite(a->scale) && is_finite(a->bias_dps) && is_finite(a->scale_se) && a->scale_se > 0.0 &&
            is_finite(a->bias_se_dps) && a->bias_se_dps > 0.0;

@@ -1,10 +1,11 @@
 /* Scale and bias by least squares on [effect columns, bias, scale], with priors and a drifting bias.
  *
- * One observation a block of 0.25 s: mean(y) - w = bias + scale w + sum c_j mean(x_j) + o + e, e white, o an
- * Ornstein-Uhlenbeck process that stands still within a block. Square-root information filter by Givens rotations
- * (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977) in float64; the drift is one state more,
- * eliminated block by block, a run's own columns at its end, and two runs meet on [shared columns, bias, scale].
- * Where a run has alternative columns, each pair of them gives an answer; they are averaged, weighed by their evidence.
+ * Each block of 0.25 s gives one observation: mean(y) - w = bias + scale w + sum c_j mean(x_j) + o + e, with white noise e
+ * and an Ornstein-Uhlenbeck process o that is constant within a block. The method is a square-root information filter by
+ * Givens rotations (Bierman, Factorization Methods for Discrete Sequential Estimation, 1977) in float64. The drift is an
+ * additional state, which is eliminated block by block. A run's own columns are eliminated at its end, and two runs are
+ * combined on [shared columns, bias, scale]. If runs have alternative columns, the answers of all pairs are averaged,
+ * weighted by their evidence.
  */
 #ifndef GC_ESTIMATOR_H
 #define GC_ESTIMATOR_H
@@ -21,16 +22,16 @@ extern "C" {
 
 #define GC_ESTIMATOR_PARAMETERS (GC_MAX_EFFECT_COLUMNS + 2u)
 #define GC_TRIANGLE(columns) ((columns) * ((columns) + 1u) / 2u)
-/* K alternatives' triangles of [8 - K shared columns, bias, scale, right-hand side]: K = 4 takes most. */
+/* The triangles of K alternatives over [8 - K shared columns, bias, scale, right-hand side] are largest in total for K = 4. */
 #define GC_MOST_CHOSEN (4u * GC_TRIANGLE(7u))
 
 /* The information of a run about [alternatives, shared columns, bias, scale]: an upper triangle by rows. Its last column is the
    right-hand side, its last element the sum of squared residuals. */
 typedef struct {
-    int error; /* GC_OK, or why there is nothing */
+    int error; /* GC_OK, or the reason why there is no information */
     unsigned n;
     int32_t dof;
-    double norm_sq[GC_ESTIMATOR_PARAMETERS]; /* of each column before rotation: what a pivot is judged by */
+    double norm_sq[GC_ESTIMATOR_PARAMETERS]; /* squared norm of each column before rotation, with which a pivot is compared */
     double triangle[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 1u)]; /* n + 1 columns */
 } gc_marginal_t;
 
@@ -40,7 +41,7 @@ typedef struct {
     int32_t dof;
     double norm_sq[GC_ESTIMATOR_PARAMETERS];
     double triangle[GC_TRIANGLE(GC_ESTIMATOR_PARAMETERS + 2u)]; /* [drift, parameters, right-hand side] */
-    bool drifting; /* a block came before: the next one moves the drift on */
+    bool drifting; /* there was a block before, so the next one advances the drift */
     uint64_t last_block;
     uint64_t block; /* the block in progress */
     uint32_t block_n;
@@ -78,10 +79,10 @@ typedef struct {
 typedef struct {
     const gc_calibration_t *calibration;
     const gc_marginal_t *first;
-    unsigned next; /* of the first run's alternatives */
+    unsigned next; /* number of the first run's alternatives */
     int32_t dof;
     double norm[GC_ESTIMATOR_PARAMETERS];
-    double second[GC_MOST_CHOSEN]; /* what the second run says under each of its alternatives */
+    double second[GC_MOST_CHOSEN]; /* the second run's triangle under each of its alternatives */
     double second_factor[GC_MAX_EFFECT_COLUMNS];
     gc_average_t all;
 } gc_solution_t;

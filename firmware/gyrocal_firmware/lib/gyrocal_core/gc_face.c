@@ -9,7 +9,7 @@
 #define SECOND_DOF 0.52        /* the same of a squared second difference */
 #define SECOND_SPREAD 1.35     /* standard deviation of their level, times the square root of the number of blocks */
 #define LOWPASS (5.0 / 9.0)    /* the part that a mean of L samples takes from second differences, times n / (L - 1/L) */
-#define MOST_LACKING 0.4       /* the largest part that is given back */
+#define MOST_LACKING 0.4       /* the largest part that is corrected for */
 #define MOST_VALUES (2u * GC_CHECKPOINTS * 2000000u / GC_BLOCK_US)
 
 void gc_face_begin(gc_face_t *face, double rate_hz) {

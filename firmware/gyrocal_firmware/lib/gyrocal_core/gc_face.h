@@ -1,6 +1,6 @@
-/* A face's first 6 s in blocks of 0.25 s: what its answer's uncertainty is judged by.
+/* Sums over a face's first 6 s in blocks of 0.25 s, from which the uncertainty of its answer follows.
  *
- * Exact integer sums in raw counts, from a stream of samples. The twin of FaceSums in host/gyrocal/calibration/uncertainty.py.
+ * The sums are exact integers in raw counts. FaceSums in host/gyrocal/calibration/uncertainty.py is the twin.
  */
 #ifndef GC_FACE_H
 #define GC_FACE_H
@@ -20,9 +20,9 @@ typedef struct {
     uint16_t n;
     uint16_t first_n;
     uint16_t second_n;
-    int32_t sum;       /* of count - origin */
-    int64_t first_sq;  /* of differences of successive samples */
-    int64_t second_sq; /* of second differences of sums over 1/16 s */
+    int32_t sum;       /* sum of count - origin */
+    int64_t first_sq;  /* sum of squared differences of successive samples */
+    int64_t second_sq; /* sum of squared second differences of sums over 1/16 s */
 } gc_face_block_t;
 
 typedef struct {
@@ -33,7 +33,7 @@ typedef struct {
     int16_t last;
     uint32_t short_samples; /* of 1/16 s */
     uint32_t short_n;
-    int64_t short_sum[3]; /* the one in progress and the two before */
+    int64_t short_sum[3]; /* the sum in progress and the two before it */
     uint32_t shorts;
     gc_face_block_t block[(GC_CHECKPOINTS * 2000000u) / GC_BLOCK_US];
 } gc_face_t;

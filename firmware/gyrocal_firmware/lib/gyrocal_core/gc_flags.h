@@ -1,4 +1,4 @@
-/* What speaks against an answer: a mask of flags. An answer without any is trusted. */
+/* Flags that are raised against an answer, as a mask. An answer without flags is trusted. */
 #ifndef GC_FLAGS_H
 #define GC_FLAGS_H
 

@@ -56,7 +56,7 @@ static void expand(uint64_t mantissa, int exponent, uint32_t limb[LIMBS], int *f
         exponent -= shift;
     }
     while (exponent < 0) {
-        const int shift = -exponent < 9 ? -exponent : 9; /* 10^9 is divisible by 2^9: what is carried stays whole */
+        const int shift = -exponent < 9 ? -exponent : 9; /* 10^9 is divisible by 2^9, so the carry stays an integer */
         uint32_t carry = 0;
         for (int i = lo; i < hi; i++) {
             const uint32_t rest = limb[i] & ((1u << shift) - 1u);
@@ -106,7 +106,7 @@ static int nine_digits(double value, uint8_t digit[DIGITS]) {
     int power = (INTEGER_LIMBS - 1 - first) * 9 + 8 - lead;
     memcpy(digit, all + lead, DIGITS);
 
-    int rest = (int)all[lead + DIGITS] * 2; /* twice what is cut off, in units of the last digit's tenth: 10 is half */
+    int rest = (int)all[lead + DIGITS] * 2; /* twice the cut-off part, in tenths of the last digit: 10 is half */
     bool beyond = false;
     for (int i = lead + DIGITS + 1; i < 2 * DIGITS; i++) {
         beyond = beyond || all[i] != 0u;

@@ -6,8 +6,8 @@
    datasheet's 1 % of scale tolerance, and 50 times its 1 dps of zero-rate level. */
 #define LARGEST_SCALE 0.15
 #define LARGEST_BIAS_DPS 50.0
-/* A sensor turns the other way where it follows the rate with less than minus this, and by so many standard errors. The response
-   of an axis across the table's is within this, of either sign: misalignment. */
+/* A sensor is reversed if it follows the rate with less than minus this fraction, by so many standard errors. Misalignment
+   makes an axis across the table's follow the rate by a smaller fraction of either sign. */
 #define OPPOSITE 0.1
 #define OPPOSITE_ERRORS 5.0
 /* A reading stands still if it does not change for this long and over this many samples, although its noise exceeds half a

@@ -1,4 +1,4 @@
-/* Raises the flags of gc_flags.h, which speak against an answer, from the readings of its runs and from the answer itself. */
+/* Raises the flags of gc_flags.h against an answer, from the readings of its runs and from the answer itself. */
 #ifndef GC_JUDGE_H
 #define GC_JUDGE_H
 

@@ -7,8 +7,8 @@
 #include <stddef.h>
 #include <string.h>
 
-#define RESULTS_VERSION 2u /* of the layout of gc_results_t; records of another version are not loaded */
-#define WINDOWS_VERSION 1u /* of the layout of gc_windows_t */
+#define RESULTS_VERSION 2u /* version of the layout of gc_results_t; records of another version are not loaded */
+#define WINDOWS_VERSION 1u /* version of the layout of gc_windows_t */
 #define COUNTS_A_LINE 16u  /* readings in one $WIN, which then fits GC_WIRE_MAX */
 #define DUMP_LINES_A_STEP 4u /* sentences of a dump between two samples */
 

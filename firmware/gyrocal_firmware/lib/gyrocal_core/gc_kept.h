@@ -1,4 +1,4 @@
-/* What a device keeps of its calibrations, over power-off too: answers, what they correct, and the raw counts behind them. */
+/* The calibrations that a device stores in flash: answers, the corrections from them, and the raw counts behind them. */
 #ifndef GC_KEPT_H
 #define GC_KEPT_H
 
@@ -18,7 +18,7 @@ extern "C" {
 
 typedef enum { GC_METHOD_BASELINE, GC_METHOD_CNN, GC_METHOD_MODEL, GC_METHOD_REST, GC_METHOD_TURN } gc_method_t;
 
-/* An answer, as a $CAL tells it. */
+/* An answer with the fields of a $CAL. */
 typedef struct {
     uint64_t t_us;
     uint64_t first, last; /* sample numbers since boot */
@@ -41,12 +41,12 @@ typedef struct {
 
 typedef struct {
     gc_record_t record;
-    uint32_t n; /* answers so far; number i stands at i % GC_KEPT_ANSWERS */
+    uint32_t n; /* number of answers so far; number i is stored at i % GC_KEPT_ANSWERS */
     uint32_t net; /* identity of the network whose answers they are */
     gc_kept_answer_t answer[GC_KEPT_ANSWERS];
     gc_correction_t correction[3];
-    gc_correction_t previous; /* what `undo` brings back */
-    int32_t undo_axis;        /* for this axis; -1 = nothing to bring back */
+    gc_correction_t previous; /* the corrections that `undo` restores */
+    int32_t undo_axis;        /* the axis that `undo` restores; -1 = none */
     int32_t reserved;
 } gc_results_t;
 
@@ -70,8 +70,8 @@ typedef struct {
 typedef struct {
     gc_results_t results;
     gc_windows_t windows;
-    bool results_changed, windows_changed; /* since they were saved */
-    uint32_t dump_line, dump_lines;        /* the next one to tell, and all */
+    bool results_changed, windows_changed; /* changed since they were saved */
+    uint32_t dump_line, dump_lines;        /* the next sentence of the dump, and their number */
 } gc_kept_t;
 
 /* Loads records that are whole and within their ranges. Answers and corrections of a network whose identity is not `net` are
@@ -83,12 +83,12 @@ int gc_kept_save(gc_kept_t *kept, const gc_port_t *port);
 /* Forgets everything that is kept. The next gc_kept_save makes it permanent. */
 void gc_kept_forget(gc_kept_t *kept);
 
-/* Tells an answer as $CAL and keeps it. */
+/* Sends an answer as $CAL and stores it. */
 void gc_kept_add(gc_kept_t *kept, gc_teller_t *teller, const gc_kept_answer_t *answer);
-/* Lets a trusted answer correct its axis, an answer at rest the bias alone of an axis that has a correction. An answer that has
-   a flag changes nothing. */
+/* Makes a trusted answer the correction of its axis. An answer at rest renews only the bias of an axis with a correction. An
+   answer with a flag changes nothing. */
 void gc_kept_correct_by(gc_kept_t *kept, const gc_kept_answer_t *answer);
-/* Brings back what corrected before. Returns the axis, or GC_E_NO_UNDO. */
+/* Restores the correction before the last one. Returns the axis, or GC_E_NO_UNDO. */
 int gc_kept_undo(gc_kept_t *kept);
 /* An empty window for a run that begins; a dump in progress ends. */
 gc_window_t *gc_kept_begin_window(gc_kept_t *kept, unsigned sense);

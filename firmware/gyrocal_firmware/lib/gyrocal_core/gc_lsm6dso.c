@@ -77,13 +77,13 @@ static int set_up(gc_sensor_t *imu) {
     const int faster = freq_fine < 128u ? freq_fine : freq_fine - 256;
     const double true_hz = GC_LSM6DSO_ROOT_HZ / (double)(1u << (GC_LSM6DSO_ROOT_CODE - imu->odr->code)); /* 12.5 stands for 13.02 */
     imu->period_us = 1e6 / (true_hz * (1.0 + GC_LSM6DSO_FREQ_FINE_LSB * faster));
-    if (error == GC_OK) { /* an I3C master is not there; its bus would take noise for its own start condition */
+    if (error == GC_OK) { /* there is no I3C master, and the interface would take noise for its start condition */
         error = gc_sensor_write_reg(imu, GC_LSM6DSO_CTRL9_XL, (uint8_t)(ctrl9 | GC_LSM6DSO_CTRL9_I3C_DISABLE));
     }
     if (error == GC_OK) {
         error = gc_sensor_write_reg(imu, GC_LSM6DSO_INT1_CTRL, GC_LSM6DSO_INT1_DRDY_G);
     }
-    const uint8_t order[] = {2, 0, 1}; /* BDU first: no word may tear once data flow */
+    const uint8_t order[] = {2, 0, 1}; /* BDU comes first, so that no word is read in two halves */
     for (size_t i = 0; i < sizeof order && error == GC_OK; i++) {
         error = gc_sensor_write_reg(imu, (uint8_t)(GC_LSM6DSO_CTRL1_XL + order[i]), imu->written[order[i]]);
     }
@@ -92,7 +92,7 @@ static int set_up(gc_sensor_t *imu) {
     }
     if (error == GC_OK) {
         port->wait_until_us(port->context, port->now_us(port->context) + GC_LSM6DSO_TURN_ON_US);
-        error = burst(imu, &imu->partial); /* its rates are discarded */
+        error = burst(imu, &imu->partial); /* the first rates are discarded */
     }
     return error;
 }
@@ -186,7 +186,7 @@ static int take_words(gc_sensor_t *imu, unsigned words, gc_batch_t *batch) {
         }
         words -= n;
     }
-    imu->fifo_broken = error != GC_OK; /* who knows where the next word begins */
+    imu->fifo_broken = error != GC_OK; /* the start of the next word is unknown */
     batch->left = (unsigned)((double)words / (2.0 + temp_hz(imu) / imu->odr_hz));
     return error;
 }

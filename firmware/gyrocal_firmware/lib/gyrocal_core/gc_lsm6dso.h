@@ -45,13 +45,13 @@ extern "C" {
 #define GC_LSM6DSO_FIFO_WORD_BYTES 7u /* a tag and three values */
 
 #define GC_LSM6DSO_BOOT_US 10000u
-#define GC_LSM6DSO_RESET_TIMEOUT_US 10000u /* the datasheet says 50 us */
+#define GC_LSM6DSO_RESET_TIMEOUT_US 10000u /* 50 us by the datasheet */
 #define GC_LSM6DSO_TURN_ON_US 80000u /* from power-down until the gyroscope's readings can be used */
 
-/* AN5192: every output data rate is this one halved, whatever round figure the datasheet calls it by. */
+/* AN5192: every output data rate is this rate halved some times; the datasheet gives rounded figures. */
 #define GC_LSM6DSO_ROOT_HZ 6667.0
 #define GC_LSM6DSO_ROOT_CODE 10u
-#define GC_LSM6DSO_FREQ_FINE_LSB 0.0015 /* by so much the part's own clock is faster than nominal, as its maker measured */
+#define GC_LSM6DSO_FREQ_FINE_LSB 0.0015 /* deviation of the part's own clock from nominal, as measured by the maker */
 
 extern const gc_part_t gc_lsm6dso;
 

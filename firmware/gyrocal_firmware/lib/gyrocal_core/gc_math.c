@@ -115,7 +115,7 @@ double gc_decay(double x) {
     const uint32_t n = (uint32_t)(x * 1.4426950408889634 + 0.5);
     const double r = ((double)n * 0.693147180369123816490 - x) + (double)n * 1.90821492927058770002e-10;
     double sum = 0.0;
-    for (unsigned k = 14; k > 0u; k--) { /* what is left out is below 5e-18 */
+    for (unsigned k = 14; k > 0u; k--) { /* the omitted terms are below 5e-18 */
         sum = sum * r + taylor[k - 1u];
     }
     const uint64_t bits = (uint64_t)(1023u - n) << 52;
@@ -127,7 +127,7 @@ double gc_decay(double x) {
 double gc_log(double x) {
     static const double inverse[] = {1.0, 1.0 / 3, 1.0 / 5, 1.0 / 7, 1.0 / 9, 1.0 / 11, 1.0 / 13, 1.0 / 15, 1.0 / 17, 1.0 / 19};
     int32_t n = 0;
-    if (x < DBL_MIN) { /* a denormal number's exponent does not tell its size */
+    if (x < DBL_MIN) { /* the exponent of a denormal number does not give its size */
         x *= 18014398509481984.0;
         n = -54;
     }
@@ -145,7 +145,7 @@ double gc_log(double x) {
     const double z = (m - 1.0) / (m + 1.0); /* at most 0.172 */
     const double square = z * z;
     double sum = 0.0;
-    for (unsigned k = 10; k > 0u; k--) { /* what is left out is below 1e-16 of it */
+    for (unsigned k = 10; k > 0u; k--) { /* the omitted terms are a fraction below 1e-16 */
         sum = sum * square + inverse[k - 1u];
     }
     return (double)n * 0.69314718055994531 + 2.0 * z * sum;

@@ -84,7 +84,7 @@ static void residuals(const gc_net_run_t *run, uint32_t from, uint32_t n, float 
 
 static int paper_go_on(const gc_net_t *net, gc_net_work_t *work, const gc_net_run_t runs[GC_SENSES],
                        const gc_calibration_t *prior, unsigned stage, bool *done, gc_net_answer_t *answer) {
-    (void)prior; /* it is in the weights */
+    (void)prior; /* the prior is in the weights */
     const uint32_t window = net->table->window;
     const gc_net_run_t *up = &runs[GC_SENSE_POSITIVE];
     const gc_net_run_t *down = &runs[GC_SENSE_NEGATIVE];

@@ -1,4 +1,4 @@
-/* A network as the device sees it, whichever one answers.
+/* The interface to a network, which is the same for all kinds.
  *
  * It takes the first samples of two runs and answers in parts, none of which takes long:
  *
@@ -40,7 +40,7 @@ typedef struct {
 } gc_net_run_t;
 
 typedef struct {
-    double scale, scale_se; /* NaN: the network has no standard errors */
+    double scale, scale_se; /* NaN if the network has no standard errors */
     double bias_dps, bias_se_dps;
 } gc_net_answer_t;
 
@@ -60,7 +60,7 @@ typedef struct gc_net gc_net_t;
 struct gc_net {
     const char *name; /* NULL: there is none */
     double rate_hz;   /* of the training data */
-    uint32_t identity; /* of its weights: answers of another network are not its own */
+    uint32_t identity; /* identity of the weights, which distinguishes its answers from those of another network */
     bool corrects;     /* its answers may correct readings */
     const gc_cnn_net_t *table;
     /* Returns GC_OK, or an error that says why the network cannot answer on this firmware. */

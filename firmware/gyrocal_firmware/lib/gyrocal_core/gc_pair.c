@@ -23,7 +23,7 @@ static const gc_run_t *partner(const gc_pair_t *pair) {
     return &pair->run[1u - pair->sense];
 }
 
-/* ---- what an answer says ---- */
+/* ---- flags and sentences of an answer ---- */
 
 static double checkpoint_s(unsigned k) {
     return 1e-6 * (double)GC_CHECKPOINT_US(k);
@@ -40,7 +40,7 @@ static double blocks(unsigned k) {
     return 2.0 * (double)GC_CHECKPOINT_US(k) / GC_BLOCK_US;
 }
 
-/* Over the first n samples of the run that goes on. Of the answers that may correct, the latest is best, by the richest method. */
+/* The answer is from the first n samples of the run in progress. The best correction is the latest, by the richest method. */
 static void give(gc_pair_t *pair, gc_method_t method, unsigned k, uint32_t n, const gc_answer_t *answer, uint32_t flags) {
     const gc_run_t *run = &pair->run[pair->sense];
     const gc_port_t *port = pair->teller->port;
@@ -101,7 +101,7 @@ static int solve_baseline(const gc_pair_t *pair, unsigned k, gc_answer_t *answer
     return gc_baseline_solve(&a->baseline.at[k], &b->baseline.at[k], a->w_dps, b->w_dps, a->lsb_dps, answer);
 }
 
-/* The next part of its answer at checkpoint k; *done: n samples of each run are answered for, 0 = none. */
+/* Computes the next part of the network's answer at checkpoint k. *done: samples of each run that are in it, 0 = none yet. */
 static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
     const gc_net_t *net = &pair->net;
     const gc_run_t *run = pair->run;
@@ -136,7 +136,7 @@ static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
     const bool of_axis = known != NULL && known->axis == *gc_axis_name(run[pair->sense].settings.axis);
     gc_net_answer_t found;
     error = net->go_on(net, &pair->due.net_work, runs, of_axis ? known : NULL, k, done, &found);
-    if (error == GC_E_NET_RANGE) { /* it leaves out this stage alone */
+    if (error == GC_E_NET_RANGE) { /* only this stage has no answer */
         *done = true;
         if (!pair->due.range_told) {
             pair->due.range_told = true;
@@ -148,13 +148,13 @@ static int ask_net(gc_pair_t *pair, unsigned k, bool *done, uint32_t *n) {
         return error;
     }
     gc_answer_t answer = {found.scale, found.scale_se, found.bias_dps, found.bias_se_dps, NAN};
-    const bool known_table = of_axis && gc_estimator_knows_sensor(known); /* a campaign's on such a table */
+    const bool known_table = of_axis && gc_estimator_knows_sensor(known); /* the network was trained for such a table */
     const uint32_t flags = gc_evidence_judge(&pair->due.evidence, known_table, &answer);
     give(pair, GC_METHOD_CNN, k, *n, &answer, flags);
     return GC_OK;
 }
 
-/* The network's answer that is due: that of the latest evidence, where its samples are there in both runs. */
+/* The network's answer that is due: that at the checkpoint of the latest evidence, if both runs have its samples. */
 static void answer_by_net(gc_pair_t *pair, bool to_the_end) {
     gc_due_t *due = &pair->due;
     const gc_run_t *run = pair->run;
@@ -180,7 +180,7 @@ static void answer_by_net(gc_pair_t *pair, bool to_the_end) {
 
 /* ---- model ---- */
 
-/* The answer in progress: its next part, or all that is left. */
+/* Computes the next part of the answer in progress, or all remaining parts. */
 static void go_on_with_model(gc_pair_t *pair, bool to_the_end) {
     gc_due_t *due = &pair->due;
     bool done = false;
@@ -225,7 +225,7 @@ static void answer_by_model(gc_pair_t *pair, unsigned k) {
     }
     due->solving = true;
     due->solved = k;
-    if (pair->calibration->n_alternatives == 0u) { /* one part, and soon done */
+    if (pair->calibration->n_alternatives == 0u) { /* one short part */
         go_on_with_model(pair, true);
     }
 }
@@ -250,7 +250,7 @@ static void add_to_estimator(gc_pair_t *pair, const gc_taken_t *sample) {
 
 /* ---- baseline ---- */
 
-/* The answer in progress: the next part of its standard errors, or all that is left. */
+/* Computes the next part of the standard errors of the answer in progress, or all remaining parts. */
 static void go_on_with_baseline(gc_pair_t *pair, bool to_the_end) {
     gc_due_t *due = &pair->due;
     bool done = false;
@@ -279,7 +279,7 @@ static void answer_by_baseline(gc_pair_t *pair, unsigned k) {
     if (!due->paired || pair->run[pair->sense].opposed || partner(pair)->baseline.checkpoints <= k) {
         return;
     }
-    due->net_next = k; /* an earlier one whose samples never came is left out */
+    due->net_next = k; /* an earlier checkpoint with missing samples is skipped */
     const unsigned seen = (unsigned)(GC_CHECKPOINT_US(k) / GC_BLOCK_US);
     const int error = gc_evidence_begin(&due->evidence, &a->seconds, &b->seconds, seen, a->w_dps, b->w_dps, a->lsb_dps);
     if (error != GC_OK) {
@@ -294,7 +294,7 @@ static void answer_by_baseline(gc_pair_t *pair, unsigned k) {
 
 /* ---- runs ---- */
 
-/* The samples that never came may lie before the checkpoint, and the one that tells so behind it. */
+/* Missing samples may lie before the checkpoint although the sample that reveals them lies behind it. */
 static uint32_t gap_flag(const gc_run_t *run, unsigned k) {
     const uint64_t seen_us = run->last_us - run->first_us;
     const uint64_t due_us = GC_CHECKPOINT_US(k);
@@ -302,7 +302,7 @@ static uint32_t gap_flag(const gc_run_t *run, unsigned k) {
     return gap ? GC_FLAG_MISSED : 0u;
 }
 
-/* Answers at the checkpoints completed since `before`, or else the next part of what was put off. */
+/* Answers at the checkpoints completed since `before`, or computes the next part of a deferred answer. */
 static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     const unsigned reached = pair->run[pair->sense].baseline.checkpoints;
     for (unsigned k = before; k < reached; k++) {
@@ -328,7 +328,7 @@ static void answer_what_is_due(gc_pair_t *pair, unsigned before) {
     }
 }
 
-/* A run of the other sense at w_dps would make a pair with it. */
+/* Returns whether a run at w_dps would be the second one of a pair. */
 static bool fits(const gc_run_t *half, const gc_settings_t *settings, const gc_sensor_t *sensor, double w_dps) {
     return fabs(half->w_dps + w_dps) <= SAME_RATE * fabs(w_dps) && half->settings.axis == settings->axis &&
            half->settings.rate_hz == settings->rate_hz && half->lsb_dps == sensor->lsb_dps;

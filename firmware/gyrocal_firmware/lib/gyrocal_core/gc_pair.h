@@ -1,7 +1,7 @@
-/* Two runs of opposite sense at one rate about one axis, and the answers that are due while the second goes on.
+/* Two runs of opposite sense at one rate about one axis, and the answers that are due during the second one.
  *
- * What takes long comes in the samples after a checkpoint, a part a sample: the baseline's standard errors, with them its answer,
- * the model's answer where it has alternatives, then the network's.
+ * Long computations are divided into parts, one for each sample after a checkpoint: first the baseline's answer with its
+ * standard errors, then the model's answer if it has alternatives, then the network's.
  */
 #ifndef GC_PAIR_H
 #define GC_PAIR_H
@@ -44,11 +44,11 @@ typedef struct {
     gc_kept_t *kept;
     gc_verdict_t *verdict;
     const gc_calibration_t *calibration;
-    bool model; /* the calibration has one that can be used */
+    bool model; /* the calibration has a model that can be used */
     gc_net_t net;
-    unsigned sense; /* of the run that goes on or ended last */
+    unsigned sense; /* sense of the run that goes on or ended last */
     gc_run_t run[GC_SENSES];
-    uint32_t flags_at[GC_SENSES][GC_CHECKPOINTS]; /* what its readings until then show */
+    uint32_t flags_at[GC_SENSES][GC_CHECKPOINTS]; /* the flags of its readings until then */
     gc_estimator_t estimator;
     gc_marginal_t first_run[GC_CHECKPOINTS];
     gc_due_t due;

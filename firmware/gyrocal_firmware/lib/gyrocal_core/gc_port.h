@@ -1,4 +1,4 @@
-/* What a board offers to the core. Callbacks marked optional may be NULL. */
+/* The functions of a board that the core calls. Callbacks marked optional may be NULL. */
 #ifndef GC_PORT_H
 #define GC_PORT_H
 
@@ -12,7 +12,7 @@ extern "C" {
 typedef enum { GC_LED_IDLE, GC_LED_RECORDING, GC_LED_FLIP, GC_LED_DONE, GC_LED_MISFIT } gc_led_t;
 
 typedef struct {
-    void *context; /* handed to every callback */
+    void *context; /* passed to every callback */
 
     /* Write and read registers of the part at a 7-bit address. Return 0, or the number of bytes read; negative on error. */
     int (*bus_write)(void *context, uint8_t address, uint8_t reg, const uint8_t *data, size_t n);

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#define ONE_G_TOLERANCE 0.2 /* of 1 g, that the acceleration of a sensor at rest may be off; chosen by judgement */
+#define ONE_G_TOLERANCE 0.2 /* deviation from 1 g, as a fraction, that a sensor at rest may show; chosen by judgement */
 
 static void give(gc_teller_t *teller, gc_kept_t *kept, const gc_run_t *run, gc_method_t method, uint32_t flags,
                  const gc_answer_t *answer) {
@@ -46,7 +46,7 @@ void gc_rest_end(gc_rest_t *rest, const gc_run_t *run, gc_teller_t *teller, gc_k
     }
     const double blocks = (double)(run->last_us - run->first_us) / (double)GC_BLOCK_US;
     verdict->misfit = answer.misfit;
-    const uint32_t flags = gc_judge_run(run) & ~(uint32_t)GC_FLAG_DIRECTION; /* at rest any face serves */
+    const uint32_t flags = gc_judge_run(run) & ~(uint32_t)GC_FLAG_DIRECTION; /* the face does not matter at rest */
     give(teller, kept, run, GC_METHOD_REST, flags | gc_judge_answer(&answer, blocks), &answer);
 }
 

@@ -52,7 +52,7 @@ static bool is_clipped(const gc_run_t *run, int16_t count) {
     return fabs((double)count) >= fmin(floor(run->full_scale_dps / run->lsb_dps), INT16_MAX);
 }
 
-/* From the reading before to this one. */
+/* Adds the difference between the last reading and this one. */
 static void note_change(gc_run_t *run, uint64_t t_us, int16_t count) {
     const int32_t diff = (int32_t)count - run->last[run->settings.axis];
     const uint16_t size = (uint16_t)(diff < 0 ? -diff : diff);

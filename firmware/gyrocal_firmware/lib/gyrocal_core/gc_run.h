@@ -1,4 +1,4 @@
-/* A run: what is known of the table while it goes on, and the sums over its samples. */
+/* A run: the known motion of the table, and the sums over the samples. */
 #ifndef GC_RUN_H
 #define GC_RUN_H
 
@@ -11,19 +11,19 @@
 extern "C" {
 #endif
 
-#define GC_GAP_PERIODS 1.5 /* two samples that are further apart have lost one between them */
+#define GC_GAP_PERIODS 1.5 /* if two samples are further apart, one between them is missing */
 
 typedef struct {
     uint64_t t_us;
     uint64_t number; /* since boot */
-    uint32_t missed; /* samples that never came between the one before and this */
+    uint32_t missed; /* number of samples missing before this one */
     gc_sample_t raw;
 } gc_taken_t;
 
 typedef struct {
     bool automatic;
     bool complete; /* ended, long enough and in the right direction: half of a pair */
-    bool opposed;  /* it turned against its true rate */
+    bool opposed;  /* the reading opposed the true rate */
     int face;      /* +1 up, -1 down */
     gc_settings_t settings;
     const gc_part_t *part;
@@ -41,8 +41,8 @@ typedef struct {
     int64_t temp_sum;
     int64_t turn; /* trapezoid of the axis, 2 counts x microseconds */
     uint32_t clipped;
-    uint32_t missed; /* samples that never came */
-    uint16_t bits_or, bits_and; /* of the axis: a bit that never changes */
+    uint32_t missed; /* number of missing samples */
+    uint16_t bits_or, bits_and; /* bits of the axis, to find one that never changes */
     int16_t min, max;
     uint32_t changes;
     uint16_t largest_diff; /* of successive readings */

@@ -83,7 +83,7 @@ static void wait_for_data_ready(gc_sampler_t *sampler) {
         const int ready = gc_sensor_ready(&sampler->sensor);
         sampler->read_us = now;
         if (ready != 0 || (double)(now - start) > 4.0 * period_us) {
-            return; /* what is wrong, if something is, the reading will tell */
+            return; /* the reading reports an error if there is one */
         }
         port->wait_until_us(port->context, now + READY_POLL_US);
     }
@@ -160,7 +160,7 @@ static void read_one(gc_sampler_t *sampler) {
         batch->n = 1;
         sampler->newest_us = (double)sampler->read_us;
     } else if (sampler->read_error == GC_OK) {
-        sampler->stale++; /* a reading that was there before says nothing new */
+        sampler->stale++; /* a reading that was already taken is not new */
     }
 }
 
@@ -185,7 +185,7 @@ static uint32_t missed_between(const gc_sampler_t *sampler, uint64_t before_us, 
 void gc_sampler_take(gc_sampler_t *sampler, unsigned i, gc_taken_t *taken) {
     const double before_newest_us = sampler->step_us * (sampler->batch.n - 1u - i);
     const double t_us = sampler->newest_us - before_newest_us + 0.5;
-    /* Time never goes back, whatever the clocks say. */
+    /* Time never decreases, even if a clock does. */
     taken->t_us = t_us > (double)sampler->sample_us ? (uint64_t)t_us : sampler->sample_us;
     taken->number = sampler->samples++;
     taken->missed = sampler->sample_us > 0u ? missed_between(sampler, sampler->sample_us, taken->t_us) : 0u;

@@ -37,18 +37,18 @@ typedef struct {
     uint64_t epoch_us; /* ticks of the sample timer are counted from here */
     uint64_t tick;     /* of the last sample */
     uint64_t samples;  /* taken since boot */
-    uint64_t sample_us; /* of the last one; 0 = none at these settings */
+    uint64_t sample_us; /* time of the last sample; 0 = none at these settings */
 
     uint64_t read_us; /* time of the last reading */
     int read_error;   /* its result */
     gc_batch_t batch; /* its samples */
-    unsigned reads;   /* of the FIFO in a row */
+    unsigned reads;   /* successive readings of the FIFO */
     double newest_us, step_us; /* when its last sample was taken, how far apart they are */
     bool fifo_known; /* newest_us is known, and no sample is missing since */
 
     uint32_t stale;    /* readings that were not new */
     uint32_t resets;   /* times that the sensor had to be set up again */
-    uint32_t missed;   /* samples that never came */
+    uint32_t missed;   /* number of missing samples */
     uint32_t overruns; /* times that the FIFO was full */
 } gc_sampler_t;
 

@@ -122,7 +122,7 @@ int gc_sensor_read(gc_sensor_t *sensor, gc_sample_t *sample) {
     sample->fresh = ready == 1;
     if (sample->fresh) {
         error = sensor->part->read(sensor, sample);
-        /* However long that took: what comes from here on is new. */
+        /* Data that come from here on are new, however long the set-up took. */
         sensor->fresh_us = sensor->port->now_us(sensor->port->context);
     } else {
         error = judge_silence(sensor, now_us);

@@ -30,13 +30,13 @@ typedef struct {
     unsigned n;
     unsigned left; /* samples still in there, within one */
     bool overrun;  /* it was full */
-    bool gap;      /* samples are missing before the first that comes from now on: it was full, or began anew */
-    uint64_t t_us, until_us; /* the level was read then: a period before it at most, the newest sample was taken */
+    bool gap;      /* samples are missing before the next one, because the FIFO was full or was started again */
+    uint64_t t_us, until_us; /* time at which the level was read; the newest sample was taken within one period before it */
 } gc_batch_t;
 
 typedef struct {
     double hz;
-    uint8_t code; /* what the driver writes for it */
+    uint8_t code; /* value of the part's register for this rate */
 } gc_odr_t;
 
 typedef struct {
@@ -51,16 +51,16 @@ typedef struct gc_sensor gc_sensor_t;
 typedef struct {
     const char *name;
     double lsb_g, lsb_c;
-    double noise_dps; /* of one reading, typically: its standard deviation */
+    double noise_dps; /* typical standard deviation of one reading */
     double zero_c; /* temperature = zero_c + lsb_c * counts */
     const gc_odr_t *odr; /* output data rates, ascending */
     size_t odrs;
-    double polled_from_hz; /* a rate that is none of these is polled from the sensor at this one or above */
+    double polled_from_hz; /* for any other rate the sensor is polled, at this output data rate or above */
     const gc_range_t *range;
     size_t ranges;
     uint8_t watched_reg; /* the first of the registers that must keep what was written to them, and */
     uint8_t watched;     /* how many there are */
-    unsigned batch_max;  /* samples that the FIFO is asked for; 0 = it has none */
+    unsigned batch_max;  /* largest batch of the FIFO in samples; 0 = the part has no FIFO */
 
     /* Resets and configures the part, and waits until its readings can be used. Sets period_us and written. */
     int (*set_up)(gc_sensor_t *sensor);
@@ -80,16 +80,16 @@ struct gc_sensor {
     const gc_odr_t *odr;
     const gc_range_t *range;
     double odr_hz;    /* nominal */
-    double period_us; /* by the part's own clock */
+    double period_us; /* output period by the part's own clock */
     double full_scale_dps;
     double lsb_dps;
-    uint8_t written[GC_WATCHED_MAX]; /* to the watched registers */
+    uint8_t written[GC_WATCHED_MAX]; /* values written to the watched registers */
     uint64_t config_checked_us;
     uint64_t fresh_us; /* when data were last ready */
     unsigned batch;    /* samples between two readings of the FIFO; 0 = it is not used */
-    bool fifo_broken;  /* it must begin anew */
+    bool fifo_broken;  /* the FIFO must be started again */
     gc_sample_t partial; /* the FIFO's time slot in progress; its temperature is the latest */
-    uint8_t partial_slot, partial_has; /* number of the slot, what of it is there */
+    uint8_t partial_slot, partial_has; /* number of the slot, and the words of it that have come */
 };
 
 /* Returns the output data rate in Hz that serves `rate_hz`: the rate itself if it is one of the part's, else the first one from

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #define KEY "settings"
-#define VERSION 3u /* of the layout of gc_settings_t */
+#define VERSION 3u /* version of the layout of gc_settings_t */
 /* Single samples are read below this rate only: on a bus of 400 kHz a sample takes 0.4 ms and the look at the flag 0.1 ms, and a
    tenth of the samples at 1666 Hz was lost. */
 #define SINGLE_BELOW_HZ 1666.0

@@ -1,4 +1,4 @@
-/* Data that survive power-off, and a loss of power at any instant of their writing.
+/* Data that survive power-off, also a loss of power at any instant while they are written.
  *
  * Each key has two slots at the board, `<key>a` and `<key>b`. A write goes to the one that does not hold the newest, so the
  * newest stays until the next is whole; a read takes the newest whole one. The record is the first member of what is kept:
@@ -21,8 +21,8 @@ extern "C" {
 
 typedef struct {
     uint32_t crc;      /* CRC-32 (IEEE 802.3) of everything after it */
-    uint32_t sequence; /* of the write; 0 = never */
-    uint32_t version;  /* of what the data mean */
+    uint32_t sequence; /* number of the write; 0 = never written */
+    uint32_t version;  /* version of the data's layout */
     uint32_t n;        /* bytes, this record included */
 } gc_record_t;
 

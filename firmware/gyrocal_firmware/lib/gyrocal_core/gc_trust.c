@@ -22,7 +22,7 @@
 #define PRESENT 0.5
 /* The least noise (dps) that is assumed of a reading. It only keeps divisions finite. */
 #define SMALLEST_SD_DPS 1e-6
-/* A network's answer disagrees where its expected error, by the fit of the effects, exceeds the standard error that it claims by
+/* A network's answer disagrees if its expected error, by the fit of the effects, exceeds the stated standard error by
    this factor. None of 2000 sound sensors lies above it (`gyrocal benchmark population`). */
 #define DISAGREES 4.5
 /* Blocks that one part of the work whitens. Small enough for the time between two samples (docs/cpus.md). */

@@ -70,7 +70,7 @@ typedef struct {
 } gc_line_reader_t;
 
 void gc_line_reader_init(gc_line_reader_t *reader, char *buffer, size_t capacity);
-/* 1: reader->line holds a line of reader->n bytes (no line end), valid until the next push. 0: not yet. Negative:
+/* Returns 1 if reader->line holds a line of reader->n bytes (no line end), which is valid until the next push; 0 if not yet; or
    GC_E_LINE_TOO_LONG, once, at the end of a line that was skipped. */
 int gc_line_push(gc_line_reader_t *reader, char byte);
 

@@ -1,4 +1,4 @@
-"""What the readers of logs with several topics share: which topic is taken, and the package that reads the format."""
+"""Helpers for readers of logs with several topics: the choice of a topic, and the package that reads the format."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHOWN = 20
 
 
 def needed(module: str, extra: str, path: Path) -> Any:
-    """A package that the extra ``gyrocal[extra]`` installs; InputError that says so where it is missing."""
+    """A package that the extra ``gyrocal[extra]`` installs. Raises InputError if it is missing."""
     try:
         return importlib.import_module(module)
     except ImportError:

@@ -1,0 +1,121 @@
+"""The worker's part of a session by gravity: rests, movements, the comparison by angle, scale and bias."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gyrocal.gravity.scene import Scene
+    from gyrocal.recording.session import Session
+
+POINTS = 4000
+COLOURS = ("#C77E00", "#009E73", "#0072B2")
+
+
+@dataclass(frozen=True)
+class GravityView:
+    """A session whose reference is gravity, compared with the default model."""
+
+    path: Path
+    compared: dict[str, Any]
+    """The exact output of `gyrocal compare --json`."""
+    headline: str
+    rows: list[list[str]]
+    """Axis, rms, floor, excess and its error in deg, as the command line prints them; last all movements."""
+    rests: list[list[str]]
+    """File, start, length, and the acceleration in g of each rest."""
+    movements: list[list[str]]
+    """File, start, the axis mainly turned about, the angle in deg by gyroscope and accelerometer's gravity, what is left."""
+    estimates: list[dict[str, Any]]
+    picture: str = field(repr=False)
+    """Readings with the rests marked, as a data address."""
+
+
+def look(folder: Path, progress: Callable[[str], None]) -> GravityView:
+    """Compare the default model with a session by gravity. Raises InputError where its rests are too few."""
+    from gyrocal.gravity.calibrate import calibrate
+    from gyrocal.gravity.compare import compare, residual_table
+    from gyrocal.present.gravity import headline
+    from gyrocal.present.report import angle_row
+    from gyrocal.recording.session import Session
+
+    progress("finding rests and movements")
+    session = Session.open(folder)
+    found = compare(session)
+    scene = found.fit.scene
+    rows = [*(angle_row(f"about {axis}", v) for axis, v in found.per_axis.items()), angle_row("all", found.pooled)]
+    progress("scale and bias")
+    estimates = [e.to_json() for e in calibrate(session, None, None, None).estimates]
+    angles = ("measured_deg", "modelled_deg", "residual_deg")
+    left = [
+        [r["file"], f"{r['t_s']:.1f}", r["axis"], *(f"{r[name]:.3f}" for name in angles)]
+        for r in residual_table(found).iter_rows(named=True)
+    ]
+    progress("drawing")
+    return GravityView(
+        folder, found.to_json(), headline(found), rows, _rests(session, scene), left, estimates, _picture(session, scene)
+    )
+
+
+def missing(folder: Path) -> tuple[str, list[list[str]]]:
+    """The verdict of a diagnosis as a sentence, and effect, axis and decision of what is added or suggested."""
+    from gyrocal.gravity.diagnose import diagnose
+    from gyrocal.present.report import sizes
+    from gyrocal.recording.session import Session
+
+    found = diagnose(Session.open(folder), None, ())
+    passed = [c for c in found.candidates if c.decision in ("add", "suggest")]
+    best = found.best
+    told = {
+        "add": f"Missing: {'' if best is None else f'{best.effect.title.lower()} on {best.axis}'}.",
+        "ambiguous": f"One of {'' if best is None else ', '.join(best.group)}: the session cannot tell which.",
+        "adequate": "Nothing is missing: what is left over is noise.",
+    }  # fmt: skip
+    words = told.get(found.verdict, "Something is left over that no effect of the library explains.")
+    return words, [[c.effect.title, c.axis, c.decision, sizes(c)] for c in passed]
+
+
+def _rests(session: Session, scene: Scene) -> list[list[str]]:
+    return [
+        [
+            session.runs[rest.run].file, f"{session.runs[rest.run].sample_s[rest.start]:.1f}", f"{rest.seconds:.1f}",
+            ", ".join(f"{a:.3f}" for a in rest.acc_g),
+        ]
+        for rest in scene.rests
+    ]  # fmt: skip
+
+
+def _picture(session: Session, scene: Scene) -> str:
+    """Rates and accelerations of all runs, one after another, with the rests shaded."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 4.2), layout="constrained", dpi=90)
+    rate, acceleration = figure.subplots(2, 1, sharex=True)
+    start_s = 0.0
+    for index, run in enumerate(session.runs):
+        step = max(1, len(run) // POINTS)
+        t_s = start_s + run.t_s[::step] - run.t_s[0]
+        for axis, name in enumerate("xyz"):
+            colour = COLOURS[axis]
+            rate.plot(t_s, run.gyro_dps[::step, axis], color=colour, linewidth=0.8, label=name if not index else None)
+            values = run.column(f"a{name}_g")
+            if values is not None:
+                acceleration.plot(t_s, values[::step], color=colour, linewidth=0.8)
+        for rest in scene.rests:
+            if rest.run == index:
+                begin = start_s + float(run.sample_s[rest.start] - run.sample_s[0])
+                for axes in (rate, acceleration):
+                    axes.axvspan(begin, begin + rest.seconds, color="0.85", zorder=0)
+        start_s += run.duration_s
+    rate.set_ylabel("rate, deg/s")
+    rate.legend(loc="upper right", ncols=3, frameon=False, fontsize=8)
+    acceleration.set_ylabel("acceleration, g")
+    acceleration.set_xlabel("time, s; rests are shaded")
+    data = io.BytesIO()
+    figure.savefig(data, format="png")
+    return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode("ascii")

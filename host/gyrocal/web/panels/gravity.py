@@ -1,0 +1,105 @@
+"""A session by gravity: its rests, the comparison by angle, scale and bias, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from gyrocal.web import warned
+from gyrocal.web.by_gravity import GravityView
+from gyrocal.web.state import Topic
+from gyrocal.web.tables import number, plain
+
+if TYPE_CHECKING:
+    from gyrocal.web.page import Tab
+
+ESTIMATES = ("axis:", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
+
+
+def show(tab: Tab) -> Callable[[Topic], None]:
+    view = tab.bench.gravity
+    assert view is not None
+    with ui.element("div").classes("column"):
+        warned.show(view.compared["warnings"])
+        _verdict(view)
+        with ui.element("section").classes("face preview"):
+            ui.html(f'<img src="{view.picture}" alt="rates and accelerations, rests shaded">', sanitize=False)
+        with ui.element("div").classes("two importing"):
+            with ui.element("div").classes("column"):
+                _levels(view)
+                _missing(tab, view)
+                _estimates(view)
+            with ui.element("div").classes("column"):
+                _listed("Rests", ("file:", "from, s", "length, s", "acceleration x, y, z, g"), view.rests)
+                columns = ("file:", "from, s", "about:", "gyroscope, deg", "model, deg", "left, deg")
+                _listed("Movements between them", columns, view.movements)
+    return lambda topic: None
+
+
+def _verdict(view: GravityView) -> None:
+    compared = view.compared
+    tone = "good" if compared["verdict"] == "adequate" else "bad"
+    with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
+        with ui.element("div"):
+            ui.label(view.headline).classes("big")
+            counted = f"{compared['rests']} rests and {compared['movements']} movements are compared by angle"
+            ui.label(f"The reference is gravity: {counted}. Held out: {compared['held_out']}.").classes("dim")
+        with ui.element("div").classes("figures"):
+            for name in ("rms", "floor", "excess"):
+                with ui.element("div").classes(f"figure {name}"):
+                    ui.html(f"<b>{number(compared[f'{name}_deg'], '.4f')}</b>", sanitize=False)
+                    ui.label(f"{name}, deg")
+
+
+def _levels(view: GravityView) -> None:
+    with ui.element("section").classes("face column tight"):
+        ui.html("<h2>Held-out angle between movements and gravity, deg</h2>", sanitize=False)
+        ui.html(plain(("turned:", "rms", "floor", "excess", "±"), view.rows), sanitize=False).classes("sideways")
+        where = [[f["axis"], f["against"].replace("_", " "), f"{f['strength']:.1f}", f["note"]] for f in view.compared["where"]]
+        if where:
+            ui.html(plain(("axis:", "against:", "strength, σ", "what:"), where), sanitize=False).classes("sideways")
+
+
+def _missing(tab: Tab, view: GravityView) -> None:
+    with ui.element("section").classes("face column tight").props('aria-label="what is missing"'):
+        ui.html("<h2>What is missing</h2>", sanitize=False)
+        place = ui.element("div")
+
+        async def look() -> None:
+            found = await tab.bench.ask("Looking for what is missing", "missing_by_gravity", view.path)
+            if found is None:
+                return
+            place.clear()
+            with place:
+                ui.label(found[0]).props('role="status"')
+                if found[1]:
+                    ui.html(plain(("effect:", "axis:", "decision:", "size:"), found[1]), sanitize=False).classes("sideways")
+                name = tab.bench.places.name(view.path)
+                ui.label(f"To add an effect: gyrocal add EFFECT {name} --model model.toml").classes("dim small")
+
+        with place:
+            find = ui.button("Find what is missing", icon="search", on_click=look, color=None)
+            find.props("unelevated no-caps").classes("primary")
+
+
+def _estimates(view: GravityView) -> None:
+    rows = [
+        [
+            e["axis"], number(e["scale"], ".4f", 100), number(e["scale_se"], ".4f", 100), number(e["bias_dps"], ".1f", 1e3),
+            number(e["bias_se_dps"], ".1f", 1e3), number(e["misfit"], ".2f"),
+            "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
+        ]
+        for e in view.estimates
+    ]  # fmt: skip
+    with ui.element("section").classes("face column tight"):
+        ui.html("<h2>Scale and bias</h2>", sanitize=False)
+        ui.html(plain(ESTIMATES, rows, [not e["trusted"] for e in view.estimates]), sanitize=False).classes("sideways")
+
+
+def _listed(title: str, columns: tuple[str, ...], rows: list[list[str]]) -> None:
+    with ui.element("section").classes("face column tight"):
+        ui.html(f"<h2>{title}</h2>", sanitize=False)
+        with ui.element("div").classes("scroll sideways listed").props(f'role="region" aria-label="{title}" tabindex="0"'):
+            ui.html(plain(columns, rows), sanitize=False)

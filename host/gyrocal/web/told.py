@@ -1,0 +1,42 @@
+"""The story of a model for the report: what was added or removed, on which evidence, and what it made of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from gyrocal.web.models import Step
+from gyrocal.web.views import Card, DiagnosisView
+
+
+@dataclass(frozen=True)
+class Change:
+    """One step of the model. ``card`` is its evidence at that time; None if it was removed, or found in an earlier session."""
+
+    effect: str
+    title: str
+    removed: bool
+    formula: str
+    doubts: tuple[str, ...]
+    card: Card | None
+
+    def command(self, session: str) -> str:
+        """The command line that repeats the step on the file ``model.toml``."""
+        if self.removed:
+            return f"# take the lines of {self.effect} out of model.toml"
+        if self.formula:
+            return f"gyrocal keep {session} --model model.toml --name {self.effect}"
+        return f"gyrocal add {self.effect} {session} --model model.toml"
+
+
+def story(steps: Sequence[Step], diagnoses: Mapping[str, DiagnosisView]) -> list[Change]:
+    """The changes of a sequence, each with what the diagnosis of the model before it said."""
+    changes = []
+    for before, step in pairwise(steps):
+        found = diagnoses.get(before.source)
+        cards = [] if found is None or step.removed else found.cards
+        named = [c for c in cards if c.judged["decision"] in ("add", "suggest")]
+        card = next((c for c in named if c.judged["effect"] == step.effect), None)
+        changes.append(Change(step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), card))
+    return changes

@@ -1,0 +1,48 @@
+"""The chance that slow noise gains as much as an effect: a line in time under flicker noise, which has no correlation time."""
+
+import numpy as np
+
+from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.fit import fit
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.likelihood_ratio import LONG, _ratio, likelihood_ratio
+from make_runs import make_run, make_session
+
+RATE_HZ, SECONDS, FLICKER_DPS, WHITE_DPS = 5.0, 1000.0, 0.005, 0.01
+
+
+def flicker(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Noise of the one-sided density ``B^2 / (2 pi f)`` down to an eighth of the lowest frequency of the run."""
+    f = np.fft.rfftfreq(8 * n, 1 / RATE_HZ)[1:]
+    size = np.sqrt(FLICKER_DPS**2 / (2 * np.pi * f) * RATE_HZ * 8 * n / 4)
+    phasors = size * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    return np.asarray(np.fft.irfft(np.concatenate([[0], phasors]), 8 * n)[:n])
+
+
+def with_and_without_drift(seed: int, slope_dps_per_s: float = 0.0) -> tuple[AxisFit, AxisFit]:
+    """Fits to two runs at rest without and with a line in time, the x axis alone."""
+    rng, t_s = np.random.default_rng(seed), np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+    runs = []
+    for i in range(2):
+        x = flicker(rng, t_s.size) + rng.normal(0, WHITE_DPS, t_s.size) + slope_dps_per_s * t_s
+        runs.append(make_run(t_s, np.column_stack([x, x, x]), table_rate_dps=0.0, scenario=f"s{i}"))
+    session, model = make_session(*runs), Model.builtin("default")
+    poorer, richer = (fit(session, m, axes="x").axes["x"] for m in (model, model.with_term(Term("drift", "x"))))
+    return poorer, richer
+
+
+def test_flicker_noise_is_hardly_ever_a_line_in_time() -> None:
+    chances, of_drift_alone = [], []
+    for seed in range(10):
+        poorer, richer = with_and_without_drift(seed)
+        chances.append(likelihood_ratio(poorer, richer, 1)[1])
+        of_drift_alone.append(_ratio(poorer, richer, 1)[1])
+    assert np.count_nonzero(np.array(of_drift_alone) < 1e-3) >= 2  # noise of one correlation time does not explain them
+    assert min(chances) > 1e-3
+
+
+def test_a_line_that_noise_does_not_make_is_still_seen() -> None:
+    for seed in range(3):
+        poorer, richer = with_and_without_drift(seed, slope_dps_per_s=1e-4)
+        assert poorer.design.extent_s[0] > LONG * richer.noise.ou_tau_s
+        assert likelihood_ratio(poorer, richer, 1)[1] < 1e-6

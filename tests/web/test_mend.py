@@ -1,0 +1,85 @@
+"""What a warning's buttons write, and that it takes the warning away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrocal.plausibility import check
+from gyrocal.recording.run import Run
+from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
+from gyrocal.web.mend import KEPT_AS, Mend, apply, mends
+
+
+def reversed_gyro(run: Run) -> Run:
+    return replace(run, path=None, frame=run.table.with_columns(-pl.col("gx_dps", "gy_dps", "gz_dps")))
+
+
+def radians(run: Run) -> Run:
+    table = run.table.with_columns(pl.col("gx_dps", "gy_dps", "gz_dps") * (np.pi / 180))
+    return replace(run, path=None, frame=table)
+
+
+def rate_in_radians(run: Run) -> Run:
+    assert run.table_rate_dps is not None
+    return replace(run, table_rate_dps=run.table_rate_dps * np.pi / 180)
+
+
+def other_face(run: Run) -> Run:
+    return replace(run, face="up") if run.file == "008_down.csv" else run
+
+
+CASES: dict[str, tuple[Callable[[Run], Run], str]] = {
+    "face_wrong": (other_face, "face"), "sign_flipped": (reversed_gyro, "sign"), "unit_rad_s": (radians, "units"),
+    "of the reference": (rate_in_radians, "units"),
+}  # fmt: skip
+
+
+def offered(folder: Path, code: str) -> list[Mend]:
+    return [m for w in check(Session.open(folder)) if w.code == code for m in mends(w.to_json())]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_offered_way_takes_the_warning_away(tmp_path: Path, name: str) -> None:
+    spoil, kind = CASES[name]
+    code = "unit_rad_s" if name == "of the reference" else name
+    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=5.0)
+    folder = tmp_path / "slip"
+    session.with_runs(list(map(spoil, session.runs))).save(folder)
+    before = (folder / "session.toml").read_text()
+    ways = [m for m in offered(folder, code) if m.kind == kind]
+    assert ways, [w.code for w in check(Session.open(folder))]
+    mended = apply(folder, ways[0], lambda: tmp_path / "mended")
+    assert not any(w.blocking for w in check(Session.open(mended)))
+    if kind == "units":
+        assert mended == tmp_path / "mended"
+        assert (folder / "session.toml").read_text() == before  # the measured files stay
+    else:
+        assert mended == folder
+        assert (folder / KEPT_AS).read_text() == before
+
+
+def test_an_accepted_warning_stays_and_no_longer_blocks(tmp_path: Path) -> None:
+    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=5.0)
+    folder = tmp_path / "slip"
+    session.with_runs(list(map(other_face, session.runs))).save(folder)
+    accept = next(m for m in offered(folder, "face_wrong") if m.kind == "accept")
+    apply(folder, accept, lambda: tmp_path / "none")
+    found = [w for w in check(Session.open(folder)) if w.code == "face_wrong"]
+    assert found
+    assert not any(w.blocking for w in found)
+    assert not any(m.kind == "accept" for m in offered(folder, "face_wrong"))
+
+
+def test_every_offer_says_what_is_written() -> None:
+    warning = {"code": "face_wrong", "axis": "z", "file": "1.csv", "text": "", "blocking": True}
+    ways = mends(warning)
+    assert [m.kind for m in ways] == ["face", "leave_out", "accept"]
+    assert all(m.told.endswith(".") and ("session.toml" in m.told or "files stay" in m.told) for m in ways)
+    assert mends({"code": "first_sample", "axis": None, "file": None, "text": "", "blocking": False}) == []

@@ -1,0 +1,111 @@
+"""The report tells the whole story, contradicts nothing, repeats by its own commands, and needs no network."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import io
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gyrocal.cli import main
+from gyrocal.simulation.simulate import simulate
+from gyrocal.web.state import Workbench
+
+from .loop import finish
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    simulate(folder / "hidden", "paper", ["table_ripple"], 3, scenarios=3, seconds=20)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def reports(folder: Path) -> tuple[str, str]:
+    """The report of the model at first, diagnosed, and that with the missing effect added."""
+    texts = []
+
+    async def story() -> None:
+        bench = Workbench([folder], lambda topic: None)
+        try:
+            await bench.open("hidden")
+            await bench.diagnose()
+            texts.append(await bench.report())
+            assert bench.diagnosis is not None
+            best = bench.diagnosis.cards[0]
+            await bench.add(best.judged["effect"], best.title)
+            texts.append(await bench.report())
+        finally:
+            bench.close()
+
+    finish(story())
+    first, last = texts
+    assert first is not None
+    assert last is not None
+    return first, last
+
+
+def words(text: str) -> str:
+    """What a person reads of a page."""
+    return html.unescape(re.sub(r"<style>.*?</style>|<[^>]+>", " ", text, flags=re.DOTALL))
+
+
+def test_before_anything_is_added_it_says_what_is_missing(reports: tuple[str, str]) -> None:
+    told = words(reports[0])
+    assert "The model does not fit" in told
+    assert "What is missing" in told
+    assert "What was changed" not in told
+
+
+def test_a_model_that_fits_lacks_nothing_and_keeps_the_evidence(reports: tuple[str, str]) -> None:
+    told = words(reports[1])
+    assert "The model is adequate" in told
+    for contradiction in ("What is missing", "Missing:", "The model does not fit", "Where it fails"):
+        assert contradiction not in told
+    assert "Added: Ripple of the table's speed on z" in told
+    assert "of the squared excess error on z" in told
+    assert reports[1].count('class="signature"') == 1
+
+
+def test_it_says_what_was_measured(reports: tuple[str, str], folder: Path) -> None:
+    told = words(reports[1])
+    for fact in ("LSM6DSO (simulated)", "6 in 3 power cycles, 120 s", "made on", "145 samples a second", "°C"):
+        assert fact in told
+    files = re.findall(r'<td class="text">(\d+_\w+\.csv)</td><td class="text">s00', reports[1])
+    assert files == sorted(f.name for f in (folder / "hidden").glob("*.csv"))
+
+
+def test_its_commands_repeat_it(reports: tuple[str, str], folder: Path) -> None:
+    block = re.search(r'<pre class="commands">(.*?)</pre>', reports[1], flags=re.DOTALL)
+    assert block is not None
+    commands = [shlex.split(line) for line in html.unescape(block[1]).splitlines()]
+    assert [command[1] for command in commands] == ["compare", "diagnose", "add", "compare", "calibrate"]
+    out = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out):
+        assert main([*commands[2][1:], "--json"]) == 0
+    added = json.loads(out.getvalue())
+    for parameter in added["after"]["parameters"]:
+        assert f"<td>{parameter['value']:.5g}</td>" in reports[1]
+    assert (folder / "model.toml").read_text() in html.unescape(reports[1])
+
+
+def test_it_opens_without_a_network_and_prints(
+    reports: tuple[str, str], look: Callable[..., Any], tmp_path: Path, chromium: Any
+) -> None:
+    assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", reports[1])
+    (tmp_path / "report.html").write_text(reports[1])
+    page = look((tmp_path / "report.html").as_uri(), offline=True)
+    assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 100)")
+    for width in (390, 1280):
+        page.set_viewport_size({"width": width, "height": 720})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.emulate_media(media="print")
+    assert page.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
