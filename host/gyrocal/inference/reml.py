@@ -9,7 +9,7 @@ Reference: Harville, J. Am. Stat. Assoc. 72 (1977) 320, for REML in mixed linear
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -116,6 +116,36 @@ def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:
 
 
 @dataclass(frozen=True)
+class _Shared:
+    """Shared coefficients ``beta`` [..., p], their covariance, chi-square and the log-determinant of their information."""
+
+    beta: Array
+    cov: Array
+    chi2: Array
+    logdet: Array
+
+    @staticmethod
+    def of(total: Array) -> _Shared:
+        """The solution of normal equations [..., 1 + p, 1 + p]. Of those that do not determine it, chi-square is infinite."""
+        h, g = total[..., 1:, 1:], total[..., 1:, 0]
+        scale = np.sqrt(np.maximum(np.diagonal(h, axis1=-2, axis2=-1), 1e-300))
+        unit = scale[..., :, None] * scale[..., None, :]
+        try:
+            chol = np.linalg.cholesky(h / unit)
+        except np.linalg.LinAlgError:
+            if total.ndim > 2:  # one of many
+                each = [_Shared.of(one) for one in total]
+                return _Shared(*(np.stack([getattr(one, f.name) for one in each]) for f in fields(_Shared)))
+            return _Shared(np.full(g.shape, np.nan), np.full(h.shape, np.nan), np.array(np.inf), np.array(np.inf))
+        root = np.linalg.inv(chol)
+        half = root @ (g / scale)[..., None]
+        turned = root.swapaxes(-1, -2)
+        chi2 = total[..., 0, 0] - (half.swapaxes(-1, -2) @ half)[..., 0, 0]
+        logdet = 2 * (np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1) + np.log(scale).sum(axis=-1))
+        return _Shared((turned @ half)[..., 0] / scale, (turned @ root) / unit, chi2, logdet)
+
+
+@dataclass(frozen=True)
 class _Solved:
     """Solutions as arrays, with what was integrated out. ``grams`` has one matrix for each power cycle, or for each run if no
     coefficient varies over power cycles.
@@ -183,9 +213,9 @@ class Equations:
         if parted is not None:
             of_scenarios = parted.integrate(spreads.scenario)
             grams, logdet = of_scenarios.grams, logdet + of_scenarios.logdet.sum(axis=-1)
-        beta, cov, chi2, logdet_h = _of_shared(grams.sum(axis=-3))
-        loglik = -0.5 * (logdet + logdet_h + chi2 + (self.n - p) * np.log(2 * np.pi))
-        return _Solved(loglik, beta, cov, chi2, grams, of_runs, of_scenarios)
+        shared = _Shared.of(grams.sum(axis=-3))
+        loglik = -0.5 * (logdet + shared.logdet + shared.chi2 + (self.n - p) * np.log(2 * np.pi))
+        return _Solved(loglik, shared.beta, shared.cov, shared.chi2, grams, of_runs, of_scenarios)
 
     def solve_with_slopes(self, spreads: Spreads) -> tuple[Solution, Array]:
         """The solution, and the derivatives of its log-likelihood by the logarithm of each spread, those of runs first.
@@ -215,29 +245,6 @@ class Equations:
         if solved.of_runs is not None:
             np.add.at(slope_run, list(layout.run_group), _slopes(solved.of_runs, center, spread).sum(axis=0))
         return solved.solution, np.concatenate([slope_run, slope_scenario])
-
-
-def _of_shared(total: Array) -> tuple[Array, Array, Array, Array]:
-    """Shared coefficients [..., p], their covariance, chi-square and the logarithm of the determinant of their information.
-
-    Of normal equations [..., 1 + p, 1 + p] that do not determine the coefficients, chi-square is infinite.
-    """
-    h, g = total[..., 1:, 1:], total[..., 1:, 0]
-    scale = np.sqrt(np.maximum(np.diagonal(h, axis1=-2, axis2=-1), 1e-300))
-    unit = scale[..., :, None] * scale[..., None, :]
-    try:
-        chol = np.linalg.cholesky(h / unit)
-    except np.linalg.LinAlgError:
-        if total.ndim > 2:  # one of many
-            beta, cov, chi2, logdet = (np.stack(parts) for parts in zip(*map(_of_shared, total), strict=True))
-            return beta, cov, chi2, logdet
-        return np.full(g.shape, np.nan), np.full(h.shape, np.nan), np.array(np.inf), np.array(np.inf)
-    root = np.linalg.inv(chol)
-    half = root @ (g / scale)[..., None]
-    turned = root.swapaxes(-1, -2)
-    chi2 = total[..., 0, 0] - (half.swapaxes(-1, -2) @ half)[..., 0, 0]
-    logdet = 2 * (np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1) + np.log(scale).sum(axis=-1))
-    return (turned @ half)[..., 0] / scale, (turned @ root) / unit, chi2, logdet
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:

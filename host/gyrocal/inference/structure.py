@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.effects.base import Values
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.errors import InputError
+from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio, profile_loglik
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
@@ -26,41 +27,43 @@ def choose_variant(current: AxisFit, term: Term) -> AxisFit:
     """
     if isinstance(term.effect, TimingEffect):
         return with_timing(current, term)
+    runs, terms = [b.run for b in current.design.blocks], current.design.terms
+    variants = term.effect.variants(runs, current.design.axis)
+    if not variants:
+        raise InputError(f"effect {term.effect_id}: nothing to try on this session")
+    designs = [current.design.changed([*terms, replace(term, values=values)]) for values in variants]
     noise, chosen = current.noise, None
-    for _ in range(3):  # drift absorbs an effect that the model lacks, so the choice is repeated at the noise fitted with it
-        values = _likeliest(current, term, noise)
-        if values == chosen:
+    # drift absorbs an effect that the model lacks, so the choice is repeated at the noise fitted with it
+    for _ in range(3 if len(designs) > 1 else 1):
+        trial = _likeliest(current, designs, noise)
+        if trial.design is chosen:
             break
-        chosen = values
-        terms = [*current.design.terms, replace(term, values=values)]
-        design = current.design.changed(terms)
-        fitted = fit_noise(design, start=with_noise(design, noise, carry_spreads(current, design)))
+        chosen = trial.design
+        fitted = fit_noise(chosen, start=trial)
         noise = fitted.noise
     return fitted
 
 
-def _likeliest(current: AxisFit, term: Term, noise: Noise) -> Values:
-    """The variant with the best BIC at a given noise; what is independent of one another is runs, not blocks.
+def _likeliest(current: AxisFit, designs: Sequence[Design], noise: Noise) -> AxisFit:
+    """The fit at a given noise with the best BIC; what is independent of one another is runs, not blocks.
 
     A simpler one that is part of it is taken where noise may well gain what it lacks.
     """
-    runs = [b.run for b in current.design.blocks]
-    count = len(runs)
-    tried: list[tuple[float, int, Values, AxisFit]] = []
-    variants = term.effect.variants(runs, current.design.axis)
-    if len(variants) == 1:
-        return variants[0]
-    for values in variants:
-        terms = [*current.design.terms, replace(term, values=values)]
-        design = current.design.changed(terms)
-        trial = with_noise(design, noise, carry_spreads(current, design))
-        parameters = len(trial.design.layout.fixed) + trial.design.layout.n_groups + len(term.effect.nonlinear)
-        tried.append((profile_loglik(trial) - 0.5 * np.log(count) * parameters, parameters, values, trial))
-    if not tried:
-        raise InputError(f"effect {term.effect_id}: nothing to try on this session")
-    _, most, best, richest = max(tried, key=lambda t: t[0])
-    for _, parameters, values, trial in sorted(tried, key=lambda t: t[1]):
-        nested = parameters < most and values.keys() < best.keys()
-        if nested and likelihood_ratio(trial, richest, most - parameters)[1] > POLICY.structure_chance:
-            return values
+    trials = [with_noise(design, noise, carry_spreads(current, design)) for design in designs]
+    if len(trials) == 1:
+        return trials[0]
+
+    def parameters(trial: AxisFit) -> int:
+        layout = trial.design.layout
+        return len(layout.fixed) + layout.n_groups + len(trial.design.terms[-1].effect.nonlinear)
+
+    def names(trial: AxisFit) -> Set[str]:
+        return trial.design.terms[-1].values.keys()
+
+    penalty = 0.5 * np.log(len(current.design.blocks))
+    best = max(trials, key=lambda trial: profile_loglik(trial) - penalty * parameters(trial))
+    for trial in sorted(trials, key=parameters):
+        lacks = parameters(best) - parameters(trial)
+        if lacks > 0 and names(trial) < names(best) and likelihood_ratio(trial, best, lacks)[1] > POLICY.structure_chance:
+            return trial
     return best
