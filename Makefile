@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 FUZZ_SECONDS ?= 600
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test docs coverage fuzz lint typecheck clean
+.PHONY: demo test docs coverage fuzz lowest clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -25,6 +25,14 @@ coverage: $(VENV)/.installed-dev
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python tests/fuzz/fuzzing.py --seconds $(FUZZ_SECONDS)
 
+# the tests that need no network and no browser, on the lowest versions that pyproject.toml allows
+lowest: VENV := .venv-lowest
+lowest:
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python tests/lowest_versions.py pyproject.toml > $(VENV)/lowest.txt
+	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[import,ros,fleet]' pytest hypothesis pandas pyyaml
+	$(VENV)/bin/pytest tests/recording tests/error_model tests/noise tests/calibration tests/present tests/test_cli.py tests/test_api.py
+
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("gyrocal needs Python 3.11 or newer; set PYTHON=/path/to/python3.11") if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv $(VENV)
@@ -38,4 +46,4 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	touch $@ $(VENV)/.installed
 
 clean:
-	rm -rf $(VENV) build dist demo-out runs .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-lowest build dist demo-out runs .pytest_cache .mypy_cache .ruff_cache

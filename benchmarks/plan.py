@@ -1,8 +1,8 @@
 """Does a plan answer its question as often as it promises? python benchmarks/plan.py [sessions for each truth]
 
-A session with a known effect is simulated and planned for. Then session and planned runs are simulated many times, each effect
-in question true in turn at the size that the first session gives it, and diagnosed. The answer is right if the verdict is only
-the true effect, or if the standard error is a tenth of the value.
+A session with a known effect is simulated and planned for. Then the planned runs are added many times, on other days with other
+noise and rooms, each effect in question true in turn at the size that the session gives it, and the whole is diagnosed. The
+answer is right if the verdict is only the true effect, or if the standard error is a tenth of the value.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ def of_axis(axis: str) -> Model:
     return replace(model, terms=tuple(t for t in model.terms if t.axis == axis), noise={axis: model.noise[axis]})
 
 
-def simulated(case: Case, effect: str, seed: int, runs: PlannedRuns | None) -> Session:
+def simulated(case: Case, effect: str, runs: PlannedRuns | None = None) -> Session:
     """The case's session with an effect, and with the planned runs added where there are any."""
-    first, _ = simulate(None, case.campaign, [effect], seed=seed, scenarios=case.scenarios, seconds=case.seconds)
-    return first if runs is None else simulate(None, effects=[effect], seed=seed, plan=runs, add_to=first)[0]
+    first, _ = simulate(None, case.campaign, [effect], seed=case.seed, scenarios=case.scenarios, seconds=case.seconds)
+    return first if runs is None else simulate(None, effects=[effect], seed=case.seed, plan=runs, add_to=first)[0]
 
 
 def answered(session: Session, effect: str, named: bool) -> bool:
@@ -73,7 +73,7 @@ def planted(planned: Plan, case: Case) -> list[str]:
     """The effects in question at the sizes that the planner used, as options of ``simulate``."""
     from gyrocal.diagnosis.diagnose import diagnose as full
 
-    first = simulated(case, case.effect, case.seed, None)
+    first = simulated(case, case.effect)
     members = planned.question.members(full(first, of_axis("z")))
     out = []
     for member in members:
@@ -82,12 +82,12 @@ def planted(planned: Plan, case: Case) -> list[str]:
     return out
 
 
-def rate(case: Case, truths: Sequence[str], runs: PlannedRuns, sessions: int) -> float:
+def rate(case: Case, truths: Sequence[str], planned: Plan, sessions: int) -> float:
     """The fraction of simulated sessions in which the question is answered."""
+    days = [PlannedRuns(planned.runs, 10 + k) for k in range(sessions)]
     right = [
-        answered(simulated(case, truth, 1000 + 10 * case.seed + k, runs), truth.split(":")[0], bool(case.between))
-        for truth in truths for k in range(sessions)
-    ]  # fmt: skip
+        answered(simulated(case, truth, runs), truth.split(":")[0], bool(case.between)) for truth in truths for runs in days
+    ]
     return sum(right) / len(right)
 
 
@@ -95,11 +95,11 @@ def main() -> int:
     sessions = int(sys.argv[1]) if len(sys.argv) > 1 else SESSIONS
     print("question                              minutes  runs   predicted  achieved  sessions", flush=True)
     for case in CASES:
-        first = simulated(case, case.effect, case.seed, None)
+        first = simulated(case, case.effect)
         asked = {"between": case.between} if case.between else {"measure": case.effect.split(":")[0]}
         planned = plan(first, of_axis("z"), minutes=case.minutes, chamber_c=case.chamber_c, **asked)  # type: ignore[arg-type]
         truths = planted(planned, case)
-        achieved = rate(case, truths, PlannedRuns(planned.runs, planned.day), sessions)
+        achieved = rate(case, truths, planned, sessions)
         words = " or ".join(case.between) if case.between else f"size of {asked['measure']}"
         words += "" if case.chamber_c is None else ", chamber"
         print(

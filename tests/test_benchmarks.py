@@ -136,6 +136,24 @@ def test_soak_sees_a_sample_that_vanishes(require_tool: Callable[[str], str], mo
 
 
 def test_a_benchmark_that_there_is_not() -> None:
-    there = "paper, robustness, inference, population, coverage, real, fleet, soak, blind"
+    there = "paper, robustness, inference, population, coverage, real, fleet, soak, field, blind"
     with pytest.raises(InputError, match=f"there are {there}"):
         benchmark.benchmark("nothing")
+
+
+def test_field_counts_names_alarms_and_errors_and_resumes(tmp_path: Path) -> None:
+    results = tmp_path / "field.jsonl"
+    part = {"kinds": ["ten_hz", "chamber_wide"], "limit": 1, "results": results, "seed": 403}
+    found = benchmark.benchmark("field", quiet=True, **part)
+    null, planted = found["rows"]
+    assert (null["kind"], null["sessions"]) == ("ten_hz", 1)
+    assert (null["false_names"], null["alarms"], null["contradictions"]) == (0, 0, 0)
+    assert (planted["kind"], planted["named"], planted["z"]["n"]) == ("chamber_wide", 1, 1)
+    assert planted["z"]["largest"] < 4
+    assert benchmark.benchmark("field", quiet=True, **part) == found
+    assert len(results.read_text(encoding="utf-8").splitlines()) == 2
+
+
+def test_field_sessions_know_nothing_of_the_library() -> None:
+    for name in ("field_sessions", "field_planted"):
+        assert "gyrocal." not in (benchmark.ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8")

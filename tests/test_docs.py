@@ -1,6 +1,8 @@
 """The documentation: its tutorials do what they say, its links lead somewhere, and its pages are made from the code."""
 
 import importlib.util
+import json
+import os
 import re
 import shutil
 import subprocess
@@ -54,6 +56,22 @@ def _wait_for(path: Path) -> None:
             return
         time.sleep(0.1)
     pytest.fail(f"{path.name} did not appear")
+
+
+def test_the_notebook_runs_and_its_error_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    shutil.copytree(ROOT / "docs" / "examples", tmp_path / "examples")
+    realdata = Path(os.environ.get("GYROCAL_REALDATA") or ROOT.parent / "shared" / "realdata")
+    chamber = realdata / "thermal_chamber_imu" / "imu_raw_data.tsv"
+    if chamber.exists():
+        shutil.copy(chamber, tmp_path)
+    cells = json.loads((ROOT / "docs" / "notebooks" / "story.ipynb").read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    said = _done([sys.executable, "-c", code], tmp_path)
+    excess = re.search(r"scale_asymmetry: excess (\S+) mdps before, (\S+) after", said)
+    assert excess is not None, said
+    assert float(excess[2]) < 0.2 * float(excess[1])
+    assert not chamber.exists() or re.search(r"bias_temperature|temperature", said)
 
 
 @pytest.fixture(scope="module")

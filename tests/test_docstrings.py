@@ -66,7 +66,7 @@ def test_arrays_have_a_shape_or_a_unit(path: Path) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(HOST)))
 def test_a_result_of_three_and_more_has_names(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.FunctionDef) and node.returns is not None and node.name not in KEYS:
+        if isinstance(node, ast.FunctionDef) and node.returns is not None and node.name not in KEYS and node.name[0] != "_":
             given = node.returns
             if isinstance(given, ast.Subscript) and ast.unparse(given.value) == "tuple" and isinstance(given.slice, ast.Tuple):
                 kinds = [ast.unparse(e) for e in given.slice.elts]

@@ -13,12 +13,15 @@ from gyrocal.errors import GyrocalError, InputError, did_you_mean
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak")
+FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field")
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
 
-PARTS = {"blind": {"cases_of", "kinds", "limit", "skip", "workers", "results"}, "soak": {"hours", "seed"}}
+PARTS = {
+    "blind": {"cases_of", "kinds", "limit", "skip", "workers", "results"}, "soak": {"hours", "seed"},
+    "field": {"kinds", "limit", "workers", "results", "seed"},
+}  # fmt: skip
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
 
@@ -41,8 +44,8 @@ METHODS = {"gyrocal": None, "stepwise F-test": "stepwise_f_test", "oracle": "ora
 def benchmark(name: str, *, sample: bool = False, quiet: bool = False, **part: Any) -> dict[str, Any]:
     """Run a benchmark and return what its ``--json`` prints. Unless ``quiet``, show a progress bar on stderr.
 
-    ``part`` says which cases of the blind benchmark to run, and how (``tests/blind/benchmark.py``), or the soak's ``hours``
-    and first ``seed``.
+    ``part`` says which cases of the blind benchmark to run, and how (``tests/blind/benchmark.py``), which sessions of the
+    field benchmark, or the soak's ``hours`` and first ``seed``.
 
     Raises InputError for an unknown name, and GyrocalError outside a checkout.
     """
@@ -73,7 +76,7 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
     if not part.keys() <= PARTS.get(name, frozenset()):
         raise InputError(
             f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers and --results "
-            "with blind, --hours and --seed with soak"
+            "with blind, --kind, --limit, --workers, --results and --seed with field, --hours and --seed with soak"
         )
     return partial(module.benchmark if name == "blind" else module.run, **part)
 

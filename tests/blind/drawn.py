@@ -107,7 +107,7 @@ def _one(name: str, typical: float, signed: bool = True) -> Callable[[Random, Ca
 MEASURED = {"accelerometer": True}
 RAMP = {"climate": "ramp"}
 WARM = {"climate": "chamber"}
-SHAKEN = {"accelerometer": True, "vibration_g": 0.3}
+SHAKEN = {"accelerometer": True, "vibration_g": 1.0}
 # where an accelerometer sees the arm's acceleration, g_sensitivity is as true a name
 STILL = {"accelerometer": False}
 
@@ -150,7 +150,7 @@ EFFECTS: dict[str, Kind] = {
             "order": float(r.choice([0.5, 1, 2, 3, 4.25, 5, 7])), "A_dps": size(r, 0.02), "phase_deg": r.uniform(0, 360)
         },
     ),
-    "g2_sensitivity": Kind(("paper", "staircase", "hand", "swing"), "any", _one("k_dps_per_g2", 0.1), SHAKEN),
+    "g2_sensitivity": Kind(("paper", "staircase", "hand", "swing"), "any", _one("k_dps_per_g2", 0.02), SHAKEN),
     "byte_fault": Kind(("paper", "swing", "staircase", "hand"), "any", _byte_fault),
 }
 

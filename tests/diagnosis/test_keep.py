@@ -123,3 +123,16 @@ def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert main([*words, "--effects", str(own)]) == 2  # the name is taken
     finally:
         base.effects().pop("saw", None)
+
+
+@pytest.mark.parametrize("row", [0, 700])
+def test_one_reading_is_never_kept(row: int) -> None:
+    """A single bad reading, first of a run or within it, is no shape of any variable."""
+    runs: list[float] = []
+
+    def signal(quantities: dict[str, Array]) -> Array:
+        runs.append(0.0)
+        return np.where((np.arange(quantities["t"].size) == row) & (len(runs) == 8), 3.0, 0.0)
+
+    with pytest.raises(InputError):
+        propose(diagnose(recording(signal)))

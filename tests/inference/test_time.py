@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from gyrocal.benchmark import _module
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
 from gyrocal.inference.heldout import fitted as in_sample
+from gyrocal.inference.timing import with_timing
 from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
@@ -146,3 +148,12 @@ def test_a_large_error_of_time_is_named_and_nothing_else(name: str, effect_id: s
 def test_without_an_error_of_time_none_is_found() -> None:
     session = BENCHMARK.session(BENCHMARK.Cell("none"), 4)
     assert diagnose(session).verdict == "adequate"
+
+
+def test_a_search_for_a_delay_stays_within_the_reference(tmp_path: Path) -> None:
+    """A clock error of long swings asks the delay for steps that leave the whole recording."""
+    _module("field").write("clock", 401, tmp_path / "s")
+    current = fit(Session.open(tmp_path / "s"), Model.builtin("default"), axes="z").axes["z"]
+    late = with_timing(current, Term("lag", "z"))
+    assert np.isfinite(late.loglik)
+    assert late.design.n_blocks.sum() > current.design.n_blocks.sum() / 4

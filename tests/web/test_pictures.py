@@ -112,7 +112,6 @@ def test_a_wrong_effect_stays_in_doubt_and_a_run_stays_out_after_a_restart(
 ) -> None:
     """A tone of the angle is tried where a ripple is; it is marked as unproven, now, in another model and after a restart."""
     page = look(f"{served.url}diagnose?session=ripple")
-    page.get_by_role("button", name="Undo").click()
     page.get_by_role("textbox", name="name of a new branch").fill("by hand")
     page.get_by_role("button", name="Branch").click()
     page.get_by_role("button", name="by hand", pressed=True).wait_for()

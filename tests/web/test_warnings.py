@@ -38,7 +38,7 @@ def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[...,
     page.get_by_role("button", name="Turn the face of 008_down.csv over").click()
     page.get_by_text("The other face of 008_down.csv is written into session.toml").wait_for()
     page.get_by_role("button", name="Cancel").click()
-    page.get_by_role("dialog").wait_for(state="hidden")
+    page.get_by_role("button", name="Do it").wait_for(state="hidden")
     assert header.read_text() == before
     page.get_by_role("button", name="Turn the face of 008_down.csv over").click()
     page.get_by_role("button", name="Do it").click()

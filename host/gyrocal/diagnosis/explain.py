@@ -138,6 +138,7 @@ def explain(
             return Explanation([_over_one_floor(s, last.comparison) for s in steps], [*left, *_unproven(last)], first, last)
         step, last = taken
         steps.append(step)
+        refused.clear()  # what did not decrease the excess beside a larger error may do so now
         for axis in step.axes:
             added[axis] = [*(i for i in added.get(axis, []) if i not in step.removed), *step.effects]
 

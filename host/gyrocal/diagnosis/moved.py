@@ -30,6 +30,7 @@ class Moved:
 
     @property
     def z(self) -> float | None:
+        """The difference in standard errors; None if it is not known."""
         return None if self.session is None or not self.se else (self.session - self.file) / self.se
 
     @property

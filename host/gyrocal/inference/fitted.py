@@ -56,11 +56,11 @@ class AxisFit:
         return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
-        """The solution from some of the runs."""
+        """The solution from the runs with True in ``runs`` [runs]."""
         return self.equations(runs).solve(spreads or self.spreads)
 
     def equations(self, runs: Mask | slice = slice(None)) -> Equations:
-        """The normal equations of some of the runs, or of all."""
+        """The normal equations of the runs with True in ``runs`` [runs], or of all."""
         design = self.design
         n = int(design.n_blocks[runs].sum())
         return Equations(design.layout, self.grams[runs], self.logdet[runs], design.scenarios[runs], n)

@@ -73,12 +73,12 @@ class Integrated:
 
     @property
     def weights(self) -> Array:
-        """The expectation of the standardised coefficients is ``v = weights (y, -X)``, for each Gram matrix."""
+        """Weights [..., k, r] of ``v = weights (y, -X)``, the expectation of the standardised coefficients."""
         return np.asarray(self.root.swapaxes(-1, -2) @ self.half)
 
     @property
     def inverse(self) -> Array:
-        """Covariance of v given the other coefficients, for each Gram matrix."""
+        """Covariance [..., k, k] of v given the other coefficients."""
         return np.asarray(self.root.swapaxes(-1, -2) @ self.root)
 
 
@@ -241,7 +241,7 @@ def _of_shared(total: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def solve(layout: Layout, grams: Array, logdet: Array, scenarios: Index, n: int, spreads: Spreads) -> Solution:
-    """Integrate out the random coefficients and solve for the shared ones; see :class:`Equations`."""
+    """Integrate out the random coefficients of ``grams`` [runs, p, p], and solve for the shared ones (:class:`Equations`)."""
     return Equations(layout, grams, logdet, scenarios, n).solve(spreads)
 
 

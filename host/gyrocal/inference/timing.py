@@ -24,6 +24,8 @@ from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
 SETTLED = 0.02
 """A value has settled if a step moves it by less than this fraction of its standard error."""
 ROUNDS = 20
+REACHED = 0.5
+"""A step after which fewer of the blocks lie within the reference goes farther than the slope of the rate can tell."""
 FIRST_S = 20.0
 """The search for a clock's error begins with so much of each run, s, and doubles it until it has all of it."""
 LATEST_S = 0.5
@@ -58,7 +60,10 @@ def settle(current: AxisFit) -> AxisFit:
         if not moved:
             break
         terms = [replace(t, values=moved.get(i, t.values)) for i, t in enumerate(settled.design.terms)]
-        settled = with_noise(settled.design.changed(terms), settled.noise, settled.spreads)
+        design = settled.design.changed(terms)
+        if design.n_blocks.sum() < REACHED * settled.design.n_blocks.sum():
+            break
+        settled = with_noise(design, settled.noise, settled.spreads)
     return settled if settled is current else fit_noise(settled.design, start=settled)
 
 

@@ -26,8 +26,8 @@ NOBODY = -2
 """The owner of columns that only stand for a rival at other values; the model's columns have the owner -1."""
 FREE = 1e3
 """The spread of a coefficient of one run that is free, in standard errors with which the run knows it."""
-NEIGHBOURS = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)
-"""Factors on a nonlinear parameter: a rival may take these values too, within the range in which a fit searches."""
+NEIGHBOURS = (1.4, 0.7, 2.0, 0.5, 2.8, 0.35)
+"""Factors on a nonlinear parameter, nearest first: a rival may take these values too, within the range that a fit searches."""
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 

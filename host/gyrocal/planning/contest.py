@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -29,6 +30,15 @@ RIDGE = 1e-10
 
 Chosen = Sequence[tuple[int, float]]
 """Kinds of power cycles with their numbers. Kinds from ``Contest.n_new`` on are the session's own power cycles."""
+
+
+class Strengths(NamedTuple):
+    """Number, sum and sum of squares of the lambdas, and the cosine of the shapes, [candidates] each."""
+
+    n: Array
+    first: Array
+    second: Array
+    cosine: Array
 
 
 @dataclass(frozen=True)
@@ -52,6 +62,7 @@ class Contest:
 
     @staticmethod
     def of(columns: Columns, members: Sequence[Member], truth: int, rival: int | None, least: float) -> Contest:
+        """The contest of member ``truth`` against member ``rival``, or against none."""
         grams = columns.grams(truth, members[truth], rival)
         own, new = columns.plain()
         cycles = len(grams.own)
@@ -63,11 +74,8 @@ class Contest:
             (none,) if rival is None else tuple(columns.variants(rival)), len(grams.new), least,
         )  # fmt: skip
 
-    def strengths(self, chosen: Chosen, candidates: Chosen = ((0, 0.0),)) -> tuple[Array, Array, Array, Array]:
-        """For a plan with each candidate added: number, sum and sum of squares of the lambdas, and the cosine of the shapes.
-
-        All are [candidates]. The session's own power cycles are part of each.
-        """
+    def strengths(self, chosen: Chosen, candidates: Chosen = ((0, 0.0),)) -> Strengths:
+        """Strengths of a plan with each candidate added. The session's own power cycles are part of each."""
         own = np.arange(self.n_new, len(self.grams))
         kinds = np.concatenate([own, [k for k, _ in chosen]]).astype(int)
         times = np.concatenate([np.ones(own.size), [n for _, n in chosen]])
@@ -86,7 +94,7 @@ class Contest:
             ))  # fmt: skip
         sums, squares, cosines = (np.array([one[i] for one in found]) for i in range(3))
         best = (np.argmin(sums, axis=0), np.arange(len(number)))
-        return times.sum() + number, sums[best], squares[best], cosines[best]
+        return Strengths(times.sum() + number, sums[best], squares[best], cosines[best])
 
     def _mismatch(self, total: Array, rival: Mask) -> Array:
         """Coefficients [c, p] of the true term minus the best that the model and the rival make of it."""

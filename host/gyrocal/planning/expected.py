@@ -57,6 +57,7 @@ class Warming:
         return Warming(tuple(map(float, airs)), float(best[1][-1]), best[2])
 
     def temp_c(self, air_c: float, power_on_s: Array) -> Array:
+        """The part's temperature [n], degC, at times [n] since power-on, s, in air of ``air_c``."""
         return np.asarray(air_c + self.rise_c * (1 - np.exp(-power_on_s / self.tau_s)))
 
 
@@ -71,6 +72,7 @@ class Expected:
 
     @staticmethod
     def of(session: Session) -> Expected:
+        """What planned runs of a session's rig are expected to show."""
         return Expected(session, Warming.of(session), session.sample_rate_hz * BLOCK_S)
 
     def rooms(self, pose: Pose) -> tuple[float, ...]:

@@ -21,8 +21,9 @@ from gyrocal.recording.session import Array
 class Precision:
     """The main parameter of an effect: its ``value``, and the information of planned kinds and of the session's own cycles.
 
-    ``grams`` [kinds + cycles, p, p] hold the information on all shared columns. Where the effect has none, because its size
-    differs from run to run, ``random`` [kinds + cycles] holds the information on its spread.
+    ``grams`` [kinds + cycles, p, p] hold the information on the shared columns of the model and the effect, and on one at a
+    neighbouring value of its nonlinear parameter, which stands for that parameter's own uncertainty. Where the effect has none,
+    because its size differs from run to run, ``random`` [kinds + cycles] holds the information on its spread.
     """
 
     grams: Array
@@ -36,21 +37,24 @@ class Precision:
 
     @staticmethod
     def of(columns: Columns, member: Member) -> Precision:
+        """The precision of the size of one effect."""
+        kept = (columns.owner == -1) | np.any(columns.variants(0)[:2], axis=0)
         grams = columns.grams(0, member, None)
-        sizes = columns.coefficients(0, member)
+        sizes = columns.coefficients(0, member)[kept]
         own, new = columns.plain()
-        rms = np.sqrt(np.diag(own + new.sum(axis=0)))
-        mine = np.array([at is not None and at[0] == 0 for at in columns.place])
+        rms = np.sqrt(np.diag(own + new.sum(axis=0)))[kept]
+        places = [at for at, keep in zip(columns.place, kept, strict=True) if keep]
+        mine = np.array([at is not None and at[0] == 0 for at in places])
         column = int(np.argmax(np.where(mine, np.abs(sizes) * rms + 1e-12 * rms, -1.0))) if mine.any() else None
         used = member.effect.used(member.values) or member.effect.linear
-        place = columns.place[column] if column is not None else None
+        place = places[column] if column is not None else None
         name = used[min(place[1], len(used) - 1)] if place is not None else used[0]
         of_runs = float(member.values.get(f"{name}_sd", member.values.get(name, 0.0)))
         value = of_runs if column is None else float(sizes[column])
         typical = None if member.measured else member.effect.parameter(name).typical
         return Precision(
-            np.concatenate([grams.new, grams.own]), columns.spread_information(member), column, name, abs(value), typical,
-            len(grams.new),
+            np.concatenate([grams.new, grams.own])[:, kept][:, :, kept], columns.spread_information(member), column, name,
+            abs(value), typical, len(grams.new),
         )  # fmt: skip
 
     def errors(self, chosen: Chosen, candidates: Chosen = ((0, 0.0),)) -> Array:

@@ -29,6 +29,7 @@ class Pose:
     temp_c: float | None
 
     def planned(self, seconds: float, scenario: str) -> PlannedRun:
+        """A run of this pose in the plan's file, ``seconds`` long."""
         return PlannedRun(self.axis, self.face, self.table_rate_dps, seconds, self.temp_c, scenario)
 
 
@@ -79,6 +80,7 @@ class Rig:
 
     @property
     def poses(self) -> list[Pose]:
+        """All combinations of axis, temperature, face and rate."""
         return [Pose(a, f, r, t) for a in self.axes for t in self.temps_c for f in FACES for r in self.rates_dps]
 
     def cycles(self) -> Iterator[Cycle]:

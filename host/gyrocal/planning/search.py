@@ -30,7 +30,7 @@ class Criterion(Protocol):
 
 
 @dataclass(frozen=True)
-class ToTellApart:
+class ToTellApart(Criterion):
     """The contests of each effect in question, true in turn, against the others and against none: [truths][rivals]."""
 
     contests: Sequence[Sequence[Contest]]
@@ -52,7 +52,7 @@ class ToTellApart:
 
 
 @dataclass(frozen=True)
-class ToMeasure:
+class ToMeasure(Criterion):
     """The precision of one parameter."""
 
     precision: Precision

@@ -118,6 +118,7 @@ def moved_rows(moved: Sequence[Moved]) -> list[list[str]]:
 
 
 def print_note(note: str) -> None:
+    """Print a note as a line of its own, unless it is empty."""
     if note:
         stdout.print(note, markup=False)
 

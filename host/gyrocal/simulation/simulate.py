@@ -162,7 +162,7 @@ def simulate(
     rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in (mine if add_to is None else add_to.days)}
     scale, bias_dps = own.draw(rng)
     if before:
-        rng, weather = np.random.default_rng((seed, before)), np.random.default_rng((seed, before, 1))
+        rng, weather = np.random.default_rng((seed, before, *mine)), np.random.default_rng((seed, before, *mine, 1))
         rooms = {day: rng.normal(24.0, ROOM_SD_C) for day in mine}
     days = {day: Day(room_c, weather.uniform(0, 2 * np.pi), chosen.chamber_c) for day, room_c in rooms.items()}
     runs, truths = list[Run](), list[RunTruth]()

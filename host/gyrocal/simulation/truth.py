@@ -33,7 +33,7 @@ def saved(session: Session, out: str | Path, record: Mapping[str, Any], parquet:
 
 
 def check_new(out: str | Path | None) -> None:
-    """InputError where a session's folder is there, or a file of its truth's name that is no truth; None is no folder."""
+    """Raise InputError if the session's folder exists already, or if a file that is no truth has the truth's name."""
     if out is not None:
         if Path(out).exists():
             raise InputError(f"{out}: exists already; choose another name or remove it")

@@ -93,19 +93,6 @@ def means(values: Array, starts: Any) -> Array:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1.0), np.nan))
 
 
-def zigzag(low: Array, high: Array, first: int = 0) -> Array:
-    """Minima and maxima [n] of intervals as one curve [2 n], rising in even intervals; ``first`` numbers the first one."""
-    pairs = np.column_stack([low, high])
-    odd = slice(1 - first % 2, None, 2)
-    pairs[odd] = pairs[odd, ::-1]
-    return pairs.ravel()
-
-
-def quarters(first: Array, last: Array) -> Array:
-    """Positions [2 n] of the two points of each interval [n]: at a quarter and at three quarters of it."""
-    return np.column_stack([0.75 * first + 0.25 * last, 0.25 * first + 0.75 * last]).ravel()
-
-
 class Binned(NamedTuple):
     """Centres of bins [k], and the means in them with their standard errors [k]."""
 

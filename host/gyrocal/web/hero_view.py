@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 COPY = """async () => {
     const colour = getComputedStyle(document.body).getPropertyValue("--face").trim();
     const url = getElement(%d).chart.getDataURL({pixelRatio: 2, backgroundColor: colour});
-    const picture = await (await fetch(url)).blob();
+    const bytes = Uint8Array.from(atob(url.split(",")[1]), c => c.charCodeAt(0));
+    const picture = new Blob([bytes], {type: "image/png"});
     try {
         await navigator.clipboard.write([new ClipboardItem({"image/png": picture})]);
         emitEvent("picture_copied", true);

@@ -37,7 +37,7 @@ def show(warnings: Sequence[dict[str, Any]], bench: Workbench | None = None) -> 
 
 def _ask(mend: Mend, bench: Workbench) -> None:
     """Say what will be written, and do it if the user confirms."""
-    with ui.dialog() as dialog, ui.card().props('role="dialog" aria-label="confirm"'):
+    with ui.dialog() as dialog, ui.card():
         ui.label(f"{mend.label}?").classes("big")
         ui.label(mend.told).style("max-width: 60ch")
 

@@ -20,7 +20,7 @@ LIMITS = {"drift": ("warmup",), "table_ripple": ("order_tone",)}
 at one rate a tone of any order is a ripple where the order is a small whole number."""
 LARGEST = {
     "bias_temperature": (0.1, 0.01, 0.001), "thermal_lag": (1.0,), "drift": (5e-3,), "warmup": (0.5,),
-    "thermal_hysteresis": (0.3,), "g_sensitivity": (0.3, 0.3, 0.3), "g2_sensitivity": (1.0,), "centripetal": (4e-5,),
+    "thermal_hysteresis": (0.3,), "g_sensitivity": (0.3, 0.3, 0.3), "g2_sensitivity": (0.2,), "centripetal": (4e-5,),
     "misalignment": (0.05,), "scale_asymmetry": (5e-3,), "scale_temperature": (1e-3,), "scale_nonlinearity": (5e-7,),
     "spin_up": (0.03,), "lag": (0.03,), "clock_error": (5e-3,),
 }  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import html
 from collections.abc import Callable
 from functools import partial
@@ -73,6 +74,7 @@ class DiagnosePanel:
             if found is None:
                 self._invite()
                 self._added()
+                self._any()
                 return
             self._sentence(found)
             if found.verdict == "unknown":
@@ -81,6 +83,7 @@ class DiagnosePanel:
             for card in shown:
                 self._card(card)
             self._rest(found)
+            self._any()
 
     def _invite(self) -> None:
         assert self.bench.step is not None
@@ -246,16 +249,27 @@ class DiagnosePanel:
                 for card, axes in blind.values():
                     ui.label(f"{card.title} on {', '.join(axes)}: {card.judged['next_measurement']}").classes("small dim")
 
+    def _any(self) -> None:
+        """A list of all effects of the library, of which any can be tried."""
         with ui.element("div").classes("face").style("flex: none"), ui.row().classes("tight"):
             ui.label("Try any effect:").classes("small")
-            titles = {c.judged["effect"]: c.title for c in sorted(found.cards, key=lambda c: c.title)}
-            chosen = ui.select(titles, label="effect").props("outlined dense options-dense").style("width: 260px")
-            attempt = ui.button("Try it", color=None, on_click=lambda: self._try_effect(chosen.value, titles))
-            self.acts.append(attempt.props("outline no-caps"))
+            chosen = ui.select({}, label="effect").props("outlined dense options-dense").style("width: 260px")
 
-    async def _try_effect(self, effect: str | None, titles: dict[str, str]) -> None:
-        if effect is not None:
-            await self.bench.add(effect, titles[effect])
+            async def attempt() -> None:
+                if chosen.value is not None:
+                    await self.bench.add(chosen.value, titles[chosen.value])
+
+            button = ui.button("Try it", color=None, on_click=attempt)
+            self.acts.append(button.props("outline no-caps"))
+
+        titles: dict[str, str] = {}
+
+        async def fill() -> None:
+            titles.update(await asyncio.to_thread(_titles))
+            chosen.set_options(titles)
+
+        with chosen:
+            ui.timer(0, fill, once=True)
 
     # The model, the fall, the calibration.
 
@@ -332,6 +346,14 @@ class DiagnosePanel:
                 ui.echart(charts.calibration(self.tab.palette, found.errors)).classes("chart grow").props(
                     'role="img" aria-label="calibration error against seconds"'
                 )
+
+
+def _titles() -> dict[str, str]:
+    """The titles of all effects that can be fitted, by id."""
+    from gyrocal.effects.base import effects
+
+    kinds = [kind for kind in effects().values() if kind.parameters and kind.id not in ("scale", "bias")]
+    return {kind.id: kind.title for kind in sorted(kinds, key=lambda kind: kind.title)}
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
