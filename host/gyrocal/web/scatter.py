@@ -17,7 +17,7 @@ NAMES = {"model": "the model", "cnn": "the network", "baseline": "the plain aver
 BEYOND = 2.0
 """The scatter exceeds the errors where it is so many times their root mean square."""
 FEWEST = 3
-WIDTH, HEIGHT, LEFT = 620.0, 150.0, 70.0
+WIDTH, HEIGHT, LEFT = 620.0, 150.0, 110.0
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,7 @@ def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str
         )
     for value in (low, high):
         drawn.append(f'<text x="{LEFT - 8:.0f}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.0f}</text>')
+    drawn.append(f'<text x="0" y="{y((low + high) / 2) + 4:.1f}">bias, mdps</text>')
     if len(cycles) <= 12:
         drawn += [
             f'<text x="{x(i):.1f}" y="{HEIGHT - 20:.0f}" text-anchor="middle">{html.escape(name)}</text>'
