@@ -77,7 +77,7 @@ class Angles:
     def of(fitted: Fit, folds: Sequence[Fold], of_model: Mapping[str, Array] | None = None) -> Angles:
         """The angles that a model leaves of held-out runs, in sample without ``folds``.
 
-        ``of_model`` holds the covariances of parameters that come from another session, by axis.
+        ``of_model`` holds the covariances [p, p] of parameters that come from another session, by axis.
         """
         errors = of_model or {}
         net = any(run.rate_is_mean for run in fitted.session.runs)

@@ -45,7 +45,7 @@ class Color:
         return out
 
     def log_determinant(self, joined: Mask) -> float:
-        """Twice the logarithm of the determinant of the filter in :meth:`whitened`."""
+        """Twice the logarithm of the determinant of the filter in :meth:`whitened`, with its ``joined`` [m - 1]."""
         if self.of_angle:
             return -float(np.log(self._factors(joined)[1]).sum())
         together = int(np.count_nonzero(joined))

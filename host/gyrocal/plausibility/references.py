@@ -47,8 +47,8 @@ def check(session: Session) -> list[Warning]:
 def _noise_unknown(session: Session) -> list[Warning]:
     """``noise_unknown``: a measured column whose noise hides in its motion, and how much that noise may attenuate at most."""
     columns: list[tuple[str, str, str, str, Callable[[Run], Smoothed | None]]] = [
-        ("true rate", "dps", "scale", "ref_noise_dps", lambda run: run.smooth_rate),
-        ("temperature", "degC", "temperature coefficients", "temp_noise_c", lambda run: run.smooth_temp),
+        ("true rate", "dps", "the scale", "ref_noise_dps", lambda run: run.smooth_rate),
+        ("temperature", "degC", "the temperature coefficients", "temp_noise_c", lambda run: run.smooth_temp),
     ]
     out = []
     for name, unit, of, key, column in columns:
@@ -59,7 +59,7 @@ def _noise_unknown(session: Session) -> list[Warning]:
             continue
         text = (
             f"the {name} moves up to half of the sampling rate, so its noise cannot be told from its motion. The noise is at "
-            f"most {most:.2g} {unit}, and may make the {of} too small by at most {min(most**2 / motion, 1.0):.2g} of it, "
+            f"most {most:.2g} {unit}, and may make {of} too small by at most {min(most**2 / motion, 1.0):.2g} of it, "
             f"which the standard errors contain. State {key} under [reference] in session.toml, or sample faster"
         )
         out.append(Warning("noise_unknown", None, None, text))

@@ -352,7 +352,7 @@ def _titles() -> dict[str, str]:
     """The titles of all effects that can be fitted, by id."""
     from gyrocal.effects.base import effects
 
-    kinds = [kind for kind in effects().values() if kind.parameters and kind.id not in ("scale", "bias")]
+    kinds = [kind for kind in effects().values() if kind.parameters and kind.role is None]
     return {kind.id: kind.title for kind in sorted(kinds, key=lambda kind: kind.title)}
 
 
