@@ -47,6 +47,9 @@ RefMap = Annotated[
         "--ref-map", metavar="TARGET=COLUMN[:UNIT]", help="Take a column of it: its t_s, and e.g. ref_angle_deg=enc:rad."
     ),
 ]
+Gravity = Annotated[
+    bool, typer.Option("--gravity", help="Turned by hand between rests: gravity is the reference, no rate is known.")
+]
 
 
 def run(
@@ -69,6 +72,7 @@ def run(
     ref_maps: RefMap = None,
     ref_clock: Annotated[str, typer.Option(help="same: one clock stamped both files; own: each its own.")] = "same",
     ref_topic: Annotated[str | None, typer.Option(help="Which topic of the second file.")] = None,
+    gravity: Gravity = False,
     runs: Runs = None,
     sections: Sections = None,
     run_meta: RunMeta = None,
@@ -100,7 +104,7 @@ def run(
     found = _read(src, out, append, Options(
         maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
         [c.strip() for c in columns.split(",")] if columns else None, skip, topic, form, sensor, full_scale_dps,
-        _second(reference, ref_maps, ref_clock, ref_topic), resample_hz,
+        _second(reference, ref_maps, ref_clock, ref_topic), resample_hz, gravity,
     ))  # fmt: skip
     if preview is not None:
         from gyrocal.present.preview import draw

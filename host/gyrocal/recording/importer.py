@@ -42,6 +42,7 @@ class Options:
     runs to take; without any, a file is one. ``run_meta``: ``PATTERN:key=value,...`` for the runs whose names fit.
     ``defaults``: keys of ``[[run]]`` for all of them. ``axis``: the session's; None is the only one mapped, or z. ``form``: a
     name of ``FORMATS``, whose mappings come before ``maps``. ``resample_hz``: the rate that faster runs are brought to.
+    ``gravity``: the sensor was turned by hand between rests, so gravity is the reference and no run has a true rate.
     """
 
     maps: Sequence[str] = ()
@@ -58,6 +59,7 @@ class Options:
     full_scale_dps: float | None = None
     second: SecondFile | None = None
     resample_hz: float | None = None
+    gravity: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,7 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     if options.form is not None:
         options = replace(options, maps=[*mapping_of(options.form), *options.maps])
         path = _data_file(path)
+    options = _with_gravity(options, existing)
     files = _files(path)
     if len(files) > 1 and options.cuts:
         raise InputError(f"{path}: {len(files)} files, each a run; --run and --sections cut a single file")
@@ -145,10 +148,30 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     session = Session(
         sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis or "z",  # type: ignore[arg-type]
         sensor=options.sensor, full_scale_dps=options.full_scale_dps, lsb_dps=options.scaling.lsb_dps,
-        reference=Reference.model_validate({"clock": "own"} if options.second and options.second.clock == "own" else {}),
+        reference=_reference(options),
     )  # fmt: skip
     session, slowed = _of_one_rate(session, options.resample_hz, existing)
     return Imported(session, guessed, tuple(warnings), repaired | ({"resampled": slowed} if slowed else {}))
+
+
+def _with_gravity(options: Options, existing: Session | None) -> Options:
+    """The options with the reference of the session that runs are added to. Raises InputError if they contradict it."""
+    by_gravity = options.gravity or (existing is not None and existing.reference.kind == "gravity")
+    if not by_gravity:
+        return options
+    if existing is not None and existing.reference.kind != "gravity":
+        raise InputError("--gravity: the session's runs have a true rate; import this recording into a session of its own")
+    if options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults):
+        raise InputError(
+            "the reference is gravity, and a true rate is given too; leave out --gravity, or --rate, --turn-deg and --reference"
+        )
+    return replace(options, gravity=True)
+
+
+def _reference(options: Options) -> Reference:
+    if options.gravity:
+        return Reference(kind="gravity")
+    return Reference.model_validate({"clock": "own"} if options.second and options.second.clock == "own" else {})
 
 
 def _data_file(path: Path) -> Path:
@@ -186,13 +209,17 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
     stem = path.name.split(".")[0]
     labels = check_meta(labels_of(stem), str(path))
     defaults = {**labels, **options.defaults}
-    if "turn_deg" in options.defaults and "table_rate_dps" not in options.defaults:
+    if options.gravity or ("turn_deg" in options.defaults and "table_rate_dps" not in options.defaults):
         defaults.pop("table_rate_dps", None)
-    cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{defaults.get('face', 'up')}")]
+    kind = "hands" if options.gravity else defaults.get("face", "up")
+    cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{kind}")]
     cuts = with_meta(cuts, options.run_meta, defaults)
     check_names_differ(cuts)
     evened: list[Warning] = []
-    runs = [_run(source, mappings, table, cut, number + i, axis, rate_hz, evened.append) for i, cut in enumerate(cuts)]
+    reference = _reference(options)
+    runs = [
+        _run(source, mappings, table, cut, number + i, axis, rate_hz, reference, evened.append) for i, cut in enumerate(cuts)
+    ]
     times = sum(len(run) for run in runs if run.file in {w.file for w in evened})
     counts = {"times": times, "rows": table.left_out, "cells": table.cells}
     session = Session(sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis)  # type: ignore[arg-type]
@@ -221,7 +248,7 @@ def _mapped(path: Path, options: Options) -> _Mapped:
         return _Mapped(mappings, source)
     if set(REQUIRED) <= set(source.frame.columns):
         return _Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
-    stated = options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
+    stated = options.gravity or options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
     guessed = tuple(guess(source, scaling, reference=not stated))
     return _Mapped([ColumnMap.parse(g.map, scaling) for g in guessed], source, guessed)
 
@@ -264,7 +291,7 @@ def _rate_and_unit(source: Source, mappings: Sequence[ColumnMap], table: Convert
 
 def _run(
     source: Source, mappings: Sequence[ColumnMap], table: Converted, cut: Cut, index: int, axis: str, rate_hz: float | None,
-    warn: Callable[[Warning], None],
+    reference: Reference, warn: Callable[[Warning], None],
 ) -> Run:  # fmt: skip
     """One cut as a run, checked; its time starts at 0."""
     height = int(table.entry[-1]) + 1 if table.entry.size else 0
@@ -287,14 +314,29 @@ def _run(
         raise InputError(f"run {cut.name}: its axis is {run_axis}, and nothing is mapped to g{run_axis}_dps; see --axis")
     for name in REQUIRED[1:]:
         columns.setdefault(name, np.zeros(end - start))
-    if "table_rate_dps" not in meta and meta.get("turn_deg") is None and not has_reference(columns):
-        raise InputError(f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map rate_ref_dps")
+    _check_reference(cut, columns, reference)
     return Run(
         index, file, meta.get("scenario", "s000"), meta.get("face", "up"), run_axis,  # type: ignore[arg-type]
         meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
         rate_hz or _nominal_rate_hz(columns["t_s"]),
         frame=check_table(_frame(columns), f"{source.label}: run {cut.name}"), table_rate_se_dps=meta.get("table_rate_se_dps"),
+        reference=reference,
     )  # fmt: skip
+
+
+def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Reference) -> None:
+    """Raise InputError unless a run has a true rate, or the accelerations that take its place."""
+    stated = "table_rate_dps" in cut.meta or cut.meta.get("turn_deg") is not None or has_reference(columns)
+    if reference.kind != "gravity":
+        if not stated:
+            raise InputError(
+                f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map rate_ref_dps; or --gravity, "
+                "if it was turned by hand between rests"
+            )
+    elif stated:
+        raise InputError(f"run {cut.name}: the reference is gravity, and a true rate is given too; leave out one of them")
+    elif not all(f"a{a}_g" in columns for a in AXES):
+        raise InputError(f"run {cut.name}: the reference is gravity; map ax_g, ay_g and az_g, as by --map ax_g=COLUMN:m/s2")
 
 
 def _frame(columns: Mapping[str, Array]) -> pl.DataFrame:
