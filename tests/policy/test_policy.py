@@ -30,6 +30,7 @@ NO_THRESHOLDS = {
     "ENTRIES", "LEAST_NOISE_G", "LEAST_NOISE_DPS", "NO_ERROR",  # indices; bounds of a division
     "STEPS", "CONVERGED", "ITERATIONS", "ROUNDS", "(CONVERGED_DPS, MOST_ITERATIONS)",  # of iterations
     "STILLEST", "TRIM_S", "CHUNK_S", "BLOCK_S", "(TREMBLES, SHRUNK)",  # by which the noise at rest is estimated
+    "TURNS_DEG", "STEP_DEG",  # a grid of movements, and of the integral over one
     "AHEAD", "PATIENCE_S", "RESUBMITTED",  # of tasks on several computers
 }
 """Numbers of the layers that judge that are no thresholds."""

@@ -106,10 +106,7 @@ def run(
         [c.strip() for c in columns.split(",")] if columns else None, skip, topic, form, sensor, full_scale_dps,
         _second(reference, ref_maps, ref_clock, ref_topic), resample_hz, gravity,
     ))  # fmt: skip
-    if preview is not None:
-        from gyrocal.present.preview import draw
-
-        draw(found.session, preview)
+    _preview(found, preview)
     if found.guessed and not as_json:
         _confirm(found, yes)
     _tell(found, found.save(out, append=append), out, as_json)
@@ -144,6 +141,13 @@ def _read(src: Path, out: Path, append: bool, options: "Options") -> "Imported":
 
     check_is_new(out, append)
     return read_recording(src, options, Session.open(out, check=False) if append and out.exists() else None)
+
+
+def _preview(found: "Imported", file: Path | None) -> None:
+    if file is not None:
+        from gyrocal.present.preview import draw
+
+        draw(found.session, file)
 
 
 def _confirm(found: "Imported", yes: bool) -> None:

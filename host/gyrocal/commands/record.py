@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from gyrocal.device.run_writer import Recorded
     from gyrocal.recording.plan_file import PlannedRuns
 
+BY_HAND = "Lay the sensor down for ten seconds. Then turn it from pose to pose, and keep it still for two seconds in each."
+
 
 def run(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The session's folder: new, or one to add a run to.")],
@@ -32,10 +34,13 @@ def run(
     plan: Annotated[
         Path | None, typer.Option(metavar="PLAN.toml", help="Carry out a plan, run by run; runs that OUT has are left out.")
     ] = None,
+    hands: Annotated[
+        bool, typer.Option("--hands", help="Turned by hand, without a table: says which movement is missing, until none is.")
+    ] = False,
     imu: Annotated[int, typer.Option(min=0, help="Which sensor of the board.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Record a run, or the runs of a plan, from a device into a session folder.
+    """Record a run, the runs of a plan, or a calibration by hand, from a device into a session folder.
 
     What was received is on disk at once. Ctrl-C, SIGTERM and SIGHUP end the recording; if the device goes away, what came is
     kept, and the report is printed all the same (exit 3; exit 1 where the disk is full).
@@ -48,16 +53,15 @@ def run(
     from gyrocal.recording.plan_file import PlannedRuns
     from gyrocal.warning import Warning
 
-    if plan is not None and (follow or any(v is not None for v in (face, rate, seconds, turn_deg, axis, day))):
-        raise InputError("--plan says which runs there are; leave out --follow, --face, --rate, --seconds, --axis and --day")
-    wanted = None if follow or plan is not None else record.wanted(face, rate, seconds, turn_deg, axis)
+    _check_told_once(plan, hands, follow, any(v is not None for v in (face, rate, seconds, turn_deg, axis)), day)
+    wanted = None if follow or hands or plan is not None else record.wanted(face, rate, seconds, turn_deg, axis)
     planned = None if plan is None else PlannedRuns.open(plan)
     console = Console(stderr=True)
     report = record.Report(str(out))
     try:
         with Link(port, reconnect=plan is not None) as link, console.status(f"{port}: waiting for the device") as status:
             one = {"wanted": wanted, "scenario": scenario, "day": day}
-            recorder = _recorder(link, out, planned, one, imu, console, status)
+            recorder = _recorder(link, out, planned, hands, one, imu, console, status)
             report = recorder.report
             with recorder.stopped_by_signals():
                 recorder.record()
@@ -71,10 +75,21 @@ def run(
     _finish(report, as_json)
 
 
+def _check_told_once(plan: Path | None, hands: bool, follow: bool, described: bool, day: int | None) -> None:
+    """Raise InputError if --plan or --hands stands beside an option that says what is recorded."""
+    from gyrocal.errors import InputError
+
+    if plan is not None and (follow or hands or described or day is not None):
+        raise InputError("--plan says which runs there are; leave out --follow, --face, --rate, --seconds, --axis and --day")
+    if hands and (follow or described):
+        raise InputError("--hands records one run without a rate; leave out --follow, --face, --rate, --seconds and --axis")
+
+
 def _recorder(
-    link: "Link", out: Path, plan: "PlannedRuns | None", one: dict[str, Any], imu: int, console: "Console", status: "Status"
+    link: "Link", out: Path, plan: "PlannedRuns | None", hands: bool, one: dict[str, Any], imu: int, console: "Console",
+    status: "Status",
 ) -> "Recorder":  # fmt: skip
-    """What records the plan, or else the runs that ``one`` describes, and shows how far it is."""
+    """What records the plan, or by hand, or else the runs that ``one`` describes, and shows how far it is."""
     from gyrocal.device.record import Recorder
     from gyrocal.device.record_plan import PlanRecorder
 
@@ -84,6 +99,14 @@ def _recorder(
     def say(text: str) -> None:
         console.print(text, markup=False, highlight=False)
 
+    if hands:
+        from gyrocal.device.record_hands import HandsRecorder
+        from gyrocal.present.hands import Guide
+
+        say(BY_HAND)
+        return HandsRecorder(
+            link, out, Guide(say, status.update).show, imu=imu, scenario=one["scenario"], day=one["day"]
+        )
     if plan is None:
         return Recorder(link, out, imu=imu, progress=progress, **one)
     return PlanRecorder(link, out, plan, say, imu=imu, progress=progress)
@@ -102,7 +125,9 @@ def _finish(report: "Report", as_json: bool) -> None:
 
 
 def _show(report: "Report", as_json: bool) -> None:
+    from gyrocal.device.record_hands import HandsReport
     from gyrocal.present import output
+    from gyrocal.present.hands import print_aims
     from gyrocal.warning import lines
 
     if as_json:
@@ -111,6 +136,8 @@ def _show(report: "Report", as_json: bool) -> None:
     for r in report.runs:
         what = f"{r.samples} samples, {r.lost} lost on the way, {r.missed} missed by the device"
         print(f"{report.session}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {what}")
+    if isinstance(report, HandsReport):
+        print_aims(report)
     for line in lines(report.warnings):
         print(f"warning: {line}")
     for error in report.errors:

@@ -80,6 +80,8 @@ class Recorder:
 
     patience_s = 2 * SILENCE_S
     """Time without a word between runs after which the device counts as gone."""
+    reference: str | None = None
+    """``gravity`` if the runs have no true rate."""
 
     def __init__(
         self,
@@ -115,7 +117,7 @@ class Recorder:
             GyrocalError: the folder cannot be written, for example because the disk is full; whole rows until then are kept.
         """
         self._hello = self.link.greet()
-        self._folder.settle(self._hello)
+        self._folder.settle(self._hello, self.reference)
         try:
             self._record()
         except OSError as error:
@@ -253,7 +255,7 @@ class Recorder:
             if self.link.replays:
                 return
             raise DeviceError(f"{self.link.name}: the device began another run than was asked for: {setting}")
-        if setting is not None and not setting.has_rate:
+        if self.reference is None and setting is not None and not setting.has_rate:
             raise InputError("the device announces a run whose rate is not known; send it `set table_dps RATE` first")
         self._writer = RunWriter(self._folder, self._settings(), self._scenario, self._day, heard)
 

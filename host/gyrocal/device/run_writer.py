@@ -79,8 +79,11 @@ class SessionFolder:
         """The session's axis, x, y or z."""
         return str(self._keys["axis"])
 
-    def settle(self, hello: Sentence) -> None:
-        """Give the device's settings to a new session, or check that those of an existing session are the same."""
+    def settle(self, hello: Sentence, reference: str | None = None) -> None:
+        """Give the device's settings to a new session, or check that those of an existing session are the same.
+
+        ``reference`` is ``gravity`` if the runs have no true rate.
+        """
         rate_hz = hello.real("rate_hz")
         if rate_hz is None:
             raise DeviceError("the device does not say its rate_hz; flash it again")
@@ -92,7 +95,11 @@ class SessionFolder:
                 "sample_rate_hz": rate_hz,
                 "full_scale_dps": hello.real("full_scale_dps"),
                 "lsb_dps": hello.real("lsb_dps"),
+                "reference": None if reference is None else {"kind": reference},
             }
+        elif self._keys["reference"].get("kind") != reference:
+            has = "a true rate" if reference else "gravity as the reference"
+            raise InputError(f"{self.path}: its runs have {has}, and this one does not; record into a new session")
         elif not same(self._keys["sample_rate_hz"], rate_hz):
             raise InputError(
                 f"{self.path}: is at {self._keys['sample_rate_hz']:g} Hz, the device at {rate_hz:g} Hz; "

@@ -65,10 +65,12 @@ class Found:
     rests: list[Rest]
     movements: list[Movement]
     warnings: list[Warning]
+    moved: int = 0
+    """Number of quiet stretches that are left out because the sensor moved."""
 
 
-def find(session: Session) -> Found:
-    """Rests and movements of all runs. Raises InputError if there are too few rests or no movement."""
+def look(session: Session) -> Found:
+    """Rests and movements of all runs, however few they are."""
     rests: list[Rest] = []
     for louder in POLICY.rest_factors:
         found = [_rest(r, number, a, b) for number, r in enumerate(session.runs) for a, b in _still(r, louder)]
@@ -91,14 +93,20 @@ def find(session: Session) -> Found:
             "larger range"
         )
         warnings.append(Warning("clipped", None, None, text))
-    if len(kept) < POLICY.fewest_rests or not movements:
-        where, count = session.path or "the session", "no" if not kept else str(len(kept))
-        also = f" ({len(moved)} more moved and are left out)" if moved else ""
+    return Found(kept, movements, warnings, len(moved))
+
+
+def find(session: Session) -> Found:
+    """Rests and movements of all runs. Raises InputError if there are too few rests or no movement."""
+    found = look(session)
+    if len(found.rests) < POLICY.fewest_rests or not found.movements:
+        where, rests = session.path or "the session", "1 rest" if len(found.rests) == 1 else f"{len(found.rests) or 'no'} rests"
+        also = f" ({found.moved} more moved and are left out)" if found.moved else ""
         raise InputError(
-            f"{where}: {count} rest{'' if len(kept) == 1 else 's'} found{also}, and {POLICY.fewest_rests} are needed at least. "
+            f"{where}: {rests} found{also}, and {POLICY.fewest_rests} are needed at least. "
             "Leave the sensor still for two seconds in each pose, in ten poses or more, and turn it by about 90 deg in between"
         )
-    return Found(kept, movements, warnings)
+    return found
 
 
 def _still(run: Run, louder: float) -> list[tuple[int, int]]:

@@ -65,6 +65,22 @@ class Gravity:
         chosen_by="python benchmarks/hands.py: none of 30 sound sessions exceeds it",
     )  # fmt: skip
 
+    # Guided recording
+    scale_aim: float = threshold(
+        0.0015, "standard error of every scale at which a guided recording ends",
+        larger="recordings are shorter and scales less certain", smaller="more poses are asked for",
+        chosen_by="half of 0.3 %, so that 95 % of the scales are within 0.3 %; pytest tests/gravity/test_aims.py",
+    )  # fmt: skip
+    misalignment_aim: float = threshold(
+        0.002, "standard error of every misalignment at which a guided recording ends",
+        larger="recordings are shorter and misalignments less certain", smaller="more poses are asked for",
+        chosen_by="half of 0.004, so that 95 % of the misalignments are within 0.004; pytest tests/gravity/test_aims.py",
+    )  # fmt: skip
+    aim_rests: int = threshold(
+        15, "least number of rests of a guided recording",
+        larger="more poses are asked for", smaller="too few movements remain to show that the model does not fit",
+    )  # fmt: skip
+
     # Held-out data
     movement_blocks: int = threshold(
         8, "stretches of time that are left out in turn if days, power cycles and runs are too few",
