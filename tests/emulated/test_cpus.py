@@ -115,7 +115,7 @@ def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_too
     c = cpus.cost(cpu, part)
     found = [c.instructions, c.largest, c.flash_bytes, c.ram_bytes, c.stack_bytes]
     limit = 0.05 if version.startswith(DOCUMENTED_GCC) else 0.2
-    np.testing.assert_allclose(found, documented()[part, cpu.name], rtol=limit, err_msg="python benchmarks/cpus.py docs/cpus.md")
+    np.testing.assert_allclose(found, documented()[part, cpu.name], rtol=limit)
 
 
 @CPU
