@@ -21,6 +21,7 @@ ALLOWED = {
     ("host/gyrocal/demo.py", "scale"): "a field of the sentence $CAL",
     ("host/gyrocal/gravity/calibrate.py", "misalignment"): "a key of the result",
     ("host/gyrocal/gravity/budget.py", "bias"): "a source of error in the budget",
+    ("host/gyrocal/calibration/budget.py", "drift"): "a source of error in the budget",
     ("host/gyrocal/simulation/hands.py", "misalignment"): "a key of the truth file",
     ("host/gyrocal/simulation/hands.py", "clock_error"): "a key of the truth file",
     ("host/gyrocal/present/notebook.py", "scale"): "a label of an axis of a picture",

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.calibration.budget import BudgetRow, beside, by_evidence, by_fit, by_network, by_posterior, temperature_spread_c
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
 from gyrocal.calibration.flags import ordered
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
+from gyrocal.effects.earth_rate import EarthRate
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.whitening import Noise
@@ -50,6 +53,8 @@ class Estimate:
     misfit: float | None = None
     flags: tuple[str, ...] = ()
     """The flags that were raised against it (:data:`gyrocal.calibration.flags.FLAGS`)."""
+    budget: tuple[BudgetRow, ...] = field(default=(), repr=False, compare=False)
+    """The sources of its errors; empty if its standard errors are not known."""
 
     @property
     def trusted(self) -> bool:
@@ -57,7 +62,14 @@ class Estimate:
         return not self.flags
 
     def to_json(self) -> dict[str, Any]:
-        return {**asdict(self), "flags": list(self.flags), "trusted": self.trusted}
+        fields = asdict(replace(self, budget=()))
+        del fields["budget"]
+        return {**fields, "flags": list(self.flags), "trusted": self.trusted}
+
+    def budget_json(self) -> list[dict[str, Any]]:
+        """The rows of the budget, each with the estimate to which it belongs."""
+        which = {"scenario": self.scenario, "method": self.method, "seconds": self.seconds, "axis": self.axis}
+        return [{**which, **row.to_json()} for row in self.budget]
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,11 @@ class _Task:
     session: Session
     model: Model | str | Path | None
     warnings: Sequence[Warning]
+
+    @cached_property
+    def temperature_spread_c(self) -> float | None:
+        """The spread of the session's temperatures, degC; None without a thermometer."""
+        return temperature_spread_c(self.session)
 
 
 def calibrate(
@@ -176,8 +193,16 @@ def _steady(run: Run) -> bool:
     return not run.rate_is_mean and rate_dps[0] != 0 and bool(np.ptp(rate_dps) <= STEADY * abs(rate_dps[0]))
 
 
-Found = tuple[str, Sequence[Run], Answer | None, set[str]]
-"""Axis, the runs that were used, an answer if there is one, and the flags that the method itself raises."""
+class Found(NamedTuple):
+    """An answer, if there is one, about an axis from some runs; the flags that the method raises, and its errors' sources."""
+
+    axis: str
+    used: Sequence[Run]
+    answer: Answer | None
+    flags: frozenset[str] = frozenset()
+    sources: Sequence[BudgetRow] = ()
+    modelled: Sequence[str] = ()
+    """Ids of the effects that the method's model corrects."""
 
 
 def _estimates(task: _Task, scenario: str, runs: Sequence[Run], span: float | None, method: str) -> list[Estimate]:
@@ -191,30 +216,27 @@ def _estimates(task: _Task, scenario: str, runs: Sequence[Run], span: float | No
             if first[0] is None or first[1] is None:
                 continue
             if method == "baseline":
-                found.append((up.axis, [first[0], first[1]], baseline(first[0], first[1]), set()))
+                found.append(_by_baseline(first[0], first[1]))
             else:
                 found += _by_network(up, down, span or min(up.duration_s, down.duration_s), network_prior(task.model, up.axis))
-    return [
-        _estimate(task, scenario, method, span or max(r.duration_s for r in used), axis, used, answer, flags)
-        for axis, used, answer, flags in found
-    ]
+    return [_estimate(task, scenario, method, span or max(r.duration_s for r in one.used), one) for one in found]
 
 
-def _estimate(
-    task: _Task, scenario: str, method: str, seconds: float, axis: str, used: Sequence[Run], answer: Answer | None,
-    flags: set[str],
-) -> Estimate:  # fmt: skip
-    """An answer with its flags; None if the method gives no answer."""
-    flags = flags | reading_flags(used, axis, task.session.full_scale_dps) | warning_flags(task.warnings, axis, used)
+def _estimate(task: _Task, scenario: str, method: str, seconds: float, found: Found) -> Estimate:
+    """An answer with its flags and its budget; None if the method gives no answer."""
+    axis, used, answer, own, sources, modelled = found
+    flags = set(own) | reading_flags(used, axis, task.session.full_scale_dps) | warning_flags(task.warnings, axis, used)
     if answer is None:
         return Estimate(scenario, method, float(seconds), axis, None, None, None, None, None, ordered(flags))
     flags |= answer_flags(answer, sum(np.unique(r.t_us // BLOCK_US).size for r in used))
     scale_se, bias_se_dps, misfit = (
         None if x is None or np.isnan(x) else x for x in (answer.scale_se, answer.bias_se_dps, answer.misfit)
     )
+    rows = (*sources, *beside(used, axis, task.temperature_spread_c, modelled)) if sources else ()
     return Estimate(
-        scenario, method, float(seconds), axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags)
-    )
+        scenario, method, float(seconds), axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags),
+        rows,
+    )  # fmt: skip
 
 
 def _pooled(task: _Task, span: float | None) -> list[Estimate]:
@@ -234,7 +256,9 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
         if scale.values and "bias_dps" in bias.values:
             scale_se = with_table(scale.se["scale"], runs)
             answer = Answer(scale.values["scale"], scale_se, bias.values["bias_dps"], bias.se["bias_dps"], None)
-            out.append(_estimate(task, POOLED, "model", seconds, axis, runs, answer, set()))
+            modelled = [t.effect.id for t in fitted.terms] + [EarthRate.id] * (session.latitude_deg is not None)
+            one = Found(axis, runs, answer, sources=by_fit(answer, runs), modelled=modelled)
+            out.append(_estimate(task, POOLED, "model", seconds, one))
     return out
 
 
@@ -277,20 +301,32 @@ def _by_model(runs: Sequence[Run], model: Model) -> list[Found]:
         evidence = Evidence.of(mine) if steady and not fitted else None
         if evidence is not None:
             answer = evidence.with_errors(answer)
+            sources = by_evidence(evidence, answer)
         else:
             answer = replace(answer, scale_se=with_table(answer.scale_se, mine))
-        found.append((axis, mine, answer, set()))
+            sources = by_posterior(calibration, mine, answer)
+        modelled = [t.effect.id for t in model.on(axis) if t.effect.id != EarthRate.id]  # the estimator has no column for it
+        found.append(Found(axis, mine, answer, sources=sources, modelled=modelled))
     return found
+
+
+def _by_baseline(up: Run, down: Run) -> Found:
+    answer, evidence = _baseline(up, down)
+    return Found(up.axis, [up, down], answer, sources=[] if evidence is None else by_evidence(evidence, answer))
 
 
 def baseline(up: Run, down: Run) -> Answer:
     """The paper's eq. (9)-(10) from two runs, with the standard errors that noise, drift and typical effects leave."""
+    return _baseline(up, down)[0]
+
+
+def _baseline(up: Run, down: Run) -> tuple[Answer, Evidence | None]:
     w_up, w_down = float(np.mean(up.rate_dps)), float(np.mean(down.rate_dps))
     mean_up, mean_down = (float(np.mean(r.gyro_dps[:, r.axis_index])) for r in (up, down))
     scale = (mean_up - mean_down) / (w_up - w_down) - 1
     answer = Answer(scale, np.nan, mean_up - (1 + scale) * w_up, np.nan, np.nan)
     evidence = Evidence.of([up, down])
-    return answer if evidence is None else evidence.with_errors(answer)
+    return (answer if evidence is None else evidence.with_errors(answer)), evidence
 
 
 def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]:
@@ -303,11 +339,12 @@ def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]
     used = [run.first(STAGES_S[stage]) or run for run in (up, down)]
     answer, evidence = network(up, down, stage, prior), Evidence.of(used)
     if answer is None or evidence is None:
-        return [(up.axis, used, None, {"net_range"})]
-    flags = {"disagrees"} if evidence.disagrees(answer) else set()
+        return [Found(up.axis, used, None, frozenset({"net_range"}))]
+    flags = frozenset({"disagrees"} if evidence.disagrees(answer) else ())
     answer = answer if prior.is_known else evidence.widened(answer)
     answer = replace(answer, misfit=evidence.misfit_of(answer), scale_se=with_table(answer.scale_se, used))
-    return [(up.axis, used, answer, flags)]
+    sources = by_network(answer, used) if prior.is_known else by_evidence(evidence, answer, widened=True)
+    return [Found(up.axis, used, answer, flags, sources)]
 
 
 def network_stage(up: Run, down: Run, seconds: float) -> int | None:

@@ -144,6 +144,7 @@ class FacePosterior:
     """The estimate of u by a face under each hypothesis, [N, H]; the first one has neither ripple nor transient.
 
     ``chi2`` is at u's best value, ``log_evidence`` is up to a constant. ``blocks`` counts the observations.
+    ``white`` [N] is the variance of u by white noise alone, ``standing`` [N] the part of every variance by rounding.
     """
 
     u_dps: Array
@@ -151,6 +152,8 @@ class FacePosterior:
     chi2: Array
     log_evidence: Array
     blocks: int
+    white: Array
+    standing: Array
 
     def under(self, effects: slice) -> Under:
         """The average over the hypotheses in which some effects act."""
@@ -220,7 +223,7 @@ def face_posterior(face: FaceSums, variance: Array, w_dps: float, step_dps: floa
         log_evidence = -0.5 * chi2 - np.log(diagonal).sum(1)
         found.append((v[:, 5] / pivot + origin[:, 0], 1 / pivot**2 + standing, chi2, log_evidence))
     u, spread, chi2s, evidence = (np.stack(x, axis=1) for x in zip(*found, strict=True))
-    return FacePosterior(u, spread, chi2s, evidence, face.number.size)
+    return FacePosterior(u, spread, chi2s, evidence, face.number.size, variance / face.n.sum(), standing)
 
 
 def _whitened_gram(columns: Array, y_dps: Array, face: FaceSums, variance: Array) -> Array:

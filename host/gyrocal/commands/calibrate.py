@@ -22,6 +22,7 @@ def run(
     from gyrocal.calibration.flags import FLAGS
     from gyrocal.errors import InputError
     from gyrocal.plausibility import check
+    from gyrocal.present.budget import print_budget
     from gyrocal.present.output import emit, mdps, stdout, table
     from gyrocal.present.report import print_warnings
     from gyrocal.recording.session import Session
@@ -41,7 +42,8 @@ def run(
     found = calibrate(opened, spans, methods, model, warnings)
     warnings += unanswered(opened, found)
     if as_json:
-        emit({"estimates": [e.to_json() for e in found], "warnings": [w.to_json() for w in warnings]})
+        budget = [row for e in found for row in e.budget_json()]
+        emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})
         return
     print_warnings(warnings)
     rows = [
@@ -54,6 +56,7 @@ def run(
         count = sum(flag in e.flags for e in found)
         if count:
             stdout.print(f"{flag} ({count} of {len(found)}): {meaning}", markup=False)
+    print_budget(found)
 
 
 def _number(value: float | None, form: str, factor: float = 1.0) -> str:

@@ -10,6 +10,9 @@ from gyrocal.effects.timing import TimingEffect
 from gyrocal.recording.session import Array
 from gyrocal.recording.timing import Motion, Timing
 
+CLOCK_SE = 1e-4
+"""Standard error of the sample clock, a fraction: crystals are good to 20-100 ppm."""
+
 
 class ClockError(TimingEffect):
     id = "clock_error"

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from gyrocal.effects.base import Role, with_role
-from gyrocal.gravity.fit import CLOCK_SE, GravityFit
+from gyrocal.effects.clock_error import CLOCK_SE
+from gyrocal.gravity.fit import GravityFit
 from gyrocal.recording.session import AXES, Array
 
 ADVICE = {

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gyrocal.effects.base import Role, effects, with_role
+from gyrocal.effects.clock_error import CLOCK_SE
 from gyrocal.effects.misalignment import Misalignment
 from gyrocal.error_model.model import Model, Term
 from gyrocal.gravity.observations import Observations, Observer, Parameter, Rows, parameters
@@ -24,8 +25,6 @@ from gyrocal.recording.session import AXES, Array
 
 CROSS = Misalignment.id
 """The effect that is the off-diagonal part of the matrix from true rates to readings."""
-CLOCK_SE = 1e-4
-"""Standard error of the sample clock, a fraction: crystals are good to 20-100 ppm. It adds to that of each scale."""
 STEPS = 20
 CONVERGED = 1e-2
 """A step below this part of the standard errors ends the iteration."""

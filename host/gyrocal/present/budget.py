@@ -1,0 +1,48 @@
+"""The error budget of a calibration on a table, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gyrocal.calibration.budget import BudgetRow, largest
+from gyrocal.calibration.calibrate import Estimate
+from gyrocal.present.output import mdps, stdout, table
+
+
+def shown(found: Sequence[Estimate]) -> Estimate | None:
+    """The trusted estimate from the longest time with the smallest error of the scale; None if there is none."""
+    known = [e for e in found if e.trusted and e.budget and e.scale_se is not None]
+    return min(known, key=lambda e: (-e.seconds, e.scale_se), default=None)
+
+
+def print_budget(found: Sequence[Estimate]) -> None:
+    """Print the budget of the estimate by :func:`shown` and its largest source; nothing if no estimate is trusted."""
+    best = shown(found)
+    if best is None:
+        return
+    rows = [
+        [row.source, _percent(row.scale), mdps(row.bias_dps, 2), "yes" if row.in_se else "no"]
+        for row in sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
+    ]
+    title = f"Where the error comes from: {best.scenario}, {best.axis}, {best.method}, {best.seconds:g} s"
+    table(title, ["source:", "scale ± %", "bias ± mdps", "in the standard error:"], rows)
+    stdout.print(headline(best.budget), markup=False)
+
+
+def headline(rows: Sequence[BudgetRow]) -> str:
+    """The largest source and what would lower it; the sources that the session does not show."""
+    top, unknown = largest(rows), [row for row in rows if row.scale is None]
+    words = []
+    if top is not None:
+        where = "in" if top.in_se else "not in"
+        words.append(
+            f"The largest known source is {top.source}: {_percent(top.scale)} % of the scale, {where} the standard error. "
+            f"To lower it, {top.advice}."
+        )
+    if unknown:
+        words.append(f"Not known: {'; '.join(f'{row.source} ({row.advice})' for row in unknown)}.")
+    return " ".join(words)
+
+
+def _percent(scale: float | None) -> str:
+    return "-" if scale is None else f"{100 * scale:.4f}"
