@@ -57,7 +57,7 @@ def test_an_error_over_temperature_is_told_against_temperature_and_as_large_as_d
     drawn = Cleaned.of(fitted, "y").by_run[chamber.runs[0].index]
     assert amplitude_dps == pytest.approx(np.sqrt(2) * np.std(drawn), rel=0.2)
     assert "temperature" not in words  # the finding names the variable itself
-    assert "in all; most" in words
+    assert "(rms times √2); most, " in words
 
 
 def test_an_excess_that_the_others_hardly_describe_comes_before_them_on_its_axis() -> None:

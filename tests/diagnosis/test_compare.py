@@ -23,6 +23,13 @@ def altered(session: Session, **columns: object) -> Session:
     )
 
 
+def test_a_face_is_told_by_its_name() -> None:
+    """It was told as "from 0 and more" and "below 0"."""
+    found = compare(simulate(None, "full", ["g_sensitivity"], 4, scenarios=2, seconds=5.0)[0])
+    note = next(f.note for f in found.where if f.against == "face")
+    assert note.endswith((", face up", ", face down"))
+
+
 def test_a_session_without_effects_is_adequate() -> None:
     found = compare(session_with([]))
     assert found.verdict == "adequate"

@@ -92,6 +92,14 @@ def test_bins_leave_out_what_is_missing_and_what_is_empty() -> None:
     assert binned(np.array([2.0, 2.0]), np.array([1.0, 3.0]), 5)[1].tolist() == [2.0]
 
 
+def test_means_of_two_values_stand_at_these_values() -> None:
+    """A face is +1 or -1, in all runs and in each: a dot beside these values would be a face that does not exist."""
+    face, y = np.repeat([-1.0, 1.0], 30), np.arange(60.0)
+    assert binned(face, y, 48).centre.tolist() == [-1.0, 1.0]
+    assert binned(face[:30], y[:30], 48).centre.tolist() == [-1.0]
+    assert binned(face[30:], y[30:], 48).centre.tolist() == [1.0]
+
+
 def test_a_curve_by_octaves_keeps_its_line_and_every_low_point() -> None:
     x = np.arange(1, 8001) * 0.01
     y = np.ones(8000)

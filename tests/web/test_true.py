@@ -9,18 +9,44 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gyrocal.diagnosis.levels import Level
 from gyrocal.effects.order_tone import turned_turn
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.bench import Bench
-from gyrocal.web.fall import fall
-from gyrocal.web.hero import left_now
+from gyrocal.web.doubt import _not_enough
+from gyrocal.web.fall import Fall, fall
+from gyrocal.web.hero import left_now, of_each_run
 from gyrocal.web.models import BY_HAND, Models, Recipe, read_models, write_models
 from gyrocal.web.traces import Traces
-from gyrocal.web.views import Card, DiagnosisView, ModelView, Recording
+from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
 from gyrocal.web.words import evidence, explains
 
 AMPLITUDE_DPS = 0.06
 """Of the planted wave, once per turn."""
+
+
+def test_a_doubt_does_not_contradict_the_part_that_is_explained() -> None:
+    """A candidate that explains all was doubted because "it explains less than 10%"."""
+    for part, words in ((0.99, "not those of such an effect"), (0.02, "less than 10%"), (None, "not certain to explain 10%")):
+        assert words in _not_enough(part)
+
+
+def test_a_fall_by_nothing_is_told_as_nothing() -> None:
+    level = Level(0.1, 0.05, 0.09, 0.001, 0.09)
+    told = {part: Fall([], level, level, part, within=False).part_told for part in (None, -1e-6, 0.5, -0.2)}
+    assert told == {
+        None: "", -1e-6: "nothing of its square explained", 0.5: "50.0% of its square explained",
+        -0.2: "its square grew by 20.0%",
+    }  # fmt: skip
+
+
+def test_a_picture_of_two_values_shows_each_recording() -> None:
+    """Two dots on a line through two points show nothing; the scatter of the recordings about them does."""
+    shown = Picture("face", "z", "face", None, "", [-1.0, 0.0, 1.0], [-1.0, 1.0], [-5.0, 5.0], [1.0, 1.0], [-5.0, 5.0])
+    run = np.repeat([0, 1, 2, 3], 3)
+    points = {"run": run, "face": np.where(run < 2, -1.0, 1.0), "z": np.array([-6, -4, 1, 3])[run] * 1e-3}
+    assert of_each_run(shown, points) == [pytest.approx(p) for p in ((-1.0, -6.0), (-1.0, -4.0), (1.0, 1.0), (1.0, 3.0))]
+    assert of_each_run(replace(shown, run=2), points) == []
 
 
 def silent(_: str) -> None:

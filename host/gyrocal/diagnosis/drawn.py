@@ -27,16 +27,16 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     columns = columns - columns.mean(axis=0) if shown.all() else columns
     coefficients = np.linalg.lstsq(columns, np.concatenate(residuals), rcond=None)[0]
     amplitude = float(np.sqrt(2 * np.mean((columns[shown] @ coefficients) ** 2)))
-    size = f"{amplitude * 1e3:.3g} mdps"
+    size = _size(amplitude)
     if isinstance(shape, Waves):
         sizes = np.hypot(coefficients[::2], coefficients[1::2])
         k = int(np.argmax(sizes))
         if sizes[k] > amplitude:  # the table turned by less than a turn, in which the waves cancel each other
-            return amplitude, f"{size} in all, of the same phase in each run"
+            return amplitude, f"{size}, of the same phase in each run"
         wave = f"{sizes[k] * 1e3:.3g} mdps {per_turn(shape.orders[k])}"
-        return amplitude, f"{size} in all; most, {wave}, of the same phase in each run"
+        return amplitude, f"{size}; most, {wave}, of the same phase in each run"
     words = shape.words if isinstance(shape, Columns) else ""
-    return amplitude, f"{size} {words}" if words else f"{size} in all"
+    return amplitude, f"{size} {words}" if words else size
 
 
 def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple[str, Shape] | None:
@@ -90,12 +90,19 @@ def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[floa
     amplitude = float(np.sqrt(2 * np.mean((centred[step] * base) ** 2)))
     k = int(np.argmax(weight * centred**2))
     unit, scaled = ("1e-6 of the rate", 1e6) if shape.times_rate else ("mdps", 1e3)
-    most = f"{amplitude * 1e3:.3g} mdps in all; most, {centred[k] * scaled:+.3g} {unit}"
-    return amplitude, f"{most}, {_between(shape, k)}{f' of {shape.name}' if shape.name else ''}"
+    most = f"{_size(amplitude)}; most, {centred[k] * scaled:+.3g} {unit}"
+    return amplitude, f"{most}, {_between(shape, k)}"
+
+
+def _size(amplitude_dps: float) -> str:
+    """The amplitude in words that tell it from the largest value of a shape that is no sine."""
+    return f"{amplitude_dps * 1e3:.3g} mdps (rms times √2)"
 
 
 def _between(shape: Steps, k: int) -> str:
+    if shape.names:
+        return shape.names[k]
     if k == 0:
         return f"below {shape.edges[0]:.4g}"
     low = f"from {shape.edges[k - 1]:.4g}"
-    return f"{low} to {shape.edges[k]:.4g}" if k < shape.edges.size else f"{low} and more"
+    return f"{low} to {shape.edges[k]:.4g}" if k < shape.edges.size else f"{low} up"

@@ -90,13 +90,17 @@ class Variable(ABC):
         """Smooth terms of a formula in one of the searched symbols, given its values [n] over the session."""
         return terms.functions(symbol, values)
 
-    def steps(self, axis: int, edges: Array) -> list[Shape]:
-        """Steps of the variable between edges [k], and steps times the true rate if the table turns about the axis."""
+    def steps(self, axis: int, edges: Array, names: Sequence[str] = ()) -> list[Shape]:
+        """Steps of the variable between edges [k], and steps times the true rate if the table turns about the axis.
+
+        ``names`` [k + 1] name the steps, if the edges do not tell what they are.
+        """
 
         def values(run: Run) -> Array | None:
             return self.values(run, axis)
 
-        return [Steps(values, edges), *([Steps(values, edges, times_rate=True)] if turns(self.runs, axis) else [])]
+        times_rate = (False, True) if turns(self.runs, axis) else (False,)
+        return [Steps(values, edges, times, names) for times in times_rate]
 
     @property
     def steps_between_runs(self) -> int:

@@ -11,6 +11,7 @@ from gyrocal.variables.base import Variable
 from gyrocal.variables.shapes import Columns, Shape, Steps
 
 BOTH_WAYS = np.array([0.0])
+SENSES = ("the table's negative direction", "the table's positive direction, or at rest")
 
 
 class Direction(Variable):
@@ -27,7 +28,7 @@ class Direction(Variable):
         if self._returns:
             shapes.append(Columns(lambda run: warming_or_cooling(run)[:, None], 1, "between warming and cooling"))
         if {-1.0, 1.0} <= {float(np.sign(np.mean(r.rate_dps)) * r.face_sign) for r in self.runs}:
-            turning = Steps(lambda run: sense_of_rotation(run) * run.face_sign, BOTH_WAYS, name="the table's direction")
+            turning = Steps(lambda run: sense_of_rotation(run) * run.face_sign, BOTH_WAYS, names=SENSES)
             shapes.append(turning)
         return shapes
 

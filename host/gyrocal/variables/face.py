@@ -21,4 +21,4 @@ class Face(Variable):
     def shapes(self, axis: int) -> list[Shape]:
         if len({r.face for r in self.runs}) < 2 or len({r.axis for r in self.runs}) > 1:
             return []
-        return self.steps(axis, np.array([0.0]))
+        return self.steps(axis, np.array([0.0]), ("face down", "face up"))

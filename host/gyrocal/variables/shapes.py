@@ -45,12 +45,14 @@ class ShapeOfEachRun(Shape):
 class Steps(Shape):
     """Indicator columns of the variable's steps, alone or times the true rate. Bias or scale describe the first step.
 
-    A run without the variable belongs to no step.
+    A run without the variable belongs to no step. ``names`` are those of the steps, if the edges do not tell what they are.
     """
 
-    def __init__(self, values: Callable[[Run], Array | None], edges: Array, times_rate: bool = False, name: str = "") -> None:
+    def __init__(
+        self, values: Callable[[Run], Array | None], edges: Array, times_rate: bool = False, names: Sequence[str] = ()
+    ) -> None:
         self.values = values
-        self.name = name
+        self.names = names
         self.edges = edges
         self.times_rate = times_rate
         self.stands_for = Role.SCALE if times_rate else Role.BIAS  # type: ignore[misc]

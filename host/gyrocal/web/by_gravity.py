@@ -94,7 +94,7 @@ def _picture(session: Session, scene: Scene) -> str:
     """Rates and accelerations of all runs, one after another, with the rests shaded."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 4.2), layout="constrained", dpi=90)
+    figure = Figure(figsize=(14, 4.2), layout="constrained", dpi=130)
     rate, acceleration = figure.subplots(2, 1, sharex=True)
     start_s = 0.0
     for index, run in enumerate(session.runs):

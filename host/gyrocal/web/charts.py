@@ -209,11 +209,18 @@ MOTION: Options = {":animation": "!matchMedia('(prefers-reduced-motion: reduce)'
 """Animation, unless the person has asked for none."""
 
 
-def hero(p: Palette, shown: Picture, left: Sequence[float], curve: Sequence[float], lines: Sequence[str]) -> Options:
+FEW = 8
+"""With fewer bins than this, a picture shows each of them as a dot, and each run's own mean beside it."""
+
+
+def hero(
+    p: Palette, shown: Picture, left: Sequence[float], curve: Sequence[float], lines: Sequence[str],
+    each: Sequence[tuple[float, float]] = (),
+) -> Options:  # fmt: skip
     """The residual's means and the effect's curve against the accused variable, with the band where the means should lie.
 
-    ``lines`` are the words above the picture. The vertical axis is that of the residual without the effect, so that the
-    picture shows the residual flatten when the effect is added.
+    ``lines`` are the words above the picture, and ``each`` the means of single recordings, mdps. The vertical
+    axis is that of the residual without the effect, so that the picture shows the residual flatten when the effect is added.
     """
     low, high = _extent(shown)
     moved: Options = {"animationDurationUpdate": 1100, "animationEasingUpdate": "cubicInOut", **MOTION}
@@ -226,13 +233,19 @@ def hero(p: Palette, shown: Picture, left: Sequence[float], curve: Sequence[floa
     names = ["left over, means", "the effect", "where the means should lie (± 2 se)"]
     through = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, left, strict=True)]
-    few = len(shown.centres) < 8
+    few = len(shown.centres) < FEW
+    single = [[round(x, 6), round(y, 3)] for x, y in each]
+    own = [] if not single else [{
+        "type": "scatter", "name": "each recording", "data": single, "symbolSize": 5, "silent": True, **moved,
+        "itemStyle": {"color": p.dim, "opacity": 0.5}, "z": 1,
+    }]  # fmt: skip
     faint = {"name": names[2], "itemStyle": {"opacity": 0.35}}
     ends: Options = {} if few else {"min": shown.edges[0], "max": float(f"{shown.edges[-1]:.6g}")}
     return base(
         p, **moved,
         title=[title(p, text, 4 + 17 * k, 12) | ({"textStyle": _heading(p)} if k == 0 else {}) for k, text in enumerate(lines)],
-        legend=legend(p, [*names[:2], faint], left=54, top=4 + 17 * len(lines)), tooltip=tooltip(p, "mdps", ""),
+        legend=legend(p, [*names[:2], faint, *(s["name"] for s in own)], left=54, top=4 + 17 * len(lines)),
+        tooltip=tooltip(p, "mdps", ""),
         grid=grid(left=54, right=16, top=34 + 17 * len(lines), bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label={":formatter": PLAIN}, **ends),
         yAxis=axis(p, "mdps", nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
@@ -243,6 +256,7 @@ def hero(p: Palette, shown: Picture, left: Sequence[float], curve: Sequence[floa
                 "silent": True, **moved,
             },
             band(names[2], filled, p.axes[shown.axis], 0.25),
+            *own,
         ],
     )  # fmt: skip
 
@@ -256,6 +270,8 @@ def _extent(shown: Picture) -> tuple[float, float]:
     values = [0.0, *shown.left]
     values += [y + k * se for y, se in zip(shown.curve, shown.se, strict=True) for k in (-2, 2)]
     low, high = min(values), max(values)
+    if len(shown.centres) < FEW:  # the means of single recordings scatter about these
+        low, high = 1.3 * low, 1.3 * high
     step = 10.0 ** math.floor(math.log10((high - low) or 1.0)) / 2
     return math.floor(low / step) * step, math.ceil(high / step) * step
 

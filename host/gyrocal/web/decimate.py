@@ -93,6 +93,10 @@ def means(values: Array, starts: Any) -> Array:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1.0), np.nan))
 
 
+ONE_VALUE = 0.01
+"""Part of a bin's width within which values count as one."""
+
+
 class Binned(NamedTuple):
     """Centres of bins [k], and the means in them with their standard errors [k]."""
 
@@ -102,7 +106,10 @@ class Binned(NamedTuple):
 
 
 def binned(x: Array, y: Array, bins: int) -> Binned:
-    """Means of ``y`` [n] in equal bins of ``x`` [n], without empty bins. Values that are not finite are left out."""
+    """Means of ``y`` [n] in equal bins of ``x`` [n], without empty bins. Values that are not finite are left out.
+
+    A bin that holds one value of ``x`` alone, as a face or a direction, has its centre there.
+    """
     use = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x[use], dtype=float), np.asarray(y[use], dtype=float)
     if x.size == 0:
@@ -116,7 +123,12 @@ def binned(x: Array, y: Array, bins: int) -> Binned:
     mean = np.bincount(place, y, bins)[kept] / n
     scatter = np.bincount(place, (y - mean[np.cumsum(kept)[place] - 1]) ** 2, bins)[kept]
     error = np.sqrt(scatter / np.maximum(n - 1, 1) / n)
-    return Binned(low + (np.flatnonzero(kept) + 0.5) * width, mean, error)
+    first, last = np.full(bins, np.inf), np.full(bins, -np.inf)
+    np.minimum.at(first, place, x)
+    np.maximum.at(last, place, x)
+    first, last = first[kept], last[kept]
+    middle = low + (np.flatnonzero(kept) + 0.5) * width
+    return Binned(np.where(last - first < ONE_VALUE * width, (first + last) / 2, middle), mean, error)
 
 
 def by_octave(x: Array, y: Array, stretches: int) -> tuple[Array, Stretches]:

@@ -25,7 +25,16 @@ def doubts(c: Candidate, found: Comparison) -> list[str]:
     if found.implausible:
         out.append("a warning stands against this axis")
     if not c.enough:
-        out.append(f"it explains less than {POLICY.explained:.0%} of the squared excess error")
+        out.append(_not_enough(c.explained))
     if others:
         out.append(f"this session cannot tell it from {', '.join(others)}")
     return out or ["another effect explains the residual better"]
+
+
+def _not_enough(part: float | None) -> str:
+    """Why the part of the squared excess error that a candidate explains is not enough to name it."""
+    if part is None:
+        return f"it is not certain to explain {POLICY.explained:.0%} of the squared excess error"
+    if part < POLICY.explained:
+        return f"it explains less than {POLICY.explained:.0%} of the squared excess error"
+    return "its fitted sizes, over the runs, are not those of such an effect"

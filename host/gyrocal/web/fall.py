@@ -13,6 +13,9 @@ from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, poole
 from gyrocal.policy import POLICY
 from gyrocal.web.views import Bar
 
+NOTHING = 5e-4
+"""A part of the squared excess that is zero in the digits that are shown."""
+
 
 @dataclass(frozen=True)
 class Levels:
@@ -47,8 +50,18 @@ class Fall:
     @property
     def counted(self) -> str:
         """The way of counting, as a phrase."""
-        how = "mdps rms on unseen recordings, beyond the noise floor"
+        whose = f" of the richest model, {self.floor_mdps:.2f} mdps" if len(self.bars) > 1 else ""
+        how = f"mdps rms on unseen recordings, beyond the noise floor{whose}"
         return f"{how}, within power cycles (fewer than {POLICY.few_cycles})" if self.within else how
+
+    @property
+    def part_told(self) -> str:
+        """The explained part in words; empty if it is not known."""
+        if self.part is None:
+            return ""
+        if abs(self.part) < NOTHING:
+            return "nothing of its square explained"
+        return f"{self.part:.1%} of its square explained" if self.part > 0 else f"its square grew by {-self.part:.1%}"
 
     @property
     def sentence(self) -> str:

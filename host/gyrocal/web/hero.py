@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.recording.session import Array
+from gyrocal.web import charts
 from gyrocal.web.against import Panel, panels
 from gyrocal.web.views import Picture
 
@@ -59,6 +60,19 @@ def left_now(shown: Picture, points: Points) -> list[float]:
     kept = np.asarray(shown.centres)
     bins = np.searchsorted(np.asarray(shown.edges), kept, side="right") - 1
     return (1e3 * total[bins] / np.maximum(count[bins], 1)).tolist()
+
+
+def of_each_run(shown: Picture, points: Points) -> list[tuple[float, float]]:
+    """The mean of each run at each value of a variable that takes a few values only: value and mdps. Else empty."""
+    if shown.run is not None or len(shown.centres) >= charts.FEW:
+        return []
+    panel = next(p for p in panels() if p.name == shown.view)
+    x, y, run = points[panel.key(shown.axis)], points[shown.axis], points["run"]
+    use = np.isfinite(x) & np.isfinite(y)
+    place = np.searchsorted(np.asarray(shown.edges), x, side="right")
+    cells = np.unique(np.stack([place[use], run[use]]), axis=1).T
+    means = ((use & (place == k) & (run == i)) for k, i in cells)
+    return [(float(x[m].mean()), 1e3 * float(y[m].mean())) for m in means]
 
 
 def _of_run(points: Points, run: int | None) -> Any:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from gyrocal.web import charts, export
-from gyrocal.web.hero import left_now
+from gyrocal.web.hero import left_now, of_each_run
 from gyrocal.web.views import Card, Picture
 
 if TYPE_CHECKING:
@@ -84,7 +84,8 @@ class HeroView:
         return [*lines, where]
 
     def _show(self, shown: Picture, left: list[float], curve: list[float], words: list[str]) -> None:
-        options: dict[str, Any] = charts.hero(self.tab.palette, shown, left, curve, words)
+        each = [] if self.bench.traces is None else of_each_run(shown, self.bench.traces.points)
+        options: dict[str, Any] = charts.hero(self.tab.palette, shown, left, curve, words, each)
         self.image.props(f'aria-label="{charts.words(words)}"')
         fresh = "false" if shown == self._drawn else "true"
         self._drawn = shown

@@ -47,7 +47,8 @@ def mends(warning: dict[str, Any]) -> list[Mend]:
         out.append(Mend(kind, label, told, code, axis, file))
 
     if code == "face_wrong":
-        offer("face", f"Turn the face of {which} over", f"The other face of {which} is written into {toml}.")
+        told = f"The face of {which} is changed, from up to down or from down to up, in {toml}."
+        offer("face", f"Change the face of {which}", told)
     if code == "sign_flipped":
         told = f"table_rate_dps of {which} is written with the other sign into {toml}."
         offer("sign", f"Reverse the rates of {which}", told)

@@ -113,7 +113,7 @@ class Places:
 
     def _listed(self, folder: Path) -> Listed:
         header = folder / "session.toml"
-        date = datetime.fromtimestamp(header.stat().st_mtime).date().isoformat()
+        date = "changed " + datetime.fromtimestamp(header.stat().st_mtime).date().isoformat()
         try:
             told = tomllib.loads(header.read_text(encoding="utf-8"))
             files = [folder / str(run["file"]) for run in told["run"]]

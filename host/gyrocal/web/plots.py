@@ -171,16 +171,19 @@ def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int]
         titles.append(charts.title(p, f"{axis}: left over, means, mdps", f"{top - 4.5}%"))
         period = panel.variable.period
         last: Options = {} if period is None else {"max": period, "min": 0, "interval": period / 8}
+        cx, cy, se = binned(x[mine], y[mine], BINS)
+        if cx.size and np.ptp(cx) > 0 and cx.size < charts.FEW:  # room beside a few values, as those of a face
+            space = 0.25 * float(np.ptp(cx))
+            last = {"min": float(cx[0]) - space, "max": float(cx[-1]) + space, **last}
         bottom = k == len(axes) - 1
         xs.append(charts.axis(p, panel.label if bottom else "", gridIndex=k, nameGap=22, label={"show": bottom}, **last))
         ys.append(charts.axis(p, gridIndex=k))
         for i in shown:
             one = points["run"] == i
-            cx, cy, _ = binned(x[one], y[one], BINS)
-            few = {"showSymbol": cx.size < FEW, "symbolSize": 7}
+            own_x, own_y, _ = binned(x[one], y[one], BINS)
+            few = {"showSymbol": own_x.size < FEW, "symbolSize": 7}
             style = {"opacity": 0.35}
-            series.append(charts.line("each recording", _broken(x[one], cx, cy), p.axes[axis], on=k, style=style, **few))
-        cx, cy, se = binned(x[mine], y[mine], BINS)
+            series.append(charts.line("each recording", _broken(x[one], own_x, own_y), p.axes[axis], on=k, style=style, **few))
         half = _width(x[mine]) / 2
         few = {"showSymbol": cx.size < FEW, "symbolSize": 6}
         series.append(charts.line("mean of all", _broken(x[mine], cx, cy), p.ink, on=k, style={"width": 2.2}, **few))

@@ -72,13 +72,13 @@ class Residuals:
         return {a: curve for a, curve in found.items() if curve is not None}
 
     def left(self) -> dict[str, float]:
-        """The excess error of each run by file, mdps: its mean square over the model's floor, all judged axes together."""
-        judged = [a for a in self.found.judged if self.by_axis.get(a)]
+        """The excess error of each run by file, mdps: its mean square over the model's floor, all axes together."""
+        axes = [a for a in self.found.floors if self.by_axis.get(a)]
         out = {}
         for run in self.found.fit.session.runs:
             over = [
                 float(np.mean(self.by_axis[a][run.index] ** 2)) - self.found.floors[a].all
-                for a in judged if run.index in self.by_axis[a]
+                for a in axes if run.index in self.by_axis[a]
             ]  # fmt: skip
             if over:
                 out[run.file] = 1e3 * float(np.sqrt(max(0.0, float(np.mean(over)))))

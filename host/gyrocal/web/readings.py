@@ -137,7 +137,7 @@ class Readings:
         scatters = rows.std(axis=0, ddof=1) if statistics else [np.nan] * len(READINGS)
         for (element, scatter), value, within, (_, unit) in zip(self._values, shown, scatters, READINGS, strict=True):
             digits = 2 if unit == "°C" else 3
-            element.content = "<b>–</b>" if value != value else f"<b>{value:.{digits}f}</b>"
+            element.content = "<b>–</b>" if value != value else f"<b>{round(value, digits) + 0.0:.{digits}f}</b>"
             scatter.text = "" if within != within else f"scatter {within:.{digits + 1}f}"
 
     def _options(self, frame: Frame) -> charts.Options:

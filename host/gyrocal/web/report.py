@@ -22,7 +22,7 @@ from gyrocal.web.words import evidence
 
 CORRELATED = 0.3
 """Correlations of less are not listed."""
-UNITS = {"_dps_per_c": "deg/s/degC", "_dps": "deg/s", "_deg": "deg", "_c": "degC", "_g": "g", "_hz": "Hz", "_s": "s"}
+UNITS = {"_dps_per_c": "dps/degC", "_dps": "dps", "_deg": "deg", "_c": "degC", "_g": "g", "_hz": "Hz", "_s": "s"}
 """Units by the ends of names, for parameters that no effect declares."""
 
 

@@ -23,7 +23,7 @@ def evidence(card: Card) -> list[tuple[str, str]]:
         rows.append(("on unseen data", f"held-out gain {gain} in log-likelihood"))
     if judged["q_value"] is not None:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
-        rows.append(("not noise alone", f"{q}, which says nothing about other effects of this shape"))
+        rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))
     if card.looks_like:
         rows.append(("cannot be told from", ", ".join(card.looks_like)))
         rows.append(("to part them", judged["next_measurement"]))

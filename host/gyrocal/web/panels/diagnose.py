@@ -292,12 +292,11 @@ class DiagnosePanel:
                 else:
                     ui.label(title).classes("badge")
             ui.space()
-            ui.button("Undo", icon="undo", on_click=self.bench.undo, color=None).props("flat dense no-caps").set_enabled(
-                len(self.bench.steps) > 1
-            )
-            ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps").set_enabled(
-                bool(self.bench.undone)
-            )
+            with ui.row().classes("tight").style("flex-wrap: nowrap"):
+                undo = ui.button("Undo", icon="undo", on_click=self.bench.undo, color=None).props("flat dense no-caps")
+                undo.set_enabled(len(self.bench.steps) > 1)
+                redo = ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps")
+                redo.set_enabled(bool(self.bench.undone))
         with self.model:
             side_by_side(self.bench)
 
@@ -320,7 +319,7 @@ class DiagnosePanel:
                     tone = "good" if last < first else "bad"
                     ui.label(f"{first:.2f} → {last:.2f} mdps rms").classes(f"badge {tone}")
                 if found.part is not None:
-                    ui.label(f"{found.part:.1%} of its square explained").classes("dim small")
+                    ui.label(found.part_told).classes("dim small")
             ui.label(f"excess, {found.counted}").classes("dim small")
             if found.in_all:
                 ui.label(found.in_all).classes("dim small")

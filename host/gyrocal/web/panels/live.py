@@ -169,7 +169,7 @@ class LivePanel:
         if self.live.port and "good" in status:
             lost, bad = status["lost"], status["bad"]
             sensor = self.live.sensor(self.imu)
-            missed = f", {sensor['missed']} never taken" if sensor.get("missed") else ""
+            missed = f", {sensor['missed']} not read in time" if sensor.get("missed") else ""
             rate = f"{sensor.get('rate_hz', 0.0):.0f} samples a second"
             self.counts.text = f"{rate}, {lost} lost, {bad} bad, {status['restarts']} restarts{missed}"
             going = status.get("recording") or {}
