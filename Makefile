@@ -30,7 +30,7 @@ lowest: VENV := .venv-lowest
 lowest:
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python tests/lowest_versions.py pyproject.toml > $(VENV)/lowest.txt
-	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[import,ros,fleet]' pytest hypothesis pandas pyyaml
+	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[import,ros,fleet]' pytest hypothesis mypy pandas pyyaml
 	$(VENV)/bin/pytest tests/recording tests/error_model tests/noise tests/calibration tests/present tests/test_cli.py tests/test_api.py
 
 $(VENV)/bin/python:

@@ -20,6 +20,8 @@ BITS = ROOT / "test" / "test_same_bits" / "bits.c"
 TABLE = Path(__file__).parents[2] / "docs" / "cpus.md"
 CPU = pytest.mark.parametrize("cpu", cpus.CPUS, ids=lambda cpu: cpu.name)
 Require = Callable[[str], str]
+DOCUMENTED_GCC = "12.2"
+"""The compiler that made the table."""
 
 
 def require(cpu: cpus.Cpu, require_tool: Require) -> None:
@@ -107,11 +109,13 @@ def test_the_documented_table_is_complete() -> None:
 @CPU
 @pytest.mark.parametrize("part", ["inference_paper", "inference_gyrocal", "device"])
 def test_costs_what_the_documentation_says(cpu: cpus.Cpu, part: str, require_tool: Require) -> None:
-    """Within a fifth, whatever the compiler's version: else `python benchmarks/cpus.py docs/cpus.md` and say why."""
+    """Within a twentieth with the documented compiler, a fifth with another: else make the table again, and say why it grew."""
     require(cpu, require_tool)
+    version = subprocess.run([cpu.tools[0], "-dumpfullversion"], capture_output=True, text=True, check=True).stdout
     c = cpus.cost(cpu, part)
     found = [c.instructions, c.largest, c.flash_bytes, c.ram_bytes, c.stack_bytes]
-    np.testing.assert_allclose(found, documented()[part, cpu.name], rtol=0.2)
+    limit = 0.05 if version.startswith(DOCUMENTED_GCC) else 0.2
+    np.testing.assert_allclose(found, documented()[part, cpu.name], rtol=limit)
 
 
 @CPU
