@@ -114,8 +114,8 @@ class Summed:
         White noise has a diagonal covariance D. The drift is a Markov process, so its inverse covariance Q is tridiagonal. It
         starts stationary in each run. Woodbury's identity gives ``V^-1 = D^-1 - D^-1 Z (Q + N)^-1 Z' D^-1``, where Z assigns
         each block to its cell and ``N = Z' D^-1 Z``. Gaps and unequal blocks therefore do not raise the cost. The part between
-        cells is computed as ``N (Q + N)^-1 Q``: for a bias far above the noise, ``N - N (Q + N)^-1 N`` would be a small difference of
-        large numbers, and its rounding would hide the slopes by which the noise is searched.
+        cells is computed as ``N (Q + N)^-1 Q``: for a bias far above the noise, ``N - N (Q + N)^-1 N`` would be a small
+        difference of large numbers, and its rounding would hide the slopes by which the noise is searched.
         """
         from scipy.linalg.lapack import dpttrf, dpttrs
 
