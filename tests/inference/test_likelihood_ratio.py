@@ -11,20 +11,22 @@ from make_runs import make_run, make_session
 RATE_HZ, SECONDS, FLICKER_DPS, WHITE_DPS = 5.0, 1000.0, 0.005, 0.01
 
 
-def flicker(rng: np.random.Generator, n: int) -> np.ndarray:
+def flicker(rng: np.random.Generator, n: int, size_dps: float = FLICKER_DPS) -> np.ndarray:
     """Noise of the one-sided density ``B^2 / (2 pi f)`` down to an eighth of the lowest frequency of the run."""
     f = np.fft.rfftfreq(8 * n, 1 / RATE_HZ)[1:]
-    size = np.sqrt(FLICKER_DPS**2 / (2 * np.pi * f) * RATE_HZ * 8 * n / 4)
+    size = np.sqrt(size_dps**2 / (2 * np.pi * f) * RATE_HZ * 8 * n / 4)
     phasors = size * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
     return np.asarray(np.fft.irfft(np.concatenate([[0], phasors]), 8 * n)[:n])
 
 
-def with_and_without_drift(seed: int, slope_dps_per_s: float = 0.0) -> tuple[AxisFit, AxisFit]:
+def with_and_without_drift(
+    seed: int, slope_dps_per_s: float = 0.0, seconds: float = SECONDS, flicker_dps: float = FLICKER_DPS
+) -> tuple[AxisFit, AxisFit]:
     """Fits to two runs at rest without and with a line in time, the x axis alone."""
-    rng, t_s = np.random.default_rng(seed), np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+    rng, t_s = np.random.default_rng(seed), np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     runs = []
     for i in range(2):
-        x = flicker(rng, t_s.size) + rng.normal(0, WHITE_DPS, t_s.size) + slope_dps_per_s * t_s
+        x = flicker(rng, t_s.size, flicker_dps) + rng.normal(0, WHITE_DPS, t_s.size) + slope_dps_per_s * t_s
         runs.append(make_run(t_s, np.column_stack([x, x, x]), table_rate_dps=0.0, scenario=f"s{i}"))
     session, model = make_session(*runs), Model.builtin("default")
     poorer, richer = (fit(session, m, axes="x").axes["x"] for m in (model, model.with_term(Term("drift", "x"))))
@@ -32,13 +34,13 @@ def with_and_without_drift(seed: int, slope_dps_per_s: float = 0.0) -> tuple[Axi
 
 
 def test_flicker_noise_is_hardly_ever_a_line_in_time() -> None:
-    chances, of_drift_alone = [], []
-    for seed in range(10):
-        poorer, richer = with_and_without_drift(seed)
-        chances.append(likelihood_ratio(poorer, richer, 1)[1])
-        of_drift_alone.append(_ratio(poorer, richer, 1)[1])
-    assert np.count_nonzero(np.array(of_drift_alone) < 1e-3) >= 2  # noise of one correlation time does not explain them
-    assert min(chances) > 1e-3
+    assert min(likelihood_ratio(*with_and_without_drift(seed), 1)[1] for seed in range(10)) > 1e-3
+
+
+def test_strong_flicker_noise_is_no_line_in_time_where_one_correlation_time_does_not_explain_it() -> None:
+    fits = [with_and_without_drift(seed, seconds=3000.0, flicker_dps=0.015) for seed in range(4)]
+    assert np.count_nonzero(np.array([_ratio(*fit, 1)[1] for fit in fits]) < 1e-3) >= 2
+    assert min(likelihood_ratio(*fit, 1)[1] for fit in fits) > 1e-3
 
 
 def test_a_line_that_noise_does_not_make_is_still_seen() -> None:

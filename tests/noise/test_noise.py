@@ -115,3 +115,14 @@ def test_white_noise_has_no_line_and_a_tone_has_its_own() -> None:
     assert peak.amplitude_dps == pytest.approx(0.01, rel=0.1)
     assert peak.chance < 1e-10
     assert spectrum(loud, 145.0).line_power(1e-3) == pytest.approx(0.01**2 / 2, rel=0.2)
+
+
+@pytest.mark.parametrize("cell_s", [0.0, 0.8])
+def test_a_bias_far_above_the_noise_does_not_round_the_likelihood(cell_s: float) -> None:
+    """What is left beside a constant column does not depend on the constant, to the precision of numerical slopes."""
+    rng, t_s, noise = np.random.default_rng(9), np.arange(20_000) * 0.2, Noise(0.0075, 0.0146, 6200.0)
+    y, one = rng.normal(0, 0.0075, t_s.size), np.ones(t_s.size)
+    columns = np.array([[y, one], [y + 3.0, one]])
+    without, beside = Summed.of(columns, t_s, np.ones(t_s.size), cell_s).normal_equations(noise)[0]
+    left = [g[0, 0] - g[0, 1] ** 2 / g[1, 1] for g in (without, beside)]
+    assert left[1] == pytest.approx(left[0], abs=2e-6)

@@ -130,13 +130,16 @@ def _drift_cell_s(current: AxisFit) -> float:
     """How long drift may be taken to be constant, s: what it does in less is a hundredth of the white noise there; 0 = a block.
 
     The drift's spectral density at the highest frequency that such cells hold, pi / cell_s, against that of the white noise.
+    Cells are whole blocks: else a cell that is a thousandth longer would part the blocks in another way, and two models whose
+    noise hardly differs would differ in log-likelihood by several units.
     """
     noise, n = current.noise, float(np.median(np.concatenate([b.n for b in current.design.blocks])))
     block_s = current.design.extent_s[1]
     white = noise.white_sd_dps**2 * block_s / n
     drift = 2 * noise.ou_sd_dps**2 / (np.pi**2 * noise.ou_tau_s)
     cell_s = float(np.sqrt(NEGLIGIBLE_DRIFT * white / drift)) if drift > 0 else LONGEST_CELL_S
-    return min(cell_s, LONGEST_CELL_S) if cell_s > 2 * block_s else 0.0
+    blocks = round(min(cell_s, LONGEST_CELL_S) / block_s)
+    return blocks * block_s if blocks > 1 else 0.0
 
 
 def _in_order(current: AxisFit, order: dict[str, int], chosen: bool) -> AxisFit:

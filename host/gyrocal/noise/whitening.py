@@ -22,6 +22,8 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 
 JOINED = 1.5
 """Blocks follow each other if their distance is below this multiple of the usual one."""
+ROUNDING = 1e-6
+"""Of a cell: the times of blocks that begin a cell are known to this part of it."""
 AT_ONCE = 2**14
 """Approximate number of values that are multiplied at once, so that they fit into the processor's cache."""
 
@@ -69,7 +71,7 @@ class Summed:
             columns = (color.whitened(one, joined) for one in columns)
             log_n += color.log_determinant(joined)
         even = np.ptp(n) == 0
-        cell = np.floor((t_s - t_s[0]) / cell_s) if cell_s > 0 else np.arange(blocks)
+        cell = np.floor((t_s - t_s[0]) / cell_s + ROUNDING) if cell_s > 0 else np.arange(blocks)
         start = np.flatnonzero(np.concatenate([[True], np.diff(cell) > 0]))
         exact = start.size == blocks
         total = n if exact else np.add.reduceat(n, start)
@@ -101,20 +103,26 @@ class Summed:
         same[own], same[level] = np.arange(own.size), own.size + which
         return np.concatenate([own, level[first]]), same.reshape(self.means.shape[:2])
 
+    @cached_property
+    def _within(self) -> Array:
+        """The part of ``gram`` that is about the means of the cells, [runs, q, q]."""
+        return self.gram - (self.means * self.n) @ self.means.swapaxes(-1, -2)
+
     def normal_equations(self, noise: Noise) -> tuple[Array, float]:
         """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one run, where V is the covariance of the noise.
 
         White noise has a diagonal covariance D. The drift is a Markov process, so its inverse covariance Q is tridiagonal. It
-        starts stationary in each run. Woodbury's identity gives ``V^-1 = D^-1 - D^-1 Z (Q + Z' D^-1 Z)^-1 Z' D^-1``, where Z
-        assigns each block to its cell. Gaps and unequal blocks therefore do not raise the cost.
+        starts stationary in each run. Woodbury's identity gives ``V^-1 = D^-1 - D^-1 Z (Q + N)^-1 Z' D^-1``, where Z assigns
+        each block to its cell and ``N = Z' D^-1 Z``. Gaps and unequal blocks therefore do not raise the cost. The part between
+        cells is computed as ``N (Q + N)^-1 Q``: for a bias far above the noise, ``N - N (Q + N)^-1 N`` would be a small
+        difference of large numbers, and its rounding would hide the slopes by which the noise is searched.
         """
         from scipy.linalg.lapack import dpttrf, dpttrs
 
         precision = 1 / noise.white_sd_dps**2
-        gram = self.gram * precision
         logdet = -self.blocks * float(np.log(precision)) - self.log_n
         if noise.ou_sd_dps <= 0.0:
-            return gram, logdet
+            return self.gram * precision, logdet
         variance = noise.ou_sd_dps**2
         steps = np.diff(self.t_s) / noise.ou_tau_s
         phi, driven = np.exp(-steps), -variance * np.expm1(-2 * steps)
@@ -128,12 +136,30 @@ class Summed:
         even = np.ptp(self.n) == 0
         sums, scale = (self.means, float(self.n[0])) if even else (self.means * self.n, 1.0)
         distinct, same = self._distinct
-        drift = dpttrs(pivots, factors, sums.reshape(-1, self.t_s.size)[distinct].T, overwrite_b=True)[0].T
+        rows = _innovations(self.means.reshape(-1, self.t_s.size)[distinct], -np.expm1(-steps), driven, variance)
+        drift = dpttrs(pivots, factors, rows.T, overwrite_b=True)[0].T
+        gram = self._within * precision
         runs = max(1, AT_ONCE // sums[0].size)
         for some in (slice(first, first + runs) for first in range(0, len(sums), runs)):
-            gram[some] -= (scale * precision) ** 2 * (sums[some] @ drift[same[some]].swapaxes(-1, -2))
+            gram[some] += scale * precision * (sums[some] @ drift[same[some]].swapaxes(-1, -2))
         logdet += float(np.log(variance) + np.log(driven).sum() + np.log(pivots).sum())
         return gram, logdet
+
+
+def _innovations(rows: Array, forgotten: Array, driven: Array, variance: float) -> Array:
+    """``rows·Q`` [r, k]: rows of values at cells times the inverse covariance of the drift.
+
+    ``forgotten`` [k - 1] is the part of the drift that each step forgets, ``driven`` [k - 1] the variance that it adds.
+    """
+    steps = rows[:, :-1] * forgotten
+    steps += np.diff(rows)
+    steps /= driven
+    out = np.empty_like(rows)
+    out[:, 0] = rows[:, 0] / variance
+    out[:, 1:] = steps
+    steps *= 1 - forgotten
+    out[:, :-1] -= steps
+    return out
 
 
 def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:
