@@ -54,7 +54,7 @@ def test_every_state_of_the_light() -> None:
     looks = re.findall(r"\{0x[0-9A-F]{4}, .*\* (.*) \*/", (SRC / "status_led.cpp").read_text())
     assert states is not None
     assert len(looks) == states[1].count(",") + 1
-    for look, row in zip(looks, rows("| light | colour, where there is one | means | do |"), strict=True):
+    for look, row in zip(looks, rows("| light | colour of an RGB light | meaning | what to do |"), strict=True):
         state, _, shown = look.partition(": ")
         pattern, _, colour = shown.rpartition(", ")
         assert (row[0], row[1]) == (pattern, colour)

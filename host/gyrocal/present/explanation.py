@@ -78,6 +78,15 @@ def conclusion(e: Explanation) -> str:
     return report.verdict_text(e.last)
 
 
+def words(e: Explanation) -> str:
+    """The conclusion, what was added with the excess before and after, and what stays open."""
+    lines = [f"{e.verdict}; {conclusion(e)}"]
+    for step in e.steps:
+        fell = f"{excess(step, step.excess_before)} to {excess(step, step.excess_after)} {unit(step)}"
+        lines.append(f"added {named(step)} on {', '.join(step.axes)}: excess from {fell}")
+    return "\n".join([*lines, *map(open_words, e.left)])
+
+
 def write_explanation(path: Path, e: Explanation) -> None:
     """Write the explanation as one self-contained HTML page. Raises InputError if the file cannot be written."""
     from gyrocal.present import pictures

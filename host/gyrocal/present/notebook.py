@@ -16,7 +16,7 @@ from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import Explanation
 from gyrocal.error_model.model import Model
 from gyrocal.planning.plan import Plan
-from gyrocal.present import pictures
+from gyrocal.present import explanation, pictures
 from gyrocal.present.output import mdps, plus_minus
 from gyrocal.present.plan import promise, words
 from gyrocal.present.preview import preview
@@ -161,17 +161,11 @@ def _plan_figure(plan: Plan) -> Figure:
     return figure
 
 
-def _of_last(view: View) -> View:
-    """An explanation is shown as its last diagnosis."""
-    return View(lambda e: view.summary(e.last), lambda e: view.table(e.last), lambda e: view.figure(e.last))
-
-
-_DIAGNOSIS = View(_diagnosis_words, _diagnosis_table, lambda found: pictures.levels(found.comparison))
 VIEWS.update({
     Session: View(_session_words, _session_table, preview),
     Comparison: View(_comparison_words, _comparison_table, pictures.levels),
-    Diagnosis: _DIAGNOSIS,
-    Explanation: _of_last(_DIAGNOSIS),
+    Diagnosis: View(_diagnosis_words, _diagnosis_table, lambda found: pictures.levels(found.comparison)),
+    Explanation: View(explanation.words, lambda e: _diagnosis_table(e.last), lambda e: pictures.levels(e.last.comparison)),
     Calibration: View(_calibration_words, lambda found: _table([e.to_json() for e in found]), _calibration_figure),
     Plan: View(_plan_words, lambda plan: _table([asdict(run) for run in plan.runs]), _plan_figure),
     Model: View(_model_words, _model_table, _model_figure),
