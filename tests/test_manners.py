@@ -127,6 +127,17 @@ def test_a_session_with_semicolons_says_what_reads_it(session: str, tmp_path: Pa
     assert "cells are separated by commas here: `gyrocal import` reads other tables" in capsys.readouterr().err
 
 
+def test_an_interrupt_inside_a_compiled_module_is_one_line(
+    session: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr("gyrocal.recording.session.Session.open", interrupted)
+    assert main(["compare", session]) == 1
+    assert capsys.readouterr().err == "gyrocal: stopped\n"
+
+
 @pytest.mark.parametrize("after_s", [0.0, 0.1, 0.4, 1.2])
 def test_an_interrupt_at_any_time_is_one_line(session: str, after_s: float) -> None:
     """Counted from the first line of our own code: before it, the interpreter itself is starting."""

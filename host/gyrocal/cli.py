@@ -136,9 +136,17 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
     except Exception as error:
         if hasattr(error, "format_message"):  # the argument parser's own errors
             return _fail(f"{error.format_message()} See: gyrocal {_verb(arguments)}--help", 2)
+        if _interrupted(error):
+            return _fail("stopped", 1)
         if debug:
             raise
         return _fail(f"{type(error).__name__}: {error} (run with --debug to see where)", 1)
+
+
+def _interrupted(error: BaseException) -> bool:
+    """True if Ctrl-C is behind an error: a compiled module that is interrupted while it starts raises an ImportError of its own."""
+    cause = error.__cause__ or error.__context__
+    return isinstance(error, KeyboardInterrupt) or (cause is not None and _interrupted(cause))
 
 
 def _verb(arguments: list[str]) -> str:

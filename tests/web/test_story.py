@@ -197,9 +197,9 @@ def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -
 def test_the_keyboard_is_enough(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start")
     page.get_by_role("button", name="hidden").wait_for()
-    for _ in range(30):
+    for _ in range(40):
         page.keyboard.press("Tab")
-        if "hidden" in page.evaluate("document.activeElement.innerText"):
+        if page.evaluate("document.activeElement.matches('button, a') && document.activeElement.innerText.includes('hidden')"):
             break
     outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
     assert outline == "solid"
