@@ -144,7 +144,7 @@ def main(argv: list[str] | None = None, *, started: Callable[[], Any] = lambda: 
 
 
 def _interrupted(error: BaseException) -> bool:
-    """True if Ctrl-C is behind an error: a compiled module that is interrupted while it starts raises an ImportError of its own."""
+    """True if Ctrl-C is behind an error: a compiled module that is interrupted as it starts raises an ImportError."""
     cause = error.__cause__ or error.__context__
     return isinstance(error, KeyboardInterrupt) or (cause is not None and _interrupted(cause))
 
