@@ -18,7 +18,7 @@ ARRAYS = re.compile(r"Array|Index|Mask")
 SHAPE_OR_UNIT = re.compile(
     r"\[|deg|dps|\bs\b|Hz|\bg\b|counts?\b|samples|rad|[Uu]nit|rows|shape|probabilit|likelihood|columns|number"
 )
-KEYS = {"_best_first", "order", "key", "_shape"}
+KEYS = {"best_first", "order", "key", "_shape"}
 """Functions that give a tuple to sort or to compare by."""
 
 

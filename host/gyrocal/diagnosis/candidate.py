@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import AXES, Array
 
 Decision = Literal["add", "suggest", "reject", "not_measurable"]
 
@@ -76,3 +76,12 @@ class Candidate:
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
+
+
+BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
+
+
+def best_first(candidate: Candidate) -> tuple[int, float, int, str]:
+    """The key of the order in which candidates are given; among equals it does not depend on the order of the library."""
+    gain = -np.inf if candidate.gain is None else candidate.gain
+    return BEST_FIRST.index(candidate.decision), -gain, AXES.index(candidate.axis), candidate.effect.id

@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 
 from gyrocal.diagnosis.beside import as_sets, beside_first
-from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import decide, with_q_values
@@ -17,13 +17,10 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
-from gyrocal.recording.session import AXES
 from gyrocal.threads import each
 from gyrocal.variables.rate import Rate
 
 Progress = Callable[[str], None]
-
-BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
 
 
 def candidates(
@@ -40,13 +37,7 @@ def candidates(
     judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
     judged = as_sets(beside_first(with_groups(decide(with_q_values(judged), comparison)), comparison), comparison)
     unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
-    return sorted(with_suggested_groups(judged, unnamed), key=_best_first)
-
-
-def _best_first(candidate: Candidate) -> tuple[int, float, int, str]:
-    """The key of the order in which candidates are given; among equals it does not depend on the order of the library."""
-    gain = -np.inf if candidate.gain is None else candidate.gain
-    return BEST_FIRST.index(candidate.decision), -gain, AXES.index(candidate.axis), candidate.effect.id
+    return sorted(with_suggested_groups(judged, unnamed), key=best_first)
 
 
 def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Finding]:

@@ -17,7 +17,7 @@ from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
 from gyrocal.errors import InputError, did_you_mean
-from gyrocal.files import replace_text
+from gyrocal.files import read_toml, replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
@@ -135,15 +135,8 @@ class Model(Shown):
             return Model.builtin(str(source))
         if path.suffix != ".toml" and not path.is_file():
             return Model.builtin(str(source))
-        try:
-            raw = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise InputError(
-                f"{path}: no such model; `gyrocal add` makes one, `default` and `paper` are built in"
-            ) from None
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"{path}: {error}") from None
-        return _parse(raw, path)
+        missing = "no such model; `gyrocal add` makes one, `default` and `paper` are built in"
+        return _parse(read_toml(path, missing), path)
 
     @property
     def ids(self) -> list[str]:

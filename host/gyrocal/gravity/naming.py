@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.decision import in_range, proven, with_q_values
 from gyrocal.diagnosis.rivals import with_groups
 from gyrocal.effects.base import Effect, effects
@@ -17,8 +17,6 @@ from gyrocal.gravity.fit import CROSS, visible
 from gyrocal.gravity.observations import parameters
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
-
-BEST_FIRST = ("add", "suggest", "reject", "not_measurable")
 
 
 def candidates(evidence: Evidence, own: Sequence[Effect] = ()) -> list[Candidate]:
@@ -31,12 +29,7 @@ def candidates(evidence: Evidence, own: Sequence[Effect] = ()) -> list[Candidate
     seen = [(e, a) for e, a in wanted if visible(Term.of(e, a), fitted.scene)]
     evidence.prepare([t for e, a in seen for t in evidence.variants(e, a)])
     judged = with_q_values([evidence.judge(effect, axis) for effect, axis in wanted])
-    return sorted(with_groups(_decided(judged, evidence)), key=_best_first)
-
-
-def _best_first(c: Candidate) -> tuple[int, float, int, str]:
-    gain = -np.inf if c.gain is None else c.gain
-    return BEST_FIRST.index(c.decision), -gain, AXES.index(c.axis), c.effect.id
+    return sorted(with_groups(_decided(judged, evidence)), key=best_first)
 
 
 def _decided(judged: Sequence[Candidate], evidence: Evidence) -> list[Candidate]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -12,7 +11,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gyrocal.errors import InputError
-from gyrocal.files import replace_text
+from gyrocal.files import read_toml, replace_text
 from gyrocal.recording.header import Axis, Face, describe
 from gyrocal.recording.session import Run
 
@@ -74,12 +73,7 @@ class PlannedRuns:
     def open(path: str | Path) -> PlannedRuns:
         """Read a plan. Raises InputError, which names the file and what is wrong."""
         path = Path(path)
-        try:
-            raw = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise InputError(f"{path}: no such plan; `gyrocal plan SESSION --out {path}` makes one") from None
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"{path}: {error}") from None
+        raw = read_toml(path, f"no such plan; `gyrocal plan SESSION --out {path}` makes one")
         if raw.get("format") != FORMAT:
             raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")
         try:
