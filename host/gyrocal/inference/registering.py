@@ -19,6 +19,7 @@ from gyrocal.effects.base import Effect, Role, stack
 from gyrocal.effects.misalignment import Misalignment
 from gyrocal.effects.quantities import rate_noise, true_rate_dps
 from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.axis_fit import fit_axis
 from gyrocal.inference.blocks import reduce_session
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.axis import AxisNoise
@@ -117,8 +118,6 @@ def symmetric(terms: Mapping[tuple[str, str], Term]) -> dict[tuple[str, str], Te
 
 
 def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
-    from gyrocal.inference.fit import fit_axis
-
     reduced = reduce_session(session)
     information, score = np.zeros((11, 11)), np.zeros(11)
     for axis in AXES if session.three_axes else dict.fromkeys(r.axis for r in session.runs):
