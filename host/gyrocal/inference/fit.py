@@ -1,4 +1,4 @@
-"""The fit of a session: the frame and clock of a three-axis reference first, then each axis (:mod:`gyrocal.inference.axis_fit`)."""
+"""The fit of a session: the frame and clock of a three-axis reference, then each axis by :mod:`gyrocal.inference.axis_fit`."""
 
 from __future__ import annotations
 
