@@ -48,7 +48,7 @@ class MeasuredRates:
     left_deg: Array | None = None
     """Of one measured angle, whose slopes the rates are: the angle minus the smooth curve through it, [n], deg."""
     interpolated: bool = False
-    """True if missing samples lie on the line between those that are there: a table's encoder may be slower than the sensor."""
+    """True if missing samples lie on a curve through those that are there: a table's encoder may be slower than the sensor."""
 
     @property
     def three_axes(self) -> bool:
