@@ -1,5 +1,6 @@
 """Frame and clock of a reference, estimated with the model: against scipy's least squares, and errors as large as stated."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
+from gyrocal.recording.header import Reference
+from make_runs import make_run, make_session
 from study import study
 
 
@@ -59,3 +62,22 @@ def test_errors_of_planted_registrations_are_as_large_as_stated() -> None:
     z = np.concatenate(list(study("references").spreads(range(900, 904)).values()))
     assert np.abs(z).max() < 4.5
     assert 0.7 < z.std() < 1.4
+
+
+def test_the_clock_of_a_reference_about_one_axis_has_its_error_without_a_warning_of_numpy() -> None:
+    t_s, rng = np.arange(3000) / 100, np.random.default_rng(0)
+
+    def rate_dps(at_s: Any) -> Any:
+        return 40 * np.sin(2 * np.pi * 0.3 * at_s) + 20 * np.sin(2 * np.pi * 0.71 * at_s + 1)
+
+    gyro = rng.normal(0, 0.05, (t_s.size, 3))
+    gyro[:, 2] += 1.004 * rate_dps(t_s - 0.05) + 0.2
+    reference = Reference(clock="own")
+    run = make_run(t_s, gyro, rate_hz=100.0, rate_ref_dps=rate_dps(t_s) + rng.normal(0, 0.02, t_s.size))
+    session = make_session(replace(run, reference=reference), reference=reference)
+    with np.errstate(all="raise"):
+        found = fit(session, Model.builtin("default")).session.registration_parameters
+    ((_, name, value, se),) = found
+    assert name == "offset_s"
+    assert se is not None
+    assert abs(value - 0.05) < 4 * se < 1e-3

@@ -32,6 +32,7 @@ SETTLED = 0.05
 """The registration has settled if a step moves each of its parameters by less than this fraction of its standard error."""
 TIMES = ("offset_s", "e")
 """Names of the clock's parameters, which follow the nine elements of the map."""
+ROTATION = ("rx_deg", "ry_deg", "rz_deg")
 DIFFERENCE_DEG = 1e-4
 """Step of the derivative of the rotation vector, deg."""
 
@@ -70,10 +71,9 @@ class _Step:
     @property
     def rotation_cov(self) -> Array:
         """Covariance of the small rotation that the antisymmetric part of the map is, [3, 3], rad^2."""
-        jacobian = np.zeros((3, 9))
-        for k, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
-            jacobian[k, 3 * row + column], jacobian[k, 3 * column + row] = 0.5, -0.5
-        return np.asarray(jacobian @ self.cov[:9, :9] @ jacobian.T)
+        lower, upper = [7, 2, 3], [5, 6, 1]
+        cov = [self.cov[np.ix_(rows, columns)] for rows in (lower, upper) for columns in (lower, upper)]
+        return np.asarray((cov[0] - cov[1] - cov[2] + cov[3]) / 4)  # differences and no product: 0 times inf is nan
 
 
 def refined(session: Session, model: Model) -> Session:
@@ -162,16 +162,22 @@ def _of_axis(current: AxisFit, i: int, axis: str) -> _AxisEstimate:
 
 def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[ReferenceParameter, ...]:
     """The parameters by name, as those of the first estimate, with their standard errors (None if nothing shows one)."""
+    names = {p.name for p in start.parameters}
+    values = {"offset_s": (found.offset_s, np.sqrt(step.cov[9, 9])), "e": (found.drift, np.sqrt(step.cov[10, 10]))}
+    if names & set(ROTATION):
+        values |= dict(zip(ROTATION, zip(found.rotation_deg, _rotation_se_deg(found, step), strict=True), strict=True))
+    errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
+    return tuple(ReferenceParameter(p.effect, p.name, float(values[p.name][0]), errors[p.name]) for p in start.parameters)
+
+
+def _rotation_se_deg(found: Registration, step: _Step) -> Array:
+    """Standard errors of the rotation vector [3], deg, from the covariance of a small rotation after it."""
     jacobian = np.zeros((3, 3))
     for k in range(3):
         turn = Registration(tuple(DIFFERENCE_DEG * np.eye(3)[k])).matrix
         ends = [np.array(rotation_deg(m @ found.matrix)) for m in (turn, turn.T)]
         jacobian[:, k] = (_nearest(ends[0], found) - _nearest(ends[1], found)) / (2 * np.deg2rad(DIFFERENCE_DEG))
-    cov = jacobian @ step.rotation_cov @ jacobian.T
-    values = dict(zip(("rx_deg", "ry_deg", "rz_deg"), zip(found.rotation_deg, np.sqrt(np.diag(cov)), strict=True), strict=True))
-    values |= {"offset_s": (found.offset_s, np.sqrt(step.cov[9, 9])), "e": (found.drift, np.sqrt(step.cov[10, 10]))}
-    errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
-    return tuple(ReferenceParameter(p.effect, p.name, float(values[p.name][0]), errors[p.name]) for p in start.parameters)
+    return np.asarray(np.sqrt(np.diag(jacobian @ step.rotation_cov @ jacobian.T)))
 
 
 def _nearest(vector_deg: Array, found: Registration) -> Array:
