@@ -81,6 +81,17 @@ class Plausibility:
         0.05, "largest relative standard error of a slope that is judged",
         larger="slow and noisy runs are judged by their noise", smaller="contradictions of slow runs are not reported",
     )  # fmt: skip
+    slow_s: float = threshold(
+        0.25, "length of the means whose slope is judged against a reference with three axes, s",
+        larger="fast motions are not judged", smaller="the sensor's low-pass and the jitter of both clocks flatten the slope",
+        chosen_by="readings of a hand-held sensor follow motion capture with 0.82 at 8 Hz and 0.99 below 1 Hz",
+    )  # fmt: skip
+    leak: float = threshold(
+        0.005, "changing part of the rates about other axes that an axis reads, beside which its slope is judged",
+        larger="an axis about which the sensor turns a little is not judged",
+        smaller="a mount that bends is called a wrong scale of an axis about which the sensor hardly turns",
+        chosen_by=SLOPES,
+    )  # fmt: skip
     agree_dps: float = threshold(
         0.3, "deviation from a line up to which runs agree on it, dps, besides `agree` of their rate",
         larger="wrong runs pull the line", smaller="power cycles with different offsets do not agree",
