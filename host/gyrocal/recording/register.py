@@ -101,6 +101,13 @@ class _Reading:
         return self.reference.motions[0].reached(at_s, SYNCHRONOUS)
 
     @cached_property
+    def noise(self) -> float:
+        """The mean square of what smoothing removed from that of the reference's rates from which it removed most, dps^2."""
+        known = self.reference.known
+        smooth = self.rates(self.reference.t_s[known])
+        return float(np.max(np.mean((self.reference.rates_dps[known] - smooth) ** 2, axis=0)))
+
+    @cached_property
     def middle_s(self) -> float:
         """The time about which the motion is strongest, s."""
         power = np.cumsum(np.sum(self.rates(self.t_s) ** 2, axis=1))
@@ -112,7 +119,7 @@ class _Trial:
     """Least squares at one offset and drift: the mean square that is left, and the next step of both.
 
     ``cross`` [a, k] and ``power`` [k, k] are the mean products of the readings and of the reference with the reference, dps^2;
-    ``readings`` is the readings' mean square, summed over the axes.
+    ``noise`` is the reference's noise, which flattens the map, ``readings`` the readings' mean square, over all axes.
     """
 
     offset_s: float
@@ -122,6 +129,7 @@ class _Trial:
     samples: int
     cross: Array
     power: Array
+    noise: float
     readings: float
 
     def rotation(self) -> tuple[Array, bool]:
@@ -134,10 +142,13 @@ class _Trial:
         rotation, proper = nearest_rotation(self.cross + noise * np.eye(3))
         sizes = np.linalg.svd(self.cross, compute_uv=False)
         left = [self.readings - (sizes @ [1, 1, sign]) ** 2 / np.trace(self.power) for sign in (1, -1)]
+        inverse = np.linalg.pinv(self.power, rcond=1e-9)
+        flattened = inverse * self.noise
+        known = np.linalg.pinv(inverse * self.square / self.samples + flattened @ flattened.T)
         for _ in range(ROTATIONS):
-            power = rotation @ self.power @ rotation.T * (self.samples / max(self.square, 1e-300))
-            off = self.cross @ np.linalg.pinv(self.power, rcond=1e-9) @ rotation.T - np.eye(3)
-            step = structured(np.asarray(np.kron(np.eye(3), power)), (off @ power).reshape(-1), PAIRS)
+            weight = rotation @ known @ rotation.T
+            off = self.cross @ inverse @ rotation.T - np.eye(3)
+            step = structured(np.asarray(np.kron(np.eye(3), weight)), (off @ weight).reshape(-1), PAIRS)
             rotation = Registration(tuple(np.rad2deg(step.rotation))).matrix @ rotation
         return rotation, not proper and left[0] < WORSE * left[1]
 
@@ -203,7 +214,7 @@ class _Search:
         only_offset = float(columns[..., 0].reshape(-1) @ left.reshape(-1)) / size[0] ** 2
         return _Trial(
             offset_s, drift, float(np.mean(left**2)), np.array([*step, only_offset]), left.size,
-            y.T @ w / len(w), w.T @ w / len(w), float(np.sum(y**2)) / len(y),
+            y.T @ w / len(w), w.T @ w / len(w), max(r.noise for r in self.readings), float(np.sum(y**2)) / len(y),
         )  # fmt: skip
 
     def _refined(self, trial: _Trial, span_s: float, drifts: bool) -> _Trial:

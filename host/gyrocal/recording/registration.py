@@ -84,8 +84,8 @@ def nearest_rotation(matrix: Array) -> tuple[Array, bool]:
     return np.asarray(u @ np.diag([1.0, 1.0, sign]) @ vt), sign > 0
 
 
-MISALIGNMENT_SD = 0.03
-"""Standard deviation of a misalignment before the data speak: consumer parts have 1-2 %."""
+SCALE_SD, MISALIGNMENT_SD = 0.05, 0.03
+"""Standard deviations of scale and misalignment before the data speak: consumer parts have 1-3 % and 1-2 %."""
 
 
 class Structure(NamedTuple):
@@ -100,9 +100,9 @@ def structured(information: Array, score: Array, pairs: Sequence[tuple[int, int]
     """The small rotation in a map of rates near the unit matrix, by generalised least squares.
 
     ``information`` [9 + m, 9 + m] and ``score`` [9 + m] are those of the map minus I, row by row, and of m further parameters.
-    The map's diagonal is the scale, which is free. Beside it, the map is a rotation, and between the axes of ``pairs`` also a
-    symmetric part, the misalignment. What one axis shows of the rotation about another counts by how well it is known. Where
-    the sensor hardly turns about one of two axes, only the sum of both parts shows, and the misalignment is taken to be small.
+    The map is a scale of each axis, a rotation, and between the axes of ``pairs`` also a symmetric part, the misalignment. What
+    one axis shows of the rotation about another counts by how well it is known. Where the sensor hardly turns about some axis,
+    only sums of these parts show, and scale and misalignment are taken to be small.
     """
     m = score.size - 9
     kinds = np.zeros((9 + m, 6 + m + len(pairs)))  # rotation, further parameters, scale, misalignment
@@ -114,7 +114,7 @@ def structured(information: Array, score: Array, pairs: Sequence[tuple[int, int]
         kinds[[3 * i + j, 3 * j + i], 6 + m + k] = 1.0
     normal = kinds.T @ information @ kinds
     shown = np.diag(normal) > 0
-    normal[np.diag_indices(len(normal))] += [0.0] * (6 + m) + [MISALIGNMENT_SD**-2] * len(pairs)
+    normal[np.diag_indices(len(normal))] += [0.0] * (3 + m) + [SCALE_SD**-2] * 3 + [MISALIGNMENT_SD**-2] * len(pairs)
     seen = np.flatnonzero(shown)
     cov = np.diag(np.where(shown, 0.0, np.inf))
     cov[np.ix_(seen, seen)] = np.linalg.inv(normal[np.ix_(seen, seen)])
