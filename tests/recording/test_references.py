@@ -141,6 +141,18 @@ def test_jumps_are_told_and_left_out() -> None:
     np.testing.assert_allclose(run.about("x").rate_dps[230:380], motion(T_S[:400])[230:380, 0], atol=0.3)
 
 
+def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
+    rng = np.random.default_rng(8)
+    ref = motion(T_S)
+    gyro = ref + rng.normal(0, 0.1, ref.shape)
+    lost = (T_S > 5.0) & (T_S < 5.4)
+    wrong = np.where(lost[:, None], -2 * ref + 60.0, ref)
+    assert [w.code for w in check(with_reference(gyro, Reference(), **rates(ref)))] == []
+    told = [w for w in check(with_reference(gyro, Reference(), **rates(wrong))) if w.code == "reference_jumps"]
+    assert len(told) == 1
+    assert "at 5.0 s" in told[0].text
+
+
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 120.0, 180.0])
 @pytest.mark.parametrize("offset_s", [-1.9, 0.003, 1.9])
 def test_frame_and_clock_are_found_from_the_readings_alone(angle_deg: float, offset_s: float) -> None:

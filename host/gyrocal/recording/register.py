@@ -116,7 +116,7 @@ class _Reading:
 
 @dataclass(frozen=True)
 class _Trial:
-    """Least squares at one offset and drift: the mean square that is left, and the next step of both.
+    """Least squares at one offset and drift: the mean square left, by axis in ``squares`` [a], and the next step of both.
 
     ``cross`` [a, k] and ``power`` [k, k] are the mean products of the readings and of the reference with the reference, dps^2;
     ``noise`` is the reference's noise, which flattens the map, ``readings`` the readings' mean square, over all axes.
@@ -127,6 +127,7 @@ class _Trial:
     square: float
     step: Array
     samples: int
+    squares: Array
     cross: Array
     power: Array
     noise: float
@@ -138,17 +139,19 @@ class _Trial:
         It starts from Wahba's problem, in which each direction counts by how much the sensor moves in it. A rotation that the
         motion does not show, such as one about the only axis of motion, is the smallest one there.
         """
+        from scipy.linalg import block_diag
+
         noise = NOISE_ERRORS * np.sqrt(self.square * max(float(np.linalg.eigvalsh(self.power)[0]), 0.0) / self.samples)
         rotation, proper = nearest_rotation(self.cross + noise * np.eye(3))
         sizes = np.linalg.svd(self.cross, compute_uv=False)
         left = [self.readings - (sizes @ [1, 1, sign]) ** 2 / np.trace(self.power) for sign in (1, -1)]
         inverse = np.linalg.pinv(self.power, rcond=1e-9)
         flattened = inverse * self.noise
-        known = np.linalg.pinv(inverse * self.square / self.samples + flattened @ flattened.T)
+        known = [np.linalg.pinv(inverse * left / self.samples + flattened @ flattened.T) for left in self.squares]
         for _ in range(ROTATIONS):
-            weight = rotation @ known @ rotation.T
+            weight = block_diag(*(rotation @ of_axis @ rotation.T for of_axis in known))
             off = self.cross @ inverse @ rotation.T - np.eye(3)
-            step = structured(np.asarray(np.kron(np.eye(3), weight)), (off @ weight).reshape(-1), PAIRS)
+            step = structured(weight, weight @ off.reshape(-1), PAIRS)
             rotation = Registration(tuple(np.rad2deg(step.rotation))).matrix @ rotation
         return rotation, not proper and left[0] < WORSE * left[1]
 
@@ -213,7 +216,7 @@ class _Search:
         step = np.linalg.lstsq(columns.reshape(-1, 2) / size, left.reshape(-1), rcond=1e-9)[0] / size
         only_offset = float(columns[..., 0].reshape(-1) @ left.reshape(-1)) / size[0] ** 2
         return _Trial(
-            offset_s, drift, float(np.mean(left**2)), np.array([*step, only_offset]), left.size,
+            offset_s, drift, float(np.mean(left**2)), np.array([*step, only_offset]), left.size, np.mean(left**2, axis=0),
             y.T @ w / len(w), w.T @ w / len(w), max(r.noise for r in self.readings), float(np.sum(y**2)) / len(y),
         )  # fmt: skip
 
