@@ -17,6 +17,8 @@ QUOTES = " \t\"'"
 SEPARATORS = ",\t; "
 NUMBERS = b"0123456789.+-eE\n"
 """What a table is made of whose every cell is a number; with a comma that separates no cells, it is text."""
+UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
+"""What a line of units below the columns' names is made of, in lower case."""
 EXACT = 2.0**53
 """A whole number from here on does not fit a float64: nanoseconds since 1970, say, which are counted from the first one."""
 
@@ -31,7 +33,7 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
     lines = [line.decode("utf-8", errors="replace") for line in data.split(b"\n", limit)[:limit]] if data else []
     if columns is None:
         header, separator = _find_header(path, lines, names, skip) if names else _find_any_header(path, lines, skip)
-        columns, first = _cells(lines[header], separator), header + 1
+        columns, first = _head(lines, header, separator), header + 1
     else:
         first, separator = _find_data(path, lines, columns, names, skip)
     for name in names:
@@ -90,6 +92,32 @@ def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip(QUOTES + "#") for cell in _split(line, separator)]
 
 
+def _head(lines: list[str], number: int, separator: str) -> list[str]:
+    """The columns' names in a line, each behind what the line above says of it if that line heads groups of columns.
+
+    ``Gyroscope,,,Angle`` above ``X,Y,Z,deg`` gives ``Gyroscope X``, ``Gyroscope Y``, ``Gyroscope Z`` and ``Angle (deg)``.
+    """
+    own = _without_tail(_cells(lines[number], separator))
+    above = _without_tail(_cells(lines[number - 1], separator)) if number else []
+    single = len(set(own)) == len(own) and not all(re.fullmatch(UNITS, cell.lower()) for cell in own)
+    if single or not 2 <= len(above) <= len(own) or any(map(_is_number, above)) or (all(above) and len(above) < len(own)):
+        return own
+    names, group = [], ""
+    for i, cell in enumerate(own):
+        alone = i < len(above) and above[i] != ""
+        group = above[i] if alone else group
+        unit = alone and re.fullmatch(UNITS, cell.lower()) is not None
+        names.append(f"{group} ({cell})" if unit else f"{group} {cell}".strip())
+    return names
+
+
+def _without_tail(cells: list[str]) -> list[str]:
+    """The cells without empty ones at the end: some programs end each line with a separator."""
+    while cells and not cells[-1]:
+        cells = cells[:-1]
+    return cells
+
+
 def _window(lines: list[str], skip: int | None) -> list[tuple[int, str]]:
     first, last = (0, HEADER_SEARCH_LINES) if skip is None else (skip, skip + 1)
     return list(enumerate(lines))[first:last]
@@ -104,7 +132,7 @@ def _find_header(path: Path, lines: list[str], names: Sequence[str], skip: int |
     """The line that holds every wanted name, and the separator that shows them."""
     for number, line in _window(lines, skip):
         for separator in SEPARATORS:
-            if set(names) <= set(_cells(line, separator)):
+            if set(names) <= set(_cells(line, separator)) or set(names) <= set(_head(lines, number, separator)):
                 return number, separator
     where = "no line" if skip is None else f"row {skip + 1}"
     raise InputError(
@@ -119,7 +147,8 @@ def _find_any_header(path: Path, lines: list[str], skip: int | None) -> tuple[in
     for separator in SEPARATORS:
         rows = [(number, _cells(line, separator)) for number, line in enumerate(lines[: HEADER_SEARCH_LINES + 3])]
         for (number, header), (_, row), (_, next_row) in zip(rows, rows[1:], rows[2:], strict=False):
-            fits = len(header) == len(row) == len(next_row) > 1 and (skip is None or number == skip)
+            fits = len(_without_tail(header)) <= len(row) == len(next_row) > 1 and (skip is None or number == skip)
+            fits = fits and len(header) >= len(row)
             if fits and not _is_number(header[0]) and _mostly_numbers(row) and _mostly_numbers(next_row):
                 found.append((len(header), number, separator))
                 break
