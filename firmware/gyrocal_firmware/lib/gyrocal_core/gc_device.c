@@ -7,7 +7,6 @@
 #include <string.h>
 
 #define NET_ROOM 20u /* bytes of a name in $HEL; longer names are cut */
-#define TABLE_RATE_FRACTION 0.03 /* relative deviation from table_dps above which a rate is reported */
 #define REMINDERS 3u             /* after the end of a run, for a reader who missed it; chosen by judgement */
 #define REMINDER_US 1000000u
 
@@ -199,9 +198,7 @@ static void add_to_run(gc_device_t *d, const gc_taken_t *sample) {
 
 static void end_alone(gc_device_t *d) {
     gc_run_end(d->run);
-    if (gc_run_has_stuck_bit(d->run)) {
-        gc_tell_error(&d->teller, GC_E_STUCK_BIT);
-    }
+    gc_run_tell_faults(d->run, &d->teller);
     if (d->run->settings.turn_deg != 0.0) {
         gc_rest_end_turn(&d->rest, d->run, &d->teller, &d->kept);
     } else if (d->run->w_dps == 0.0) {
@@ -258,7 +255,7 @@ static void watch_table(gc_device_t *d, const gc_taken_t *sample) {
     const double w_dps = d->settings.now.table_dps * face;
     gc_watch_disarm(&d->watch);
     gc_device_start(d, face, true);
-    if (fabs(d->watch.rate_dps - w_dps) > TABLE_RATE_FRACTION * fabs(w_dps)) {
+    if (fabs(d->watch.rate_dps - w_dps) > GC_TABLE_RATE_FRACTION * fabs(w_dps)) {
         gc_tell_error(&d->teller, GC_E_TABLE_RATE);
     }
 }
