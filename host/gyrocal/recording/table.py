@@ -41,7 +41,7 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
     if path.suffix == ".parquet":
         try:
             return check_table(pl.read_parquet(path), label), ""
-        except (OSError, pl.exceptions.PolarsError) as error:
+        except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise InputError(f"{label}: not a readable Parquet file: {first_line(error)}") from None
     try:
         content = path.read_bytes()

@@ -21,6 +21,7 @@ extern "C" {
     X(GC_E_NOT_READY, -11, "not_ready", "the sensor is not set up yet: see the error before")                            \
     X(GC_E_FIFO_OVERRUN, -12, "fifo_overrun", "the FIFO was full and samples are lost: lower rate_hz or fifo")                \
     X(GC_E_FIFO_TAG, -13, "fifo_tag", "the FIFO's words came damaged: shorten the cable or slow the bus")                \
+    X(GC_E_REPEATED, -14, "repeated", "readings came more than once: lower rate_hz or power the sensor off and on")      \
     X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                          \
     X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                  \
     X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
