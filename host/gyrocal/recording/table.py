@@ -159,11 +159,13 @@ def _without_unfinished(body: bytes, width: int) -> tuple[bytes, str]:
 
 def _numbers(body: bytes, width: int) -> Array | None:
     """The cells of a table [rows, width]; None unless every row has its width and every cell a number."""
-    rows = body.rstrip(b"\r\n").split(b"\n")
-    if any(row.count(b",") != width - 1 for row in rows):
+    text = body.rstrip(b"\r\n") + b"\n"
+    letters = np.frombuffer(text, dtype=np.uint8)
+    ends = letters[(letters == ord(",")) | (letters == ord("\n"))]
+    if ends.size % width or (ends.reshape(-1, width) != np.frombuffer(b"," * (width - 1) + b"\n", dtype=np.uint8)).any():
         return None
     try:
-        return np.array(b",".join(rows).split(b","), dtype=np.float64).reshape(-1, width)
+        return np.array(text[:-1].replace(b"\n", b",").split(b","), dtype=np.float64).reshape(-1, width)
     except ValueError:
         return None
 
