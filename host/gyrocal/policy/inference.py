@@ -62,7 +62,7 @@ class Inference:
         "with which the correlation counts as the low-pass's",
         larger="an error of the model that lasts some tenths of a second counts as noise",
         smaller="a low-pass of another shape than the assumed one is not described",
-        chosen_by="benchmarks/null_noise.py: low-passes have 1.2 to 1.6; stick-slip of a table 17",
+        chosen_by="python benchmarks/null_noise.py: low-passes have 1.2 to 1.6; stick-slip of a table 17",
     )  # fmt: skip
     color_errors: float = threshold(
         3.0, "standard errors from which on a correlation of successive blocks counts as a colour of the noise",
