@@ -44,7 +44,7 @@ class SecondFile:
         source = readers.read(self.path, [m.column for m in mappings], topic=self.topic)
         source.check_has([m.column for m in mappings])
         columns = dict(convert(source, mappings, scaling.rate_hz).columns)
-        times, _ = even(columns.pop("t_s"), str(self.path), self.path.name)
+        times, _ = even(columns.pop("t_s"), lambda _: str(self.path), self.path.name)
         if "rate_ref_dps" in columns and by_target["rate_ref_dps"].is_angle_of_rate:
             columns["rate_ref_dps"] = rate_of(times, columns["rate_ref_dps"])
         apart_s = source.start_s(by_target["t_s"]) - start_s
