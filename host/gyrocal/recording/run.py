@@ -202,6 +202,10 @@ class Run:
         """The run with its reference in another frame or by another clock."""
         return self if registration == self.registration else self._sharing(OF_FILE, registration=registration)
 
+    def turning(self, *, table_rate_dps: float | None = None, turn_deg: float | None = None) -> Run:
+        """The run with another known rate of the table, deg/s, or another net turn, deg."""
+        return self._sharing(OF_FILE, table_rate_dps=table_rate_dps, turn_deg=turn_deg)
+
     def _sharing(self, names: Iterable[str], **changes: Any) -> Run:
         """A changed run that keeps what this one has read or computed under these names."""
         out = replace(self, **changes)
