@@ -1,6 +1,7 @@
 """References: quaternions, angles, frames and clocks of their own, and what is said of bad ones."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gyrocal.calibration.calibrate import calibrate
+from gyrocal.cli import main
 from gyrocal.error_model.correction import correct
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
@@ -214,3 +216,39 @@ def test_the_other_offsets_of_a_periodic_motion_are_told() -> None:
     offsets = [fit.registration.offset_s, *fit.alternatives_s]
     np.testing.assert_allclose(sorted(offsets), [-1.7, -0.7, 0.3, 1.3], atol=0.002)
     assert [w.code for w in references.check(session)] == ["offset_ambiguous"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        (orientation(Q * (1 - 0.2 * (np.arange(len(Q)) == 7)[:, None])), "row 9: the quaternion has the length 0.8, not 1"),
+        (orientation(Q * 57.3), "row 2: the quaternion has the length 57.3, not 1 (400 such rows)"),
+        ({k: v for k, v in orientation(Q).items() if k != "ref_qz"}, "the reference lacks ref_qz"),
+        (rates(motion(T_S + 3.5)), "shifted by +3.50 s, more than 2 s. Add 3.50 s to the reference's times"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["compare", "diagnose", "calibrate"])
+def test_a_bad_reference_ends_every_verb_with_2_and_one_sentence(
+    verb: str, columns: dict[str, Array], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    n = len(next(iter(columns.values())))
+    with_reference(motion(T_S[:n]), **columns).save(tmp_path / "s")
+    assert main([verb, str(tmp_path / "s")]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+    assert len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("shift_s", [None, 3.5])
+def test_a_reference_of_another_motion_blocks_and_says_so(shift_s: float | None) -> None:
+    """Of another recording, or too late in one that is too short to show by how much."""
+    ref = motion(T_S[:400], seed=1) if shift_s is None else motion(T_S[:400] + shift_s)
+    (warning,) = references.check(with_reference(motion(T_S[:400]), **rates(ref)))
+    assert (warning.code, warning.blocking) == ("reference_unrelated", True)
+    assert "differ by less than 2 s" in warning.text
+
+
+def test_rests_beside_a_reference_at_rest_are_not_unrelated() -> None:
+    noise = np.random.default_rng(0).normal(0, 0.05, (2, T_S.size, 3))
+    assert "reference_unrelated" not in {w.code for w in references.check(with_reference(noise[0], **rates(noise[1])))}

@@ -154,7 +154,8 @@ def beside(runs: Sequence[Run], axis: str, spread_c: float | None, modelled: Seq
     rows = [_of_table(views)]
     if not any(run.three_axes for run in views):
         rows.append(BudgetRow(TILT, float(1 - np.cos(np.deg2rad(tilt_deg(views)))), 0.0, in_se=False))
-    if EarthRate.id not in modelled:
+    in_rate = all(run.latitude_deg is not None and run.reference_dps is None for run in views)  # by in_known_rate
+    if EarthRate.id not in modelled and not in_rate:
         rows.append(BudgetRow(EARTH, *earth_share(views), in_se=False))
     by_angle = any(r.rate_is_mean or (r.measured_rates is not None and r.measured_rates.derived) for r in views)
     rows.append(BudgetRow(CLOCK, CLOCK_SE if by_angle else 0.0, 0.0, in_se=False))

@@ -234,8 +234,6 @@ def _estimate(task: _Task, scenario: str, method: str, seconds: float, found: Fo
     scale_se, bias_se_dps, misfit = (
         None if x is None or np.isnan(x) else x for x in (answer.scale_se, answer.bias_se_dps, answer.misfit)
     )
-    if all(run.latitude_deg is not None and run.reference_dps is None for run in used):  # by in_known_rate
-        modelled = [*modelled, EarthRate.id]
     rows = (*sources, *beside(used, axis, task.temperature_spread_c, modelled)) if sources else ()
     return Estimate(
         scenario, method, float(seconds), axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags),

@@ -17,7 +17,9 @@ TOLD = 5
 
 
 def check(session: Session) -> list[Warning]:
-    """``reference_jumps``, ``sign_flipped`` for a mirrored reference, ``offset_ambiguous``, and ``noise_unknown``."""
+    """``reference_jumps``, ``reference_unrelated``, ``sign_flipped`` for a mirrored reference, ``offset_ambiguous``, and
+    ``noise_unknown``.
+    """
     out = [*_noise_unknown(session)]
     for run in session.runs:
         jumps = 0 if run.measured_rates is None else run.measured_rates.jumps
@@ -31,6 +33,13 @@ def check(session: Session) -> list[Warning]:
     fit = session.registration_fit
     if fit is None:
         return out
+    if fit.left > POLICY.unrelated_part and fit.readings_dps > POLICY.unrelated_dps:
+        text = (
+            f"the reference does not show the motion of the readings: at its best offset, turned to fit best, it explains "
+            f"{1 - fit.left:.0%} of their power. Check that both belong to one recording and to one body, and that their times "
+            "differ by less than 2 s"
+        )
+        return [*out, Warning("reference_unrelated", None, None, text, True)]
     out += [w for run in session.runs if run.three_axes and (w := _lost(run)) is not None]
     if fit.mirrored:
         text = (

@@ -103,6 +103,15 @@ class Plausibility:
         larger="a reference that is often lost is not reported", smaller="fast motions are called a lost reference",
         chosen_by=REFERENCES,
     )  # fmt: skip
+    unrelated_part: float = threshold(
+        0.5, "part of the readings' power that a reference about three axes, or by its own clock, leaves at its best offset",
+        larger="a reference of another recording is fitted all the same",
+        smaller="a reference that misses a part of the motion is called one of another recording", chosen_by=REFERENCES,
+    )  # fmt: skip
+    unrelated_dps: float = threshold(
+        5.0, "smallest rms of the readings for that, dps", larger="a wrong reference of a slow motion is not reported",
+        smaller="a recording at rest is held against its reference", chosen_by=REFERENCES,
+    )  # fmt: skip
     lost_dps: float = threshold(
         20.0, "smallest such difference, dps", larger="losses in slow motions are not reported",
         smaller="a dead band is called a lost reference", chosen_by=REFERENCES,

@@ -34,7 +34,7 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 LATEST_S = 2.0
 """Largest offset of the reference's clock, either sign, s."""
 LOOKED_S = 60.0
-"""A reference that is later than :data:`LATEST_S` is looked for within this time, s."""
+"""A reference that is later than :data:`LATEST_S` is looked for within this time, s, and a quarter of the longest run."""
 GRID_HZ = 100.0
 CANDIDATES = 8
 """Maxima of the correlation that are refined."""
@@ -177,7 +177,8 @@ class _Search:
             parameters.append(ReferenceParameter("time_offset", "offset_s", best.offset_s, None))
         if drifts:
             parameters.append(ReferenceParameter("clock_drift", "e", best.drift, None))
-        return RegistrationFit(registration, tuple(parameters), alternatives, mirrored)
+        left = float(best.squares.sum()) / max(best.readings, 1e-300)
+        return RegistrationFit(registration, tuple(parameters), alternatives, mirrored, best.readings**0.5, left)
 
     def _timed(self, drifts: bool) -> tuple[_Trial, tuple[float, ...]]:
         starts = self._starts_s()

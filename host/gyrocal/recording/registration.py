@@ -57,13 +57,16 @@ class RegistrationFit:
     """A registration that was estimated from the readings.
 
     ``alternatives_s`` are other offsets that fit a repeated motion as well. ``mirrored`` is True if the readings follow the
-    reference only as a mirror image.
+    reference only as a mirror image. ``readings_dps`` is the rms of the readings about their means, over all axes, and ``left``
+    the part of its square that the reference leaves under the best linear map.
     """
 
     registration: Registration
     parameters: tuple[ReferenceParameter, ...] = ()
     alternatives_s: tuple[float, ...] = ()
     mirrored: bool = False
+    readings_dps: float = 0.0
+    left: float = 0.0
 
 
 def rotation_deg(matrix: Array) -> tuple[float, float, float]:
