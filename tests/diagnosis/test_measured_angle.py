@@ -48,6 +48,12 @@ def test_a_coarse_encoder_is_judged_by_the_angle_and_no_misfit(step_deg: float) 
     assert z["rms_deg"] > np.hypot(WHITE_DPS * np.sqrt(20 / RATE_HZ / 6), step_deg / 12**0.5) / 2
 
 
+def test_a_swing_that_begins_in_motion_is_not_said_to_begin_apart() -> None:
+    """There is no rate beside the start of an angle, and the first readings must not be held against one."""
+    for seed in range(4):
+        assert [w.code for w in compare(session(seed, 0.1)).warnings] == []
+
+
 def test_scale_and_bias_have_honest_errors_beside_coarse_steps() -> None:
     """The error must not be that of a rate from steps: 0.2 deg in 0.1 s are 0.8 deg/s, 16 times the gyroscope's noise."""
     z = []

@@ -117,8 +117,13 @@ def residual_dps(run: Run) -> Array:
 
 
 def begins_apart(run: Run, axis: int, y_dps: Array) -> Array:
-    """Deviation of the first readings of a residual [n] from the following ones, shape [FIRST], deg/s, for a warning."""
+    """Deviation of the first readings of a residual [n] from the following ones, shape [FIRST], deg/s, for a warning.
+
+    It is zero where the first readings have no reference, as beside the start of a measured angle.
+    """
     run = run.about(AXES[axis])
+    if not run.reached[: FIRST + 2].all():
+        return np.zeros(FIRST)
     moves_dps = 2 * float(np.ptp(run.rate_dps[: FIRST + 2])) if axis == run.axis_index else 0.0
     return first_apart(y_dps, float(run.step_dps[axis]), moves_dps)
 

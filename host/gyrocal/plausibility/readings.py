@@ -229,6 +229,8 @@ def _first_apart_dps(run: Run, axis: int) -> float | None:
     if run.rate_is_mean:
         return None
     run, begins = run.about(AXES[axis]), 0.0
+    if axis == run.axis_index and not run.reached[: FIRST + 2].all():  # beside the start of an angle there is no rate
+        return None
     if axis == run.axis_index and np.ptp(run.rate_dps) > 0:  # a filter starts without the lag that it has later
         lag = abs(lag_samples(run.gyro_dps[:, axis], run.rate_dps, longest_lag(run)))
         begins = float(np.ptp(run.rate_dps[: lag + 2]))
