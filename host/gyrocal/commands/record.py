@@ -56,7 +56,7 @@ def run(
     _check_told_once(plan, hands, follow, any(v is not None for v in (face, rate, seconds, turn_deg, axis)), day)
     wanted = None if follow or hands or plan is not None else record.wanted(face, rate, seconds, turn_deg, axis)
     planned = None if plan is None else PlannedRuns.open(plan)
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     report = record.Report(str(out))
     try:
         with Link(port, reconnect=plan is not None) as link, console.status(f"{port}: waiting for the device") as status:
