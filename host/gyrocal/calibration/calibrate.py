@@ -16,7 +16,7 @@ from gyrocal.calibration.flags import ordered
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
-from gyrocal.effects.earth_rate import EarthRate
+from gyrocal.effects.earth_rate import EarthRate, in_known_rate
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.whitening import Noise
@@ -97,7 +97,8 @@ def calibrate(
     both terms, for example runs at rest and known turns. If no power cycle does so by itself, it uses all of them together
     (scenario ``all``). Without ``methods``, those that the session allows are used: ``model`` if a model is given or there is
     no pair, ``cnn`` if the network suits a pair. Without ``warnings``, they are those of :func:`gyrocal.plausibility.check`.
-    An estimate that a blocking warning concerns is not trusted. Raises InputError if there is no answer at all.
+    With a latitude, the Earth's rate is part of the true rate. An estimate that a blocking warning concerns is not trusted.
+    Raises InputError if there is no answer at all.
     """
     session = registered(session)
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
@@ -122,8 +123,9 @@ def calibrate(
         if span is not None and not 0 < span < np.inf:
             raise InputError(f"--seconds {span}: must be positive and finite")
         for scenario, runs in session.by_scenario():
+            true = [in_known_rate(run) for run in runs]
             for method in methods:
-                found += _estimates(task, scenario, runs, span, method)
+                found += _estimates(task, scenario, true, span, method)
         if "model" in methods and not any(e.method == "model" and e.seconds == (span or e.seconds) for e in found):
             found += _pooled(task, span)
     if not found:
@@ -232,6 +234,8 @@ def _estimate(task: _Task, scenario: str, method: str, seconds: float, found: Fo
     scale_se, bias_se_dps, misfit = (
         None if x is None or np.isnan(x) else x for x in (answer.scale_se, answer.bias_se_dps, answer.misfit)
     )
+    if all(run.latitude_deg is not None and run.reference_dps is None for run in used):  # by in_known_rate
+        modelled = [*modelled, EarthRate.id]
     rows = (*sources, *beside(used, axis, task.temperature_spread_c, modelled)) if sources else ()
     return Estimate(
         scenario, method, float(seconds), axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags),
@@ -256,7 +260,7 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
         if scale.values and "bias_dps" in bias.values:
             scale_se = with_table(scale.se["scale"], runs)
             answer = Answer(scale.values["scale"], scale_se, bias.values["bias_dps"], bias.se["bias_dps"], None)
-            modelled = [t.effect.id for t in fitted.terms] + [EarthRate.id] * (session.latitude_deg is not None)
+            modelled = [t.effect.id for t in fitted.terms] + [EarthRate.id] * (session.latitude_deg is not None)  # by the fit
             one = Found(axis, runs, answer, sources=by_fit(answer, runs), modelled=modelled)
             out.append(_estimate(task, POOLED, "model", seconds, one))
     return out
