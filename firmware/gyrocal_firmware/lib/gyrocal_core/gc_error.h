@@ -45,6 +45,7 @@ extern "C" {
     X(GC_E_CALIBRATION_AXIS, -44, "calibration_axis", "the calibration is for another axis: set axis or export again")   \
     X(GC_E_MISFIT, -45, "misfit", "the readings do not fit the calibration's model: record a session and diagnose it")   \
     X(GC_E_CALIBRATION_NUMBER, -46, "calibration_number", "the calibration holds a number that is not finite: export again") \
+    X(GC_E_CORRECTION, -47, "correction", "no true rate explains the reading by this model: export the model again")           \
     X(GC_E_NET_SAMPLE_RATE, -50, "net_sample_rate", "the network was trained for another rate_hz: set it or export again")\
     X(GC_E_NET_RATE, -51, "net_table_rate", "the network was trained for another table rate: set it or export again")    \
     X(GC_E_NET_WINDOW, -52, "net_window", "the network's window does not fit this firmware: export again")               \
