@@ -68,7 +68,8 @@ def run(
     except InputError:
         raise
     except GyrocalError as failure:
-        if isinstance(failure, DeviceError) and not any(warning.code == "device_gone" for warning in report.warnings):
+        told = any(warning.code == "device_gone" for warning in report.warnings)
+        if as_json and isinstance(failure, DeviceError) and not told:  # a person reads the line of the failure itself
             report.warnings.append(Warning("device_gone", None, None, str(failure)))
         _finish(report, as_json)
         raise
