@@ -17,7 +17,8 @@ def strip(runs: Sequence[RunView], left: Mapping[str, float], excluded: frozense
     with ui.element("section").classes("face strip").props('aria-label="runs"'):
         told = f"coloured by excess error, up to {worst:.3g} mdps" if left else "excess error not known yet"
         out = f"; {len(excluded)} left out" if excluded else ""
-        ui.label(f"{len(runs)} runs, {told}{out}. Press one to leave it out of the fit.").classes("dim small")
+        plural = "s" if len(runs) > 1 else ""
+        ui.label(f"{len(runs)} run{plural}, {told}{out}. Press one to leave it out of the fit.").classes("dim small")
         with ui.element("div").classes("cells"):
             for run in runs:
                 with _cell(run, left.get(run.file), worst, run.file in excluded).on("click", lambda r=run: act(r.file)):
