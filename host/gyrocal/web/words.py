@@ -11,6 +11,16 @@ if TYPE_CHECKING:
     from gyrocal.web.state import Workbench
 
 TINY_Q = 1e-9
+METHODS = {
+    "model": "the model", "cnn": "the network", "baseline": "the plain average", "turn": "the known turn", "rest": "the rest",
+}  # fmt: skip
+"""The methods of `gyrocal calibrate` and of the device, in words."""
+
+
+def method(name: str) -> str:
+    """A method for a table: its word, and the name that the command line gives it where that is another."""
+    word = METHODS.get(name, name).removeprefix("the ")
+    return word if word == name else f"{word} ({name})"
 
 
 def evidence(card: Card) -> list[tuple[str, str]]:

@@ -14,7 +14,7 @@ from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 from gyrocal.web.training import Training, missing
-from gyrocal.web.words import not_yet
+from gyrocal.web.words import method, not_yet
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -219,13 +219,13 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("scenario:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
+COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
 
 
 def _table(estimates: list[dict[str, Any]]) -> str:
     rows = [
         [
-            e["scenario"], e["axis"], e["method"], number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
+            e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
             number(e["scale_se"], ".4f", 100), number(e["bias_dps"], ".1f", 1e3), number(e["bias_se_dps"], ".1f", 1e3),
             number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]
