@@ -102,7 +102,7 @@ def fit_fleet(source: str, model: Model, engine: Engine, out: Path, progress: Pr
 
 def _done(engine: Engine, task: Callable[[str], Done], paths: Sequence[str], progress: Progress | None) -> list[Done]:
     done = []
-    for one in engine.run(task, paths):
+    for one in engine.run(task, paths, lambda path, reason: Done(path, reason=reason)):
         done.append(one)
         if progress is not None:
             progress(len(done), len(paths))
