@@ -13,15 +13,15 @@ from gyrocal.errors import GyrocalError, InputError, did_you_mean
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field")
+FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field", "references")
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
 
 PARTS = {
     "blind": {"cases_of", "kinds", "limit", "skip", "workers", "scheduler", "results"}, "soak": {"hours", "seed"},
-    "field": {"kinds", "limit", "workers", "results", "seed"}, "fleet": {"limit", "workers", "scheduler", "results"},
-    "population": {"workers", "scheduler", "results"},
+    "field": {"kinds", "limit", "workers", "results", "seed"}, "references": {"kinds", "limit", "results", "seed"},
+    "fleet": {"limit", "workers", "scheduler", "results"}, "population": {"workers", "scheduler", "results"},
 }  # fmt: skip
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
@@ -78,7 +78,8 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
         raise InputError(
             f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers, --scheduler and "
             "--results with blind, --limit, --workers, --scheduler and --results with fleet, the last three with population, "
-            "--kind, --limit, --workers, --results and --seed with field, --hours and --seed with soak"
+            "--kind, --limit, --workers, --results and --seed with field (references: not --workers), --hours and --seed "
+            "with soak"
         )
     return partial(module.benchmark if name == "blind" else module.run, **part)
 

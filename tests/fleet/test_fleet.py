@@ -158,7 +158,7 @@ class Backwards(InProcess):
 
 def test_the_order_of_the_sessions_does_not_matter(folder: Path, fitted: dict[str, Any]) -> None:
     again = fit_fleet(str(folder), Model.open(), Backwards(), folder.parent / "out").to_json()
-    assert {k: v for k, v in again.items() if k != "sessions_per_s"} == {k: v for k, v in fitted.items() if k != "sessions_per_s"}
+    assert {**again, "sessions_per_s": None} == {**fitted, "sessions_per_s": None}
 
 
 def test_a_board_is_fitted_with_the_drift_of_the_fleet(folder: Path) -> None:

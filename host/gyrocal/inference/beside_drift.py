@@ -24,7 +24,7 @@ LEAST = 0.04
 
 
 def drift_factor(current: AxisFit, scenario_se: Array) -> Array:
-    """The factor [k] on the errors [k] of the spreads over power cycles; 1 for no spread, and if no drift was sought."""
+    """The factor [k] on the errors [k] of the spreads over power cycles; 1 where no drift was searched for, or no spread."""
     sd, out = current.spreads.scenario, np.ones(current.spreads.scenario.size)
     drift = current.design.noise_model.drift
     if drift is None or drift.known or current.noise.ou_sd_dps <= 0 or not (sd > 0).any():
