@@ -21,6 +21,8 @@ import numpy as np
 from scipy.stats import norm
 
 from gyrocal.errors import InputError
+from gyrocal.fleet.drift import FleetDrift
+from gyrocal.fleet.fit import drift_weights
 from gyrocal.fleet.likelihood import CycleSpreads, evidence, names_of
 from gyrocal.fleet.missing import Evidence, find
 from gyrocal.fleet.summary import Summary
@@ -44,6 +46,7 @@ class Boards:
     summaries: list[Summary]
     names: dict[str, list[str]]
     said: list[Evidence]
+    drift: dict[str, FleetDrift]
 
     @staticmethod
     def load(folder: Path) -> Boards:
@@ -52,8 +55,9 @@ class Boards:
         if not keys:
             raise InputError(f"{folder}: no boards; write them by `gyrocal benchmark fleet --results {folder}`")
         summaries = [Summary.load(folder / "results" / f"{key}.npz") for key in keys]
+        drift = {axis: FleetDrift(1.0, 1.0) for axis in AXES}  # sizes are relative to that of the pilot
         names = {axis: names_of([s.axes[axis] for s in summaries]) for axis in AXES}
-        return Boards(summaries, names, _said(summaries, names))
+        return Boards(summaries, names, _said(summaries, names, drift), drift)
 
     @property
     def n(self) -> int:
@@ -72,15 +76,16 @@ class Boards:
         return float(norm.isf(POLICY.fleet_names / sum(map(len, self.names.values())) / 2))
 
 
-def _said(summaries: Sequence[Summary], names: dict[str, list[str]]) -> list[Evidence]:
-    """The evidence of boards with the spreads over power cycles that they share."""
+def _said(summaries: Sequence[Summary], names: dict[str, list[str]], drift: dict[str, FleetDrift]) -> list[Evidence]:
+    """The evidence of boards with the drift and the spreads over power cycles that they share."""
     cycles, out = CycleSpreads(), []
+    weights = drift_weights(summaries, drift)[1]
     for summary in summaries:
-        for one in summary.axes.values():
-            cycles.add(one)
+        for axis, one in summary.axes.items():
+            cycles.add(one, weights[axis])
     spreads, number = cycles.fit(), np.arange(len(summaries))
     for axis, known in names.items():
-        each = [evidence(s.axes[axis], spreads, known) for s in summaries]
+        each = [evidence(s.axes[axis], weights[axis], spreads, known) for s in summaries]
         score, information = (np.stack(of) for of in zip(*each, strict=True))
         out.append(Evidence(axis, known, score, information, number, np.zeros(number.size, dtype=np.intp), 1))
     return out
@@ -100,7 +105,7 @@ def z_values(boards: Boards) -> dict[str, Array]:
 def parts(boards: Boards, size: int) -> Iterator[list[Evidence]]:
     """Fleets of boards of their own, each with the spreads over power cycles that it determines itself."""
     for first in range(0, boards.n - size + 1, size):
-        yield _said(boards.summaries[first : first + size], boards.names)
+        yield _said(boards.summaries[first : first + size], boards.names, boards.drift)
 
 
 def drawn(boards: Boards, size: int, rng: np.random.Generator) -> list[Evidence]:
