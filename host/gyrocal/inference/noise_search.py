@@ -166,30 +166,38 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     scale = SpreadScale.of(design, start.grams)
     cache: dict[bytes, tuple[Array, Array]] = {}
 
-    def grams_at(x: Array) -> tuple[Array, Array]:
-        key = x[1:m].tobytes()
+    def grams_near(of_drift: Array) -> tuple[Array, Array]:
+        """Normal equations and log-determinants at coordinates [0 or 2] of the drift, and a step of each of them away.
+
+        They are those of the first white level; another one scales them.
+        """
+        key = of_drift.tobytes()
         if key not in cache:
             if len(cache) > 8:
                 cache.clear()
-            cache[key] = design.grams(noise_scale.noise(np.concatenate([[log_white0], x[1:m]])))
-        grams, logdet = cache[key]
-        log_times = float(x[0] - log_white0)
-        return grams * np.exp(-2 * log_times), logdet + 2 * log_times * design.n_blocks
+            noise, *others = (
+                noise_scale.noise(np.concatenate([[log_white0], of_drift + step]))
+                for step in STEP * np.eye(m, m - 1, -1)
+            )
+            cache[key] = design.grams_near(noise, others)
+        return cache[key]
 
     def equations(grams: Array, logdet: Array) -> Equations:
         return Equations(design.layout, grams, logdet, design.scenarios, n)
 
     def loglik(x: Array) -> tuple[float, Array]:
-        sd = scale.spreads(x[m:])
+        sd, log_times = scale.spreads(x[m:]), np.array(x[0] - log_white0)
         spreads = Spreads(sd[:k], sd[k:])
-        solution, slopes = equations(*grams_at(x)).solve_with_slopes(spreads)
-        grams, logdet = zip(*(grams_at(x + step) for step in steps), strict=True)
-        below, *above = equations(np.stack(grams), np.stack(logdet)).logliks(spreads).tolist()
+        near = grams_near(x[1:m])
+        grams, logdet = (of[0] for of in near)
+        solution, slopes = equations(*_scaled(grams, logdet, log_times, design)).solve_with_slopes(spreads)
         # the white level is known to 1 / sqrt(2n): a one-sided difference would be off by more than the search resolves
+        beside = log_times + STEP * np.array([-1.0, 1.0, *np.zeros(m - 1)])
+        grams, logdet = (np.concatenate([of[:1], of]) for of in near)
+        below, *above = equations(*_scaled(grams, logdet, beside, design)).logliks(spreads).tolist()
         of_noise = np.array([(above[0] - below) / 2, *(one - solution.loglik for one in above[1:])])
         return solution.loglik, np.concatenate([of_noise / STEP, scale.slopes(x[m:], slopes)])
 
-    steps = STEP * np.concatenate([-np.eye(1, m + scale.unit.size), np.eye(m, m + scale.unit.size)])
     begin = np.concatenate([
         noise_scale.coordinates(start.noise), scale.coordinates(np.concatenate([start.spreads.run, start.spreads.scenario]))
     ])  # fmt: skip
@@ -200,3 +208,8 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     grams, logdet = design.grams(noise)
     spreads = Spreads(sd[:k], sd[k:])
     return AxisFit(design, noise, spreads, equations(grams, logdet).solve(spreads), design.terms, grams, logdet)
+
+
+def _scaled(grams: Array, logdet: Array, log_times: Array, design: Design) -> tuple[Array, Array]:
+    """Normal equations [..., runs, q, q] and log-determinants [..., runs] at ``exp(log_times)`` [...] times the noise."""
+    return grams * np.exp(-2 * log_times)[..., None, None, None], logdet + 2 * log_times[..., None] * design.n_blocks
