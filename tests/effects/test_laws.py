@@ -163,7 +163,7 @@ def test_slope_of_the_temperature_with_noise_and_coarse_steps(noise_c: float, st
 
 
 def test_slope_of_a_temperature_that_turns_within_ten_seconds(make_run: MakeRun) -> None:
-    """A parabola over 10 s made the slope at the start of a chamber's ramp 0.09 degC/s too large; the thermal lag was 9 % off."""
+    """A parabola over 10 s made the slope at the start of a ramp 0.09 degC/s too large; the thermal lag was 9 % off."""
     t_s = np.arange(1000) / 10
     angles = [2 * np.pi * k * t_s / 120 for k in (1, 3, 5)]
     true = 25 - sum(14 * 8 / (np.pi * k) ** 2 * np.cos(angle) for k, angle in zip((1, 3, 5), angles, strict=True))
