@@ -125,6 +125,12 @@ class Diagnosis:
         larger="tones that wander are not detected", smaller="the knee of a sensor's low-pass filter counts as a tone",
         chosen_by="pytest tests/diagnosis/test_whiteness.py (a second-order low-pass at 33 Hz is no bump)",
     )  # fmt: skip
+    white_beyond: float = threshold(
+        0.1, "scatter of samples within blocks, relative to that of white noise with the density of the fastest block means, "
+        "from which on the knee of a low-pass lies above 5 Hz",
+        larger="sessions behind a low-pass are not searched for humps", smaller="the knee of a low-pass counts as a hump",
+        chosen_by="benchmarks/null_noise.py: 0.01 to 0.03 behind 5 Hz, 0.2 and more behind 12 Hz",
+    )  # fmt: skip
     bands: int = threshold(
         6, "number of frequency bands between drift and the block rate in which power is compared with the noise",
         larger="each band has fewer values, and the correction for multiple tests grows",
