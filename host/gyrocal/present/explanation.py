@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.explain import Explanation, Open, Step
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.present import page, report
@@ -100,14 +101,16 @@ def write_explanation(path: Path, e: Explanation) -> None:
     steps = [
         {"title": f"{named(s)} on {', '.join(s.axes)}", "before": excess(s, s.excess_before),
          "after": excess(s, s.excess_after), "unit": unit(s), "remark": remark(s), "causes": _causes(s),
-         "picture": _data(evidence(s))}
+         "shown": shown(removed_finding(s)), "picture": _data(evidence(s))}
         for s in e.steps
     ]  # fmt: skip
+    last = e.last.comparison
+    remains = last.where[0] if last.where else None
     text = page.render(
         "present/explanation.html", page.name_of(start.fit.session), conclusion(e), e.verdict == "adequate",
         e.last.comparison.warnings, overview=overview, steps=steps, left=[open_words(one) for one in e.left],
         levels=report.level_rows(e.last.comparison), parameters=report.parameter_rows(e.last.comparison),
-        model=", ".join(e.model.ids),
+        model=", ".join(e.model.ids), remains=shown(remains), remains_picture=_data(picture(last, remains)),
     )  # fmt: skip
     page.write(path, text)
 
@@ -120,14 +123,25 @@ def _causes(step: Step) -> list[str]:
 
 def evidence(step: Step) -> Figure | None:
     """The residual before and after a step, against the variable of the strongest finding that the step removed."""
+    return picture(step.before, removed_finding(step), step.after)
+
+
+def picture(before: Comparison, finding: Finding | None, after: Comparison | None = None) -> Figure | None:
+    """The picture of a finding; None without one."""
     from gyrocal.present import pictures
 
-    finding = removed_finding(step)
     if finding is None:
         return None
     if variables()[finding.against].picture == "spectrum":
-        return pictures.spectra(step.before)
-    return pictures.residual_against(step.before, finding, step.after)
+        return pictures.spectra(before)
+    return pictures.residual_against(before, finding, after)
+
+
+def shown(finding: Finding | None) -> str:
+    """A finding as a sentence; empty without one."""
+    if finding is None:
+        return ""
+    return f"The residual on {finding.axis} shows it against {finding.against.replace('_', ' ')}: {finding.note}."
 
 
 def removed_finding(step: Step) -> Finding | None:
