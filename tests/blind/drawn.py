@@ -28,7 +28,7 @@ from .generator.told_apart import power, told_apart
 
 SEEN, APART, ALIKE = 8.0, 5.0, 2.0
 SEEN_UNKNOWN, OWN_SHAPE = 10.0, 0.7
-MOST_DRAWS = 40
+MOST_DRAWS = 400
 SEEDS = {"work": 20_000, "frozen": 70_000}
 COUNTS = {"effect": 200, "set": 60, "confounded": 60, "unknown": 60, "null": 200}
 

@@ -63,7 +63,7 @@ def as_sets(candidates: Sequence[Candidate], comparison: Comparison) -> list[Can
         slow = [
             c for c in candidates
             if c.axis == axis and c.decision == "suggest" and c.signal is not None and not c.effect.fast
-            and c.effect.scope_in(runs) == "session"
+            and c.effect.scope_in(runs) == "session" and not c.contradicted
         ]  # fmt: skip
         if axis in found and len(slow) > 1:
             pool = sorted(slow, key=lambda c: c.chance)[: POLICY.largest_pool]

@@ -48,6 +48,9 @@ class Candidate:
     enough: bool = False
     """True if the candidate explains at least ``Policy.explained`` of the excess error, as far as this is known."""
 
+    contradicted: bool = False
+    """True if the fit contradicts what the effect is, or if something else that is no effect of the library fits better."""
+
     def to_json(self) -> dict[str, Any]:
         units = {p.name: p.unit for p in self.effect.parameters}
         return {

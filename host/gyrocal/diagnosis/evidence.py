@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,12 +20,14 @@ from gyrocal.error_model.model import Term
 from gyrocal.inference.design import UNIDENTIFIED, Mask
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import Spreads
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.variables.shapes import Columns
 
 
 def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
@@ -85,13 +88,15 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     if gain is not None and not np.isfinite(gain):  # one unit alone holds the effect, and the others say nothing of its size
         gain = gain_se = None
     excess = Explained(None, False) if gain is None else explained(current, fitted, signal, chance)
-    partial = isinstance(effect, Wave) and _contradicted(fitted, effect)
-    partial = partial or (effect.common_mean and _without_mean(term)) or effect.contradicted(term.values, excess.part)
+    contradicted = (
+        (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and _without_mean(term))
+        or effect.contradicted(term.values, excess.part) or _outdone(current.fit, fitted, effect)
+    )  # fmt: skip
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
         next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
-        excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not partial,
-        gain_noise=_gain_noise(fitted),
+        excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not contradicted,
+        gain_noise=_gain_noise(fitted), contradicted=contradicted,
     )  # fmt: skip
 
 
@@ -119,10 +124,51 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
     return not wave.holds([b.run for b in fitted.design.blocks], sizes_dps)
 
 
+def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:
+    """True if what can be mistaken for the effect explains the session better, and the effect hardly adds to it."""
+    axis = current.design.axis
+    if all(effect.passes_for_it(b.run, axis) is None for b in current.design.blocks):
+        return False
+
+    def column(run: Run) -> Array | None:
+        found = effect.passes_for_it(run, axis)
+        return None if found is None else found[:, None]
+
+    other = Term("mistaken", AXES[axis], {"c0": 0.0}, own=Columns(column, 1))
+    beside, both = (_with(fit, other) for fit in (current, fitted))
+    alone = max(fitted.loglik - current.loglik, 0.0)
+    return beside.loglik > fitted.loglik and both.loglik - beside.loglik < POLICY.of_finding * alone
+
+
+def _with(fit: AxisFit, term: Term) -> AxisFit:
+    design = fit.design.changed([*fit.design.terms, term])
+    return fit_noise(design, start=with_noise(design, fit.noise, carry_spreads(fit, design)))
+
+
 def _without_mean(term: Term) -> bool:
     """True if an effect that should have a common mean over the runs has none that differs from zero."""
     mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.used(term.values) if n in term.values]
     return all(size < POLICY.mean_errors * se for size, se in mean)
+
+
+def not_measurable(current: Current, effect: Effect, lacking: str) -> Candidate:
+    """A candidate whose data the session lacks (``lacking``, in words), with what is known of its course nevertheless."""
+    known = [effect.unmeasured(run, current.index) for run in current.runs]
+    signal = None
+    if all(column is not None for column in known):
+        means = [b.mean(np.asarray(c)[:, None])[:, 0] for b, c in zip(current.fit.design.blocks, known, strict=True)]
+        signal = _beside_model(current.fit, means)
+    return Candidate(effect, current.axis, "not_measurable", next_measurement=f"needs {lacking}", signal=signal)
+
+
+def _beside_model(fitted: AxisFit, means: Sequence[Array]) -> Array:
+    """Block means of each run, weighted as in :func:`_signal`, orthogonal to the model's shared columns, shape [blocks]."""
+    design, shared = fitted.design, slice(1, 1 + len(fitted.design.layout.fixed))
+    weights = [np.sqrt(b.n) for b in design.blocks]
+    part = np.concatenate([m * w for m, w in zip(means, weights, strict=True)])
+    rest = np.concatenate([(design.columns(i)[shared] * w).T for i, w in enumerate(weights)])
+    left = part - rest @ np.linalg.lstsq(rest, part, rcond=None)[0]
+    return np.where(np.linalg.norm(left) > UNIDENTIFIED**0.5 * np.linalg.norm(part), left, 0.0)
 
 
 def _gain_noise(fitted: AxisFit) -> float:

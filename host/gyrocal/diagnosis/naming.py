@@ -12,7 +12,7 @@ from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import decide, with_q_values
-from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.evidence import judge, not_measurable
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.effects import base
@@ -69,7 +69,7 @@ def _on_axis(current: Current, own: Sequence[Effect], unless: float, progress: P
             progress(f"trying {effect.id} on {current.axis}")
         lacking = effect.missing(current.comparison.fit.session.about(current.axis).runs, current.index)
         if lacking is not None:
-            out.append(Candidate(effect, current.axis, "not_measurable", next_measurement=f"needs {lacking}"))
+            out.append(not_measurable(current, effect, lacking))
         else:
             out.append(judge(current, effect, unless))
     return out

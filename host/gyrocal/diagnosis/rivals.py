@@ -18,14 +18,23 @@ def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
 
     The signals of the members overlap, and their held-out gains do not differ significantly. Of two candidates with the same
     shape, the simpler one is preferred unless the other gains enough for each further parameter. A candidate that reached only
-    ``suggest`` is still a rival of one that reached ``add``, also if it is the simpler one.
+    ``suggest`` is still a rival of one that reached ``add``, also if it is the simpler one. So is an effect that the session
+    cannot measure, if what is known of its course has the same shape.
     """
     passed = [c for c in candidates if c.decision in ("add", "suggest")]
 
     def rivals(c: Candidate) -> list[Candidate]:
         return [r for r in passed if r is not c and r.axis == c.axis]
 
-    return [_grouped(c, rivals(c)) if c.decision == "add" else c for c in candidates]
+    unmeasured = [c for c in candidates if c.decision == "not_measurable"]
+    grouped = (_grouped(c, rivals(c)) if c.decision == "add" else c for c in candidates)
+    return [_with_unmeasured(c, unmeasured) if c.decision == "add" else c for c in grouped]
+
+
+def _with_unmeasured(c: Candidate, unmeasured: Sequence[Candidate]) -> Candidate:
+    """The candidate with the effects in its group that have the same shape as far as the session knows them."""
+    same = [r.effect.id for r in unmeasured if r.axis == c.axis and cosine(c.signal, r.signal) > POLICY.same_shape]
+    return replace(c, group=(*c.group, *same))
 
 
 def with_suggested_groups(candidates: Sequence[Candidate], axes: Iterable[str]) -> list[Candidate]:
@@ -35,7 +44,7 @@ def with_suggested_groups(candidates: Sequence[Candidate], axes: Iterable[str]) 
     """
     out = list(candidates)
     for axis in axes:
-        suggested = [c for c in candidates if c.axis == axis and c.decision == "suggest"]
+        suggested = [c for c in candidates if c.axis == axis and c.decision == "suggest" and not c.contradicted]
         best = min(suggested, key=lambda c: c.chance, default=None)
         if best is not None:
             rivals = [c for c in suggested if c is not best and cosine(best.signal, c.signal) > POLICY.similar_shape]

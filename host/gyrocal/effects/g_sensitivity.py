@@ -63,6 +63,10 @@ class GSensitivity(Effect):
     def lacks(self, run: Run) -> bool:
         return run.acc_g is None
 
+    def unmeasured(self, run: Run, axis: int) -> Array | None:
+        """Gravity along the table's axis, of which the face says the sign."""
+        return np.full(len(run), run.face_sign) if run.acc_g is None else None
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         acc_g = acceleration_g(run)
         if acc_g is None:

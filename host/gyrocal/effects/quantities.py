@@ -147,6 +147,13 @@ def rate_varies(runs: Sequence[Run], axis: int) -> bool:
     return any(float(np.sqrt(np.mean(rate_slope_dps_s(r, axis) ** 2))) > LEAST_ACCELERATION_DPS_S for r in runs)
 
 
+def sense_of_change(run: Run, axis: int) -> Array:
+    """The sign of the change of the true rate about an axis, shape [n]; at a constant rate, that of the last change."""
+    slope_dps_s = rate_slope_dps_s(run, axis)
+    sign = np.where(np.abs(slope_dps_s) > LEAST_ACCELERATION_DPS_S, np.sign(slope_dps_s), 0.0)
+    return sign[np.maximum.accumulate(np.where(sign != 0, np.arange(sign.size), 0))]
+
+
 def slope(values: Array, t_s: Array, points: float) -> Array:
     """Slope of a parabola fitted to ``points`` neighbours (Savitzky and Golay), shape [n]. The times may jitter."""
     from scipy.signal import savgol_filter

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values
-from gyrocal.effects.quantities import VARYING_RATE, rate_varies
+from gyrocal.effects.quantities import VARYING_RATE, rate_varies, sense_of_change
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import Motion, Timing
 
@@ -45,6 +45,10 @@ class TimingEffect(Effect):
         if axis != run.axis_index or run.motion is None:
             return np.zeros((len(run), 1))
         return self.derivative(run.motion, run.sample_s, run.timing)[:, None]
+
+    def passes_for_it(self, run: Run, axis: int) -> Array | None:
+        """Friction or play of the mount, an offset with the sign of the rate's change."""
+        return sense_of_change(run, axis)
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if axis != run.axis_index:

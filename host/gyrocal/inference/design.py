@@ -184,7 +184,7 @@ class Design:
                 continue
             if scope == "session" or kind.common_mean:
                 fixed += [(i, j) for j in range(k)]
-            if scope == "run" and k:
+            if scope == "run" and k and not (kind.common_mean and len(self.blocks) == 1):  # one run shows the mean alone
                 run += [(i, j) for j in range(k)]
                 group += [n_groups + g for g in kind.groups(term.values)]
                 n_groups = max(group) + 1

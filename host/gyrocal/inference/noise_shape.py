@@ -15,7 +15,6 @@ from gyrocal.inference.noise_search import fit_noise, white_start, with_noise
 from gyrocal.noise.color import Color
 from gyrocal.noise.steady import relative_levels
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array
 
 COLORS = np.linspace(-0.8, 0.7, 151)
@@ -38,7 +37,27 @@ def shaped(current: AxisFit) -> AxisFit:
     if of_angle(current):
         return _better(current, _with_noise_of_angle(current))
     color = _color(current)
-    return _better(current, _refitted(current, Color(color))) if color else current
+    if not color:
+        return current
+    colored = _refitted(current, Color(color))
+    return _better(current, colored) if _shown_by_samples(colored) else current
+
+
+def _shown_by_samples(colored: AxisFit) -> bool:
+    """True if the samples within blocks scatter as little as the colour says, or if the colour is as faint as flicker noise's.
+
+    A low-pass that correlates means over a tenth of a second leaves little scatter within them. White samples whose means are
+    correlated hold an error of the model, which is no noise. The scatter is that of an Ornstein-Uhlenbeck process.
+    """
+    design, color = colored.design, colored.design.color.neighbours
+    count = sum(b.within_n for b in design.blocks)
+    if color <= POLICY.faint_color or count < POLICY.least_scatter:
+        return True
+    scatter = sum(b.within_ss[design.axis] for b in design.blocks) / count
+    samples = float(np.median(np.concatenate([b.n for b in design.blocks])))
+    x = -float(np.log(color))  # length of a block in correlation times
+    within = colored.noise.white_sd_dps**2 * x / (2 * samples) * (1 - 2 * (x - 1 + color) / x**2)
+    return bool(scatter <= POLICY.of_samples * within)
 
 
 def of_angle(current: AxisFit) -> bool:
@@ -89,7 +108,7 @@ def _weighted(current: AxisFit) -> AxisFit | None:
     residuals = []
     for b in design.blocks:
         y_dps = b.run.gyro_dps[:, axis] - known_dps(b.run, axis)
-        rows, apart_dps = outliers(y_dps, b.run.step_dps[axis])
+        rows, apart_dps = b.strays[axis]
         y_dps[rows] -= apart_dps
         residuals.append(y_dps)
     levels = relative_levels(residuals)

@@ -1,10 +1,16 @@
-"""The direction in which the table turns, or in which the temperature moves."""
+"""The direction in which the table turns, or in which its rate or the temperature changes."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.effects.quantities import sense_of_rotation, temperature_by_second, temperature_slope_c_s
+from gyrocal.effects.quantities import (
+    rate_varies,
+    sense_of_change,
+    sense_of_rotation,
+    temperature_by_second,
+    temperature_slope_c_s,
+)
 from gyrocal.effects.thermal_hysteresis import ThermalHysteresis
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import Variable
@@ -30,6 +36,9 @@ class Direction(Variable):
         if {-1.0, 1.0} <= {float(np.sign(np.mean(r.rate_dps)) * r.face_sign) for r in self.runs}:
             turning = Steps(lambda run: sense_of_rotation(run) * run.face_sign, BOTH_WAYS, names=SENSES)
             shapes.append(turning)
+        if rate_varies(self.runs, axis):
+            changing = "between a rate that rises and one that falls"
+            shapes.append(Columns(lambda run: sense_of_change(run, axis)[:, None], 1, changing))
         return shapes
 
     @property
