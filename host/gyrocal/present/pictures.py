@@ -96,7 +96,7 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
             label = "mean before" if drawn is comparison else "mean after"
             axes.plot([x[k].mean() for k in order], [y[k].mean() for k in order], "o-", color=line, ms=4, lw=1.2, label=label)
         if after is not None:
-            axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
+            axes.legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     axes.axhline(0.0, color=GREY, lw=0.8)
     label = own.label if own else variable.label(finding.axis if variable.components else "")
     axes.set(
