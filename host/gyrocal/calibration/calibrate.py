@@ -13,6 +13,7 @@ import numpy as np
 from gyrocal.calibration.budget import BudgetRow, beside, by_evidence, by_fit, by_network, by_posterior, temperature_spread_c
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
 from gyrocal.calibration.flags import ordered
+from gyrocal.calibration.network_answer import consecutive, network, network_prior, network_stage, suits_network
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
@@ -22,7 +23,7 @@ from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.whitening import Noise
 from gyrocal.plausibility import check
 from gyrocal.recording.register import registered
-from gyrocal.recording.session import AXES, GAP_PERIODS, Run, Session
+from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.warning import Warning
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def calibrate(
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
     paired = bool(found_pairs)
     if methods is None:
-        suits = any(all(map(_suits_network, pair)) for pair in found_pairs)
+        suits = any(all(map(suits_network, pair)) for pair in found_pairs)
         methods = ["baseline"] * paired + ["cnn"] * suits + ["model"] * (model is not None or not paired)
     methods = list(methods)
     for method in methods:
@@ -347,54 +348,3 @@ def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]
     answer = replace(answer, misfit=evidence.misfit_of(answer), scale_se=with_table(answer.scale_se, used))
     sources = by_network(answer, used) if prior.is_known else by_evidence(evidence, answer, widened=True)
     return [Found(up.axis, used, answer, flags, sources)]
-
-
-def network_stage(up: Run, down: Run, seconds: float) -> int | None:
-    """0, 1 or 2: as much of the first 2, 4 or 6 s as ``seconds`` holds. None: too short for 2 s, or a sample is missing."""
-    from gyrocal.calibration.network import STAGES_S
-
-    stage = sum(s <= seconds + 1e-6 for s in STAGES_S) - 1
-    enough = stage >= 0 and all(consecutive(r) >= round(STAGES_S[stage] * r.sample_rate_hz) for r in (up, down))
-    return stage if enough else None
-
-
-def network(up: Run, down: Run, stage: int, prior: Prior | None = None) -> Answer | None:
-    """The shipped network `gyrocal` on the first 2, 4 or 6 s (``stage`` 0, 1 or 2), by default with flat priors.
-
-    None if the sample rate or the true rate is not that of its training, or if the readings less their mean exceed the range
-    of its training data.
-    """
-    from gyrocal.calibration.network import FLAT, FaceNetwork, merge
-
-    net = FaceNetwork.shipped()
-    n, runs = net.samples(stage), (up, down)
-    w_dps = [float(np.mean(r.rate_dps[:n])) for r in runs]
-    if not all(net.suits(r.sample_rate_hz, w) for r, w in zip(runs, w_dps, strict=True)):
-        return None
-    faces = [net.face(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n], stage, w) for r, w in zip(runs, w_dps, strict=True)]
-    scale, bias_dps, scale_sd, bias_sd_dps = map(float, merge(faces[0], faces[1], prior or FLAT)[0])
-    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None) if np.isfinite(scale) else None
-
-
-def network_prior(model: Model | str | Path | None, axis: str) -> Prior:
-    """The prior of scale and bias that a model gives; flat without a model."""
-    from gyrocal.calibration.network import FLAT, Prior
-
-    opened = None if model is None else Model.open(model)
-    if opened is None or not opened.on(axis):
-        return FLAT
-    known = calibration_of(opened, axis, white_sd_dps=1.0)  # the noise does not matter here
-    return Prior(known.scale, known.bias_dps)
-
-
-def consecutive(run: Run) -> int:
-    """Number of samples before the first missing one."""
-    late = np.flatnonzero(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS)
-    return int(late[0]) + 1 if late.size else len(run)
-
-
-def _suits_network(run: Run) -> bool:
-    """True if the run has the sample rate and the table rate for which the shipped network was trained."""
-    from gyrocal.calibration.network import FaceNetwork
-
-    return FaceNetwork.shipped().suits(run.sample_rate_hz, float(run.rate_dps[0]))

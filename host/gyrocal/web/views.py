@@ -79,6 +79,20 @@ class Place:
 
 
 @dataclass(frozen=True)
+class Holdable:
+    """A parameter of an effect that a fit can leave at its value; ``se`` is None if it does."""
+
+    effect: str
+    title: str
+    axis: str
+    name: str
+    value: float
+    se: float | None
+    unit: str
+    held: bool
+
+
+@dataclass(frozen=True)
 class ModelView:
     """A model compared with the session. ``traces`` holds the pyramids ``modelled``, ``residual`` and ``points.npz``."""
 
@@ -90,6 +104,7 @@ class ModelView:
     """Axis, rms, floor, excess, its error, excess within power cycles, as the command line prints them; last all axes."""
     effects: list[tuple[str, str, bool]]
     """(id, title, may be removed)."""
+    holdable: list[Holdable]
     traces: Path
     against: list[str]
     levels: Levels | None

@@ -14,6 +14,7 @@ from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 from gyrocal.web.training import Training, missing
+from gyrocal.web.words import method, not_yet
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -60,11 +61,15 @@ class CalibratePanel:
         with self.answers:
             ui.html("<h2>Scale and bias from the first seconds</h2>", sanitize=False)
             if self.bench.step is None:
-                ui.label("Open a session first.").classes("dim")
-                ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
+                ui.label(not_yet(self.bench)).classes("dim")
+                if self.bench.session is None and not self.bench.opening:
+                    ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "This session gives no answer.").classes("dim")
+                return
+            if not found.estimates:
+                ui.label(found.note).classes("dim")
                 return
             for told in scatter.sentences(found.estimates, self.axis):
                 ui.label(told)
@@ -227,13 +232,13 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("scenario:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
+COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
 
 
 def _table(estimates: list[dict[str, Any]]) -> str:
     rows = [
         [
-            e["scenario"], e["axis"], e["method"], number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
+            e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
             number(e["scale_se"], ".4f", 100), number(e["bias_dps"], ".1f", 1e3), number(e["bias_se_dps"], ".1f", 1e3),
             number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]
