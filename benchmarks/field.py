@@ -138,7 +138,7 @@ def _exists(path: Path | None) -> bool:
 
 
 def _each(jobs: Sequence[tuple[str, int]], workers: int) -> Iterator[dict[str, Any]]:
-    if workers == 1:
+    if workers <= 1:
         yield from map(judge, jobs)
     else:
         with ProcessPoolExecutor(workers) as pool:

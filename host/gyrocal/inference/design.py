@@ -188,7 +188,7 @@ class Design:
                 run += [(i, j) for j in range(k)]
                 group += [n_groups + g for g in kind.groups(term.values)]
                 n_groups = max(group) + 1
-        fixed = [f for f in fixed if self._says_anything(f)]
+        fixed = [f for f in fixed if self.terms[f[0]].fitted(f[1]) and self._says_anything(f)]
         summed = [
             Summed.of((self._columns(i, fixed, run) for i in index), b.t_s, b.precision, self.cell_s, self.color)
             for index, b in ((index, self.blocks[index[0]]) for index in self.alike)
