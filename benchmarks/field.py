@@ -166,13 +166,13 @@ def _line(kind: str, words: str, rows: Sequence[dict[str, Any]]) -> dict[str, An
     scale_z = [r["z"]["scale"] for r in rows if "scale" in r["z"]]
     return {
         "kind": kind, "words": words, "sessions": len(rows), "false_names": false, "named": named, "alarms": nulls_alarmed,
-        "contradictions": apart, "bounds": [_bounds(n, len(rows)) for n in (false, nulls_alarmed)],
+        "contradictions": apart, "bounds": [bounds(n, len(rows)) for n in (false, nulls_alarmed)],
         "floor_over_rms": [min(ratios), max(ratios)] if ratios else None,
         "z": _spread(planted_z), "scale_z": _spread(scale_z),
     }  # fmt: skip
 
 
-def _bounds(count: int, n: int) -> list[float]:
+def bounds(count: int, n: int) -> list[float]:
     """Both ends of the 95 % interval of a rate (Clopper and Pearson)."""
     from scipy.stats import beta
 

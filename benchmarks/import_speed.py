@@ -1,17 +1,19 @@
 """How long an import takes against the reader of the format alone, in processor time. python benchmarks/import_speed.py [rows]
 
-Each figure is the median over ``ROUNDS`` of both in turn, so that their ratio holds on a machine that others use too.
+Each figure is the median over ``ROUNDS`` of both in turn, so that their ratio holds on a machine that others use too. Logs of
+messages (ROS, ULog) have ``MESSAGES_PART`` of the rows, because their own readers take up to a minute for a million.
 """
 
 from __future__ import annotations
 
 import resource
 import statistics
+import struct
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -20,13 +22,22 @@ import polars as pl
 from gyrocal.recording.importer import Imported, Options, read_recording
 
 ROWS, ROUNDS, RATE_HZ = 1_000_000, 5, 200.0
+MESSAGES_PART = 0.02
 AIM = 2.0
 """Time of an import over that of the reader alone."""
-OPTIONS = Options(maps=("t_s=t", "gx_dps=x", "gy_dps=y", "gz_dps=z", "temp_c=temp"), defaults={"table_rate_dps": 78.0})
+RATE = {"table_rate_dps": 78.0}
+COLUMNS = Options(maps=("t_s=t", "gx_dps=x", "gy_dps=y", "gz_dps=z", "temp_c=temp"), defaults=RATE)
+ROS = Options(maps=("t_s=stamp_ns:ns", *(f"g{a}_dps=angular_velocity.{a}:rad/s" for a in "xyz")), defaults=RATE)
+ULOG = Options(
+    maps=("t_s=sensor_combined.timestamp:us", *(f"g{a}_dps=sensor_combined.gyro_rad[{i}]:rad/s" for i, a in enumerate("xyz"))),
+    defaults=RATE,
+)
 
 
 def write(folder: Path, rows: int) -> None:
     """The same recording in each format."""
+    from scipy.io import savemat
+
     rng = np.random.default_rng(0)
     columns = {"t": np.arange(rows) / RATE_HZ, **{a: np.round(rng.normal(0, 0.1, rows), 5) for a in "xyz"}}
     columns["temp"] = np.round(25 + np.cumsum(rng.normal(0, 1e-4, rows)), 3)
@@ -34,6 +45,50 @@ def write(folder: Path, rows: int) -> None:
     frame.write_csv(folder / "a.csv")
     frame.write_parquet(folder / "a.parquet")
     np.savez(folder / "a.npz", **columns)  # type: ignore[arg-type]
+    savemat(folder / "a.mat", columns)
+    few = frame.head(int(MESSAGES_PART * rows)).select("t", "x", "y", "z").to_numpy()
+    write_ulog(folder / "a.ulg", few)
+    for name in ("a.bag", "a.db3", "a.mcap"):
+        write_bag(folder / name, few)
+
+
+def write_ulog(path: Path, table: np.ndarray[Any, Any]) -> None:
+    """A ULog of one topic, by PX4's description of the format."""
+
+    def message(kind: bytes, content: bytes) -> bytes:
+        return struct.pack("<HB", len(content), kind[0]) + content
+
+    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message(b"B", bytes(40))]
+    out.append(message(b"F", b"sensor_combined:uint64_t timestamp;float[3] gyro_rad;"))
+    out.append(message(b"A", struct.pack("<BH", 0, 1) + b"sensor_combined"))
+    out += [message(b"D", struct.pack("<HQ3f", 1, 1_000_000 + round(1e6 * t), *w)) for t, *w in table.tolist()]
+    path.write_bytes(b"".join(out))
+
+
+def write_bag(path: Path, table: np.ndarray[Any, Any]) -> None:
+    """A ROS 1 bag (``.bag``), or a ROS 2 bag in SQLite (``.db3``) or MCAP."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    first = path.suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.LATEST)
+    names = ("builtin_interfaces/msg/Time", "std_msgs/msg/Header", "geometry_msgs/msg/Vector3", "geometry_msgs/msg/Quaternion",
+             "sensor_msgs/msg/Imu")  # fmt: skip
+    time, header, vector, quaternion, imu = (cast(Any, store.types[name]) for name in names)
+    sequence = {"seq": 0} if first else {}
+    plugin = StoragePlugin.MCAP if path.suffix == ".mcap" else StoragePlugin.SQLITE3
+    writer: Any = Writer1(path) if first else Writer2(path, version=9, storage_plugin=plugin)
+    serialize = store.serialize_ros1 if first else store.serialize_cdr
+    nine, none = np.zeros(9), vector(0.0, 0.0, 0.0)
+    with writer:
+        connection = writer.add_connection("/imu/data", "sensor_msgs/msg/Imu", typestore=store)
+        for t_s, *w in table.tolist():
+            t_ns = round(1e9 * t_s)
+            head = header(stamp=time(t_ns // 10**9, t_ns % 10**9), frame_id="imu", **sequence)
+            message = imu(head, quaternion(0, 0, 0, 1), nine, vector(*w), nine, none, nine)
+            writer.write(connection, t_ns, serialize(message, "sensor_msgs/msg/Imu"))
 
 
 def numpy_alone(path: Path) -> Any:
@@ -41,8 +96,31 @@ def numpy_alone(path: Path) -> Any:
         return {name: archive[name] for name in archive.files}
 
 
-READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
-    "a.csv": ("pandas", pd.read_csv), "a.parquet": ("polars", pl.read_parquet), "a.npz": ("numpy", numpy_alone),
+def scipy_alone(path: Path) -> Any:
+    from scipy.io import loadmat
+
+    return loadmat(path)
+
+
+def pyulog_alone(path: Path) -> Any:
+    from pyulog import ULog
+
+    return ULog(str(path))
+
+
+def rosbags_alone(path: Path) -> Any:
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
+        return [bag.deserialize(raw, connection.msgtype) for connection, _, raw in bag.messages()]
+
+
+READERS: dict[str, tuple[str, Callable[[Path], Any], Options]] = {
+    "a.csv": ("pandas", pd.read_csv, COLUMNS), "a.parquet": ("polars", pl.read_parquet, COLUMNS),
+    "a.npz": ("numpy", numpy_alone, COLUMNS), "a.mat": ("scipy", scipy_alone, COLUMNS),
+    "a.ulg": ("pyulog", pyulog_alone, ULOG), "a.bag": ("rosbags", rosbags_alone, ROS),
+    "a.db3": ("rosbags", rosbags_alone, ROS), "a.mcap": ("rosbags", rosbags_alone, ROS),
 }  # fmt: skip
 
 
@@ -61,11 +139,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         write(folder, rows)
-        for name, (reader, alone) in READERS.items():
+        for name, (reader, alone, options) in READERS.items():
             path, times = folder / name, []
             for turn in range(ROUNDS):
                 reader_s, _ = cpu_s(lambda path=path, alone=alone: alone(path))
-                import_s, found = cpu_s(lambda path=path: read_recording(path, OPTIONS))
+                import_s, found = cpu_s(lambda path=path, options=options: read_recording(path, options))
                 assert isinstance(found, Imported)
                 save_s, _ = cpu_s(lambda found=found, to=folder / f"{name}_{turn}": found.save(to))
                 times.append((reader_s, import_s, import_s + save_s))

@@ -1,146 +1,196 @@
-"""References about three axes in a frame and by a clock of their own: error over standard error.
+"""Each kind of reference: errors over standard errors, and effects named, in simulated sessions with a known truth.
 
-    python benchmarks/references.py [SESSIONS]
+    gyrocal benchmark references --limit 200 --results references.jsonl
+    gyrocal benchmark references --kind rates --kind by_hand --limit 20
 
-Each session is a smooth random motion (sums of sines, up to 2 Hz) seen by a sensor with a planted scale, misalignment and bias,
-and by a reference that is rotated by 0 to 180 deg, late or early by up to 2 s, by a clock that drifts by some 30 ppm, with
-noise. Sample rates, sizes of the motion and noises vary from session to session. The spread of the error over its standard
-error should be within 0.85 to 1.2, widened to what the number of sessions can tell.
+The spread of an error over its standard error should be within 0.85 to 1.2. Sessions that the results already hold are not run
+again.
 """
 
 from __future__ import annotations
 
-import argparse
+import json
 import time
-from collections import defaultdict
+import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars as pl
-from numpy.typing import NDArray
+from benchmarks import reference_sessions as sessions
+from benchmarks.field import bounds
 
-Array = NDArray[Any]
+from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.error_model.model import Model
+from gyrocal.errors import InputError
+from gyrocal.gravity.calibrate import calibrate, misalignment
+from gyrocal.present.output import stdout, table
+from gyrocal.recording.session import AXES
+from gyrocal.simulation.simulate import simulate
+
+SEEDS, FIRST_SEED = 20, 0
+SAMPLE = ("second_file", "encoder", "by_hand")
 BAND = (0.85, 1.2)
-SINES = 12
+SCALE, CROSS = 0.003, 0.004
+"""Errors of scale and misalignment that a calibration by hand should stay within."""
 
 
 @dataclass(frozen=True)
-class Planted:
-    """What a session is made with. ``rotation_deg`` is the alignment, ``matrix`` the symmetric scale and misalignment."""
+class Kind:
+    """A kind of reference and how its sessions are made; None for the campaign ``hands``."""
 
-    rotation_deg: Array
-    offset_s: float
-    drift: float
-    matrix: Array
-    bias_dps: Array
-    motion_dps: float
-    noise_dps: float
-    ref_noise_dps: float
-    rate_hz: float
-    seconds: float = 60.0
-
-    @staticmethod
-    def draw(rng: np.random.Generator) -> Planted:
-        axis = rng.normal(size=3)
-        across = rng.normal(0.0, 0.004, 3)
-        matrix = np.eye(3) + np.diag(rng.normal(0.0, 0.01, 3))
-        for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
-            matrix[i, j] = matrix[j, i] = across[k]
-        return Planted(
-            axis / np.linalg.norm(axis) * rng.uniform(0, 180), rng.uniform(-2, 2), rng.normal(0, 3e-5), matrix,
-            rng.normal(0, 1, 3), rng.choice([20.0, 60.0, 150.0]), rng.choice([0.02, 0.05, 0.1]), rng.choice([0.02, 0.05, 0.2]),
-            rng.choice([50.0, 100.0, 200.0]),
-        )  # fmt: skip
+    words: str
+    make: Callable[[np.random.Generator], sessions.Made] | None
 
 
-def turned(rotation_deg: Array, rates_dps: Array) -> Array:
-    """Rates [n, 3] rotated by a rotation vector (Rodrigues), written out so that it shares nothing with the library."""
-    angle = np.deg2rad(np.linalg.norm(rotation_deg))
-    k = rotation_deg / max(float(np.linalg.norm(rotation_deg)), 1e-300)
-    along = np.outer(rates_dps @ k, k)
-    across = np.cross(np.broadcast_to(k, rates_dps.shape), rates_dps)
-    return np.asarray(along + (rates_dps - along) * np.cos(angle) + across * np.sin(angle))
+KINDS = {
+    "rates": Kind("rates about three axes, own frame and clock", sessions.rates),
+    "orientations": Kind("orientations, own frame and clock", sessions.quaternions),
+    "second_file": Kind("a rate in a second file, own clock and sample rate", sessions.second_file),
+    "encoder": Kind("an encoder's angle, steps of 0.02-0.2 deg", sessions.encoder((0.02, 0.1, 0.2), planted=False)),
+    "coarse_encoder": Kind("an encoder's angle, steps of 0.5-1 deg", sessions.encoder((0.5, 1.0), planted=False)),
+    "encoder_effect": Kind("an effect by an encoder, steps of 0.02-0.5 deg", sessions.encoder((0.02, 0.1, 0.5), planted=True)),
+    "turns": Kind("turns of a known angle", sessions.turns),
+    "by_hand": Kind("gravity, 30 rests", None),
+}
 
 
-def session(planted: Planted, rng: np.random.Generator) -> Any:
-    """A session of one run with ``ref_x_dps, ref_y_dps, ref_z_dps`` and ``clock = "own"``."""
-    from gyrocal.recording.header import Reference
-    from gyrocal.recording.session import Run, Session
-
-    t_s = np.arange(int(planted.seconds * planted.rate_hz)) / planted.rate_hz
-    f_hz, phase = rng.uniform(0.1, 2.0, (SINES, 3)), rng.uniform(0, 2 * np.pi, (SINES, 3))
-    size = rng.normal(0, planted.motion_dps / np.sqrt(SINES / 2), (SINES, 3))
-
-    def motion(at_s: Array) -> Array:
-        waves = (a * np.sin(2 * np.pi * f * at_s[:, None] + p) for a, f, p in zip(size, f_hz, phase, strict=True))
-        return np.asarray(sum(waves))
-
-    true = turned(planted.rotation_deg, motion((1 + planted.drift) * t_s - planted.offset_s))
-    gyro = true @ planted.matrix.T + planted.bias_dps + rng.normal(0, planted.noise_dps, true.shape)
-    ref = motion(t_s) + rng.normal(0, planted.ref_noise_dps, true.shape)
-    columns = {f"g{a}_dps": gyro[:, i] for i, a in enumerate("xyz")} | {f"ref_{a}_dps": ref[:, i] for i, a in enumerate("xyz")}
-    reference = Reference(clock="own")
-    frame = pl.DataFrame({"t_s": t_s, **columns})
-    run = Run(
-        0, "000_up.csv", "s000", "up", "z", None, None, None, None, planted.rate_hz, frame=frame, reference=reference,
-    )  # fmt: skip
-    return Session(planted.rate_hz, (run,), reference=reference)
-
-
-def errors(planted: Planted, rng: np.random.Generator) -> dict[str, float]:
-    """Error over standard error of every parameter of one session."""
-    from gyrocal.error_model.model import Model
-    from gyrocal.inference.fit import fit
-
+def judge(kind: str, seed: int) -> dict[str, Any]:
+    """One session: errors, errors over standard errors by parameter, the verdict, and whether the planted effect is named."""
+    make = KINDS[kind].make
+    if make is None:
+        return {"kind": kind, "seed": seed, **_by_hand(seed)}
+    made = make(np.random.default_rng([zlib.crc32(kind.encode()), seed]))
     model = Model.builtin("default")
-    for axis in "xyz":
-        model = model.add("misalignment", axis)
-    found = fit(session(planted, rng), model)
-    truth = {"offset_s": planted.offset_s, "e": planted.drift} | dict(
-        zip(("rx_deg", "ry_deg", "rz_deg"), _nearest(planted.rotation_deg, found), strict=True)
-    )
-    out = {name: (value - truth[name]) / se for _, name, value, se in found.session.registration_parameters}
-    for term in found.model.terms:
-        i = "xyz".index(term.axis)
-        for name, value in term.values.items():
-            if name == "scale":
-                out["scale"] = (value - (planted.matrix[i, i] - 1)) / term.se[name]
-            elif name.startswith("m_"):
-                out["misalignment"] = (value - planted.matrix[i, "xyz".index(name[-1])]) / term.se[name]
+    for effect, axis in made.known:
+        model = model.add(effect, axis)
+    given, named, false = model, None, False
+    if made.effect is not None:
+        found = diagnose(made.session, model)
+        added = [(c.axis, {c.effect.id, *c.group}) for c in found.candidates if c.decision == "add"]
+        named = any(axis == made.effect[1] and made.effect[0] in group for axis, group in added)
+        false = any(axis != made.effect[1] or made.effect[0] not in group for axis, group in added)
+        given = model.add(*made.effect)
+    last = compare(made.session, given)
+    lines = {(p["effect"], p["axis"], p["name"]): p for p in last.to_json()["parameters"]}
+    truth = {key: value for key, value in _truth(made, lines).items() if key in lines}
+    return {
+        "kind": kind, "seed": seed, "verdict": last.verdict, "named": named, "false": false,
+        "effect": made.effect[0] if made.effect else None,
+        "errors": [[*key, lines[key]["value"] - value, lines[key]["se"]] for key, value in truth.items()],
+        "where": [[f.axis, f.against, f.note] for f in last.where],
+    }  # fmt: skip
+
+
+def _truth(made: sessions.Made, lines: dict[Any, Any]) -> dict[Any, float]:
+    """What is planted, with the rotation vector (of the two of one rotation) that is nearer to the one found."""
+    keys = [("alignment", None, f"r{a}_deg") for a in AXES]
+    if keys[0] not in made.truth:
+        return made.truth
+    planted, found = np.array([made.truth[k] for k in keys]), np.array([lines[k]["value"] for k in keys])
+    other = planted * (1 - 360 / max(float(np.linalg.norm(planted)), 1e-300))
+    nearest = min((planted, other), key=lambda r: float(np.linalg.norm(r - found)))
+    return {**made.truth, **dict(zip(keys, map(float, nearest), strict=True))}
+
+
+def _by_hand(seed: int) -> dict[str, Any]:
+    """A simulated phone-grade part, turned by hand between rests, against its truth."""
+    session, truth = simulate(campaign="hands", seed=seed)
+    found = calibrate(session)
+    planted = truth["runs"][0]
+    errors: list[list[Any]] = []
+    for e in found.estimates:
+        i = AXES.index(e.axis)
+        assert e.scale is not None
+        assert e.bias_dps is not None
+        errors.append(["scale", e.axis, "scale", e.scale - planted["scale"][i], e.scale_se])
+        errors.append(["bias", e.axis, "bias_dps", e.bias_dps - planted["bias_dps"][i], e.bias_se_dps])
+    for row in misalignment(next(iter(found.fits.values())), "s000"):
+        true = truth["misalignment"][AXES.index(row["axis"])][AXES.index(row["about"])]
+        errors.append(["misalignment", row["axis"], f"m_{row['about']}", row["value"] - true, row["se"]])
+    flagged = any(e.flags for e in found.estimates)
+    limits = {"scale": SCALE, "misalignment": CROSS}
+    within = all(abs(error) < limits[effect] for effect, _, _, error, _ in errors if effect in limits)
+    verdict = "misfit" if flagged else "adequate"
+    return {"verdict": verdict, "named": None, "false": False, "effect": None, "errors": errors, "where": [], "within": within}
+
+
+def run(
+    sample: bool, progress: Callable[[int, int], None], kinds: Sequence[str] = (), limit: int = SEEDS,
+    results: Path | None = None, seed: int = FIRST_SEED,
+) -> dict[str, Any]:  # fmt: skip
+    """What ``gyrocal benchmark references --json`` prints: ``limit`` seeds from ``seed`` of each kind."""
+    unknown = [k for k in kinds if k not in KINDS]
+    if unknown:
+        raise InputError(f"no kind {unknown[0]!r} of reference; there are {', '.join(KINDS)}")
+    wanted = list(kinds) or (list(SAMPLE) if sample else list(KINDS))
+    jobs = [(kind, s) for s in range(seed, seed + (1 if sample else limit)) for kind in wanted]
+    known = results.read_text(encoding="utf-8").splitlines() if results is not None and results.is_file() else []
+    done = {(row["kind"], row["seed"]): row for row in map(json.loads, known)}
+    for count, job in enumerate(jobs, 1):
+        if job not in done:
+            begun = time.process_time()
+            done[job] = {**judge(*job), "seconds": time.process_time() - begun}
+            if results is not None:
+                with results.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(done[job]) + "\n")
+        progress(count, len(jobs))
+    return {"rows": [_line(kind, [done[job] for job in jobs if job[0] == kind]) for kind in wanted]}
+
+
+def _line(kind: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The figures of one kind. Shares have their exact 95 % limits."""
+    n, planted = len(rows), [r for r in rows if r["effect"] is not None]
+    parameters: dict[str, list[tuple[float, float | None]]] = {}
+    for r in rows:
+        for effect, _, name, error, se in r["errors"]:
+            parameters.setdefault(effect if effect == "misalignment" else name, []).append((error, se))
+    adequate, named = sum(r["verdict"] == "adequate" for r in rows), sum(bool(r["named"]) for r in planted)
+    within = [r["within"] for r in rows if "within" in r]
+    return {
+        "kind": kind, "words": KINDS[kind].words, "sessions": n,
+        "adequate": adequate, "adequate_bounds": bounds(adequate, n),
+        "named": named if planted else None, "named_bounds": bounds(named, len(planted)) if planted else None,
+        "false_names": sum(r["false"] for r in rows),
+        "by_effect": {e: [sum(r["named"] for r in planted if r["effect"] == e), sum(r["effect"] == e for r in planted)]
+                      for e in sorted({r["effect"] for r in planted})},
+        "within": sum(within) if within else None, "within_bounds": bounds(sum(within), len(within)) if within else None,
+        "parameters": {name: _spread(of) for name, of in parameters.items()},
+    }  # fmt: skip
+
+
+def _spread(of: Sequence[tuple[float, float | None]]) -> dict[str, Any]:
+    """Root mean square and largest of the error, and of the error over its standard error where that is known."""
+    errors, z = np.array([e for e, _ in of]), np.array([e / se for e, se in of if se])
+    wide = 2 / np.sqrt(2 * max(z.size, 1))
+    out = {"n": int(z.size), "error_rms": float(np.sqrt(np.mean(errors**2))), "error_largest": float(np.abs(errors).max())}
+    if z.size:
+        rms = float(np.sqrt(np.mean(z**2)))
+        out |= {"z_mean": float(z.mean()), "z_rms": rms, "z_largest": float(np.abs(z).max())}
+        out["ok"] = bool(BAND[0] * (1 - wide) <= rms <= BAND[1] * (1 + wide))
     return out
 
 
-def _nearest(rotation_deg: Array, found: Any) -> Array:
-    """Of the two rotation vectors of one rotation, the one nearer to that which was found."""
-    other = rotation_deg * (1 - 360 / max(float(np.linalg.norm(rotation_deg)), 1e-300))
-    estimate = np.array(found.session.registration_fit.registration.rotation_deg)
-    return min((rotation_deg, other), key=lambda r: float(np.linalg.norm(r - estimate)))
+def show(found: dict[str, Any]) -> None:
+    """Two tables: verdicts and names of each kind, and the errors of its parameters."""
 
+    def share(count: int | None, limits: Sequence[float] | None, n: int) -> str:
+        return "-" if count is None or limits is None else f"{count}/{n} ({limits[0]:.0%}-{limits[1]:.0%})"
 
-def spreads(seeds: range) -> dict[str, Array]:
-    """Errors over standard errors by parameter over sessions with these seeds; one scale and misalignment of each session."""
-    out: dict[str, list[float]] = defaultdict(list)
-    for seed in seeds:
-        rng = np.random.default_rng(seed)
-        for name, z in errors(Planted.draw(rng), rng).items():
-            out[name].append(z)
-    return {name: np.array(z) for name, z in out.items()}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("sessions", type=int, nargs="?", default=200)
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    options = parser.parse_args()
-    begun = time.perf_counter()
-    print("| parameter | sessions | mean of z | spread of z | largest z | |\n| --- | --- | --- | --- | --- | --- |")
-    for name, z in spreads(range(options.first, options.first + options.sessions)).items():
-        wide = 2 / np.sqrt(2 * z.size)
-        told = "" if BAND[0] - wide <= z.std() <= BAND[1] + wide else "out"
-        print(f"| `{name}` | {z.size} | {z.mean():.2f} | {z.std():.2f} | {np.abs(z).max():.2f} | {told} |")
-    print(f"{time.perf_counter() - begun:.0f} s")
-
-
-if __name__ == "__main__":
-    main()
+    rows, errors = [], []
+    for line in found["rows"]:
+        n, by = line["sessions"], line["by_effect"].values()
+        rows.append([
+            line["kind"], line["words"], share(line["adequate"], line["adequate_bounds"], n),
+            share(line["named"], line["named_bounds"], sum(of for _, of in by)), str(line["false_names"]),
+            share(line["within"], line["within_bounds"], n),
+        ])  # fmt: skip
+        for name, of in line["parameters"].items():
+            z = [f"{of[key]:.2f}" for key in ("z_rms", "z_largest")] if of["n"] else ["-", "-"]
+            errors.append([line["kind"], name, str(of["n"]), f"{of['error_rms']:.2g}", f"{of['error_largest']:.2g}", *z])
+    columns = ["kind:", "reference:", "model adequate (95 %)", "effect named (95 %)", "false names", "within 0.3 %, 0.004"]
+    table("each kind of reference", columns, rows)
+    table("errors", ["kind:", "parameter:", "number", "error, rms", "largest", "over its standard error", "largest "], errors)
+    stdout.print("An error over its standard error should spread by 0.85 to 1.2.", markup=False)

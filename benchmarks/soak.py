@@ -35,6 +35,8 @@ from gyrocal.recording.session import AXES, Run, Session
 
 HOURS, SAMPLE_HOURS = 24.0, 0.1
 CYCLES, RUN_S = 2, 6.5
+STAYS_ON_S = 4.0
+"""The board is switched off so long after the last run of a power cycle."""
 BOARDS = ((145.0, 0), (104.0, 12), (104.0, 0))
 """Rate in Hz and samples taken from the FIFO at once; 0 without it."""
 WHITE_DPS = 0.044
@@ -59,7 +61,7 @@ class Case:
     """The simulator's options of clock and sequence."""
 
     def command(self, rows: Path, faults: Sequence[str]) -> list[str]:
-        return [*sim_command(rows, faults=faults, fifo=self.fifo), *self.counters]
+        return [*sim_command(rows, faults=faults, fifo=self.fifo), "--idle", f"{STAYS_ON_S:g}", *self.counters]
 
     def is_wrong(self, answer: Sentence) -> bool:
         """True if an answer is more than ``MOST_SE`` of its standard errors off, or without a standard error."""
@@ -82,7 +84,7 @@ def case(seed: int) -> Case:
             runs.append(_run(rng, len(runs), cycle, face, on_s, rate_hz, table_dps, scale, bias_dps))
             end_s = on_s + RUN_S
             on_s = end_s + rng.uniform(2.0, 5.0)
-        device_s += end_s
+        device_s += end_s + STAYS_ON_S
     counters = []
     if rng.random() < 0.5:
         counters += ["--clock", str(WRAP - int(1e6 * rng.uniform(2.0, 16.0)))]

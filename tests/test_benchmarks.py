@@ -136,7 +136,7 @@ def test_soak_sees_a_sample_that_vanishes(require_tool: Callable[[str], str], mo
 
 
 def test_a_benchmark_that_there_is_not() -> None:
-    there = "paper, robustness, inference, population, coverage, real, fleet, soak, field, blind"
+    there = "paper, robustness, inference, population, coverage, real, fleet, soak, field, references, blind"
     with pytest.raises(InputError, match=f"there are {there}"):
         benchmark.benchmark("nothing")
 
@@ -157,3 +157,17 @@ def test_field_counts_names_alarms_and_errors_and_resumes(tmp_path: Path) -> Non
 def test_field_sessions_know_nothing_of_the_library() -> None:
     for name in ("field_sessions", "field_planted"):
         assert "gyrocal." not in (benchmark.ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8")
+
+
+def test_references_count_errors_and_names_and_resume(tmp_path: Path) -> None:
+    results = tmp_path / "references.jsonl"
+    part = {"kinds": ["second_file", "encoder_effect"], "limit": 1, "results": results, "seed": 3}
+    found = benchmark.benchmark("references", quiet=True, **part)
+    second, encoder = found["rows"]
+    assert (second["kind"], second["sessions"], second["adequate"]) == ("second_file", 1, 1)
+    assert second["parameters"]["offset_s"]["z_largest"] < 4
+    assert second["parameters"]["scale"]["z_largest"] < 4
+    assert sum(of for _, of in encoder["by_effect"].values()) == 1
+    assert encoder["named"] == 1
+    assert benchmark.benchmark("references", quiet=True, **part) == found
+    assert len(results.read_text(encoding="utf-8").splitlines()) == 2

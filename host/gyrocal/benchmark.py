@@ -13,14 +13,14 @@ from gyrocal.errors import GyrocalError, InputError, did_you_mean
 from gyrocal.present.output import stderr, stdout, table
 
 ROOT = Path(__file__).parents[2]
-FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field")
+FROM_A_FOLDER = ("paper", "robustness", "inference", "population", "coverage", "real", "fleet", "soak", "field", "references")
 BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
     "blind": ROOT / "tests" / "blind"
 }
 
 PARTS = {
     "blind": {"cases_of", "kinds", "limit", "skip", "workers", "results"}, "soak": {"hours", "seed"},
-    "field": {"kinds", "limit", "workers", "results", "seed"},
+    "field": {"kinds", "limit", "workers", "results", "seed"}, "references": {"kinds", "limit", "results", "seed"},
 }  # fmt: skip
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
@@ -76,7 +76,8 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
     if not part.keys() <= PARTS.get(name, frozenset()):
         raise InputError(
             f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers and --results "
-            "with blind, --kind, --limit, --workers, --results and --seed with field, --hours and --seed with soak"
+            "with blind, --kind, --limit, --workers, --results and --seed with field (references: not --workers), --hours and "
+            "--seed with soak"
         )
     return partial(module.benchmark if name == "blind" else module.run, **part)
 

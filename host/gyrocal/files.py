@@ -11,7 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, first_line
+
+UNREADABLE = (OSError, ValueError, RecursionError)
+"""What reading and parsing a text file raises; the errors of tomllib and json are ValueErrors."""
+
+
+def why_unreadable(error: BaseException) -> str:
+    """The reason in one line."""
+    return "it is nested too deeply" if isinstance(error, RecursionError) else first_line(error)
 
 
 @contextmanager
@@ -72,5 +80,5 @@ def read_toml(path: Path, missing: str) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: {missing}") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: {error}") from None
+    except UNREADABLE as error:
+        raise InputError(f"{path}: {why_unreadable(error)}") from None

@@ -310,3 +310,19 @@ def test_teleplot_lines(bench: Path) -> None:
     text = run(bench, f"{UP}power\n> stream teleplot\nrun 0.05\n")
     lines = [line for line in text.splitlines() if line.startswith(">")]
     assert lines[:3] == [">gx:0", ">gy:0", ">gz:78.3125"]
+
+
+def test_after_a_run_the_state_says_its_length_three_times(bench: Path) -> None:
+    """A reader who missed the end learns the length; a full output delays these sentences and loses none."""
+    begin = f"{UP}noise 5\npower\n> stream raw\n> start up\nrun 1\n> stop\n"
+    for blocked in (0, 300):
+        text = run(bench, f"{begin}drop {blocked}\nrun 6\n> start up\nrun 2\n")
+        states = sentences(text, "STA")
+        end = sentences(text, "RUN")[1]
+        assert {(s["state"], s["run_first"], s["run_n"]) for s in states} == {("idle", end["first"], end["n"])}
+        after_s = [1e-6 * (s.t_us - end.t_us) for s in states]
+        assert np.diff(after_s) == pytest.approx([1, 1], abs=0.02)
+        assert after_s[0] == pytest.approx(1.54 if blocked else 1.0, abs=0.02)
+    assert not sentences(run(bench, begin.replace("raw", "off") + "run 6\n"), "STA")
+    assert "run_n" not in sentences(run(bench, "power\n> status\n"), "STA")[0]
+    assert "run_n" not in sentences(run(bench, f"{begin}> reset\n> status\nrun 2\n"), "STA")[0]

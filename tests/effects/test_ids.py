@@ -28,8 +28,9 @@ ALLOWED = {
     **{
         (f"host/gyrocal/calibration/targets/{target}.py", name): "what another program's file holds"
         for target, names in {
-            "base": ("bias", "bias_temperature"), "kalibr": ("colored_noise",), "px4": ("bias", "bias_temperature"),
-            "ardupilot": ("bias", "bias_temperature"), "ros2": ("scale", "bias", "misalignment", "colored_noise"),
+            "base": ("scale", "bias", "misalignment", "bias_temperature"), "kalibr": ("colored_noise",),
+            "px4": ("bias", "bias_temperature"), "ardupilot": ("bias", "bias_temperature"), "c": ("misalignment",),
+            "ros2": ("scale", "bias", "misalignment", "colored_noise"),
         }.items() for name in names
     },
     ("host/gyrocal/device/monitor.py", "scale"): "a field of the sentence $CAL",

@@ -79,7 +79,7 @@ def test_scale_bias_and_misalignment_are_found_with_their_errors(parts: Parts) -
         z += list((error / se).ravel())
         z += [(e.bias_dps - b) / e.bias_se_dps for e, b in zip(found.estimates, truth["runs"][0]["bias_dps"], strict=True)]
         assert all(e.trusted for e in found.estimates)
-    assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.3  # 36 values: the quick sample of benchmarks/hands.py
+    assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.3  # 36 values
     assert np.abs(z).max() < 5
 
 

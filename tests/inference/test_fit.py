@@ -8,8 +8,9 @@ from scipy.stats import multivariate_normal
 
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference import heldout
+from gyrocal.inference.axis_fit import fit_axis
 from gyrocal.inference.blocks import reduce_run, reduce_session
-from gyrocal.inference.fit import fit, fit_axis
+from gyrocal.inference.fit import fit
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.recording.session import Session

@@ -1,13 +1,22 @@
 """The search for drift and for the spread of the scale finds what was planted, whatever the bias and the run's length."""
 
+from dataclasses import replace
+
 import numpy as np
+import polars as pl
 import pytest
 
 from gyrocal.diagnosis.comparison import measure
 from gyrocal.error_model.model import Model
+from gyrocal.inference.blocks import reduce_run
 from gyrocal.inference.fit import fit
-from gyrocal.noise.drift import ou_noise
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.reml import Solution, Spreads, solve
+from gyrocal.noise.axis import AxisNoise
+from gyrocal.noise.drift import Drift, ou_noise
+from gyrocal.noise.power_cycles import TurnOnBias
 from gyrocal.recording.session import Session
+from gyrocal.simulation.production import Production
 from make_runs import make_run, make_session
 
 WHITE_DPS, SD_DPS, TAU_S = 0.007, 0.003, 50.0
@@ -53,3 +62,50 @@ def test_power_cycles_show_their_own_scale_within_one_run(cycles: int) -> None:
         (scale,) = (term for term in terms if term.effect_id == "scale")
         z.append((scale.values["scale"] - 0.004) / scale.se["scale"])
     assert np.median(np.abs(z)) < 1.3
+
+
+def _fitted(drift: tuple[float, float] | None = None) -> AxisFit:
+    """A board of the production line on z, its drift searched for or known."""
+    noise = AxisNoise(drift=Drift(known=drift), turn_on_bias=TurnOnBias())
+    model = replace(Model.open(), noise=dict.fromkeys("xyz", noise))
+    return fit(Production(seconds=3.0, seed=2).board(0), model, axes=("z",)).axes["z"]
+
+
+def test_a_known_drift_is_kept_and_the_rest_is_fitted_beside_it() -> None:
+    free = _fitted()
+    beside = _fitted((free.noise.ou_sd_dps / free.noise.white_sd_dps, free.noise.ou_tau_s))
+    assert beside.noise.ou_sd_dps / beside.noise.white_sd_dps == pytest.approx(free.noise.ou_sd_dps / free.noise.white_sd_dps)
+    assert beside.noise.ou_tau_s == free.noise.ou_tau_s
+    assert beside.noise.white_sd_dps == pytest.approx(free.noise.white_sd_dps, rel=1e-3)
+    assert free.loglik - 1e-3 < beside.loglik < free.loglik + 0.1  # a search ends before the very maximum
+    off = np.abs(beside.solution.beta - free.solution.beta)
+    assert (off < 0.02 * np.sqrt(np.diag(free.solution.cov))).all()
+
+
+def test_the_likelihood_under_a_common_factor_of_all_noise_is_that_of_chi_square() -> None:
+    """The search takes the slope by the white level from this law, where it would otherwise need two more evaluations."""
+    one = _fitted()
+    sd, n, p = np.array([0.03, 1e-4]), int(one.design.n_blocks.sum()), one.solution.beta.size
+
+    def at(a: float) -> Solution:
+        grams, logdet = one.design.grams(one.noise.times(np.exp(a)))
+        return solve(one.design.layout, grams, logdet, one.design.scenarios, n, Spreads(one.spreads.run, sd * np.exp(a)))
+
+    slope = (at(1e-4).loglik - at(-1e-4).loglik) / 2e-4
+    assert slope == pytest.approx(at(0.0).chi2 - (n - p), rel=1e-5)
+
+
+def test_many_spreads_at_once_are_each_alone() -> None:
+    one = _fitted()
+    many = np.array([[0.001, 1e-5], [0.02, 1e-4], [0.5, 1e-3]])
+    equations = one.equations()
+    together = equations.logliks(Spreads(one.spreads.run, many))
+    assert together == pytest.approx([equations.solve(Spreads(one.spreads.run, sd)).loglik for sd in many], rel=1e-12)
+
+
+def test_blocks_say_which_readings_they_moved_back() -> None:
+    run = Production(seconds=3.0).board(0).runs[0]
+    wild = run.table.with_columns(gz_dps=run.table["gz_dps"].set(pl.Series([i == 50 for i in range(len(run))]), 500.0))
+    (none_x, _), _, (rows, apart_dps) = reduce_run(replace(run, frame=wild), 0).strays
+    assert (none_x.size, rows.tolist()) == (0, [50])
+    assert apart_dps[0] == pytest.approx(500.0 - run.gyro_dps[50, 2], abs=0.5)

@@ -1,5 +1,6 @@
 """Frame and clock of a reference, estimated with the model: against scipy's least squares, and errors as large as stated."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,11 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from gyrocal.benchmark import benchmark
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
+from gyrocal.recording.header import Reference
+from make_runs import make_run, make_session
 from study import study
 
 
@@ -21,7 +25,7 @@ def with_misalignment() -> Model:
 
 
 def test_registration_scale_and_misalignment_are_scipys() -> None:
-    references = study("references")
+    references = study("reference_sessions")
     rng = np.random.default_rng(4)
     planted = references.Planted(
         np.array([40.0, -70.0, 110.0]), -0.83, 4e-5, np.eye(3) + 0.004 * np.array([[2, 1, -1], [1, -1, 0.5], [-1, 0.5, 1]]),
@@ -56,6 +60,27 @@ def test_registration_scale_and_misalignment_are_scipys() -> None:
 
 
 def test_errors_of_planted_registrations_are_as_large_as_stated() -> None:
-    z = np.concatenate(list(study("references").spreads(range(900, 904)).values()))
-    assert np.abs(z).max() < 4.5
-    assert 0.7 < z.std() < 1.4
+    (line,) = benchmark("references", quiet=True, kinds=["rates"], limit=4, seed=900)["rows"]
+    assert set(line["parameters"]) == {"offset_s", "e", "rx_deg", "ry_deg", "rz_deg", "scale", "misalignment"}
+    z = [(of["n"], of["z_rms"], of["z_largest"]) for of in line["parameters"].values()]
+    assert max(largest for _, _, largest in z) < 4.5
+    assert 0.7 < (sum(n * rms**2 for n, rms, _ in z) / sum(n for n, _, _ in z)) ** 0.5 < 1.4
+
+
+def test_the_clock_of_a_reference_about_one_axis_has_its_error_without_a_warning_of_numpy() -> None:
+    t_s, rng = np.arange(3000) / 100, np.random.default_rng(0)
+
+    def rate_dps(at_s: Any) -> Any:
+        return 40 * np.sin(2 * np.pi * 0.3 * at_s) + 20 * np.sin(2 * np.pi * 0.71 * at_s + 1)
+
+    gyro = rng.normal(0, 0.05, (t_s.size, 3))
+    gyro[:, 2] += 1.004 * rate_dps(t_s - 0.05) + 0.2
+    reference = Reference(clock="own")
+    run = make_run(t_s, gyro, rate_hz=100.0, rate_ref_dps=rate_dps(t_s) + rng.normal(0, 0.02, t_s.size))
+    session = make_session(replace(run, reference=reference), reference=reference)
+    with np.errstate(all="raise"):
+        found = fit(session, Model.builtin("default")).session.registration_parameters
+    ((_, name, value, se),) = found
+    assert name == "offset_s"
+    assert se is not None
+    assert abs(value - 0.05) < 4 * se < 1e-3

@@ -32,6 +32,7 @@ NO_THRESHOLDS = {
     "STILLEST", "TRIM_S", "CHUNK_S", "BLOCK_S", "(TREMBLES, SHRUNK)",  # by which the noise at rest is estimated
     "TURNS_DEG", "STEP_DEG",  # a grid of movements, and of the integral over one
     "AHEAD", "PATIENCE_S", "RESUBMITTED",  # of tasks on several computers
+    "TOLD",  # how many times a sentence lists
 }
 """Numbers of the layers that judge that are no thresholds."""
 JUDGES = [

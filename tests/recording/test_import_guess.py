@@ -1,6 +1,7 @@
 """The guess at columns and units: what it takes for what, and that nobody's data are taken without consent."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.guess import guess
 from gyrocal.recording.importer import import_recording
+from gyrocal.recording.readers import read
 from gyrocal.recording.session import Session
 from gyrocal.recording.source import Source
 
@@ -117,3 +119,36 @@ def test_a_preview_is_drawn_before_anything_is_taken(log: Path) -> None:
     assert main(["import", str(log), str(log.with_name("out")), "--rate", "78", "--preview", str(picture)]) == 2
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert {p.name for p in log.parent.iterdir()} == {"log.csv", "preview.png"}
+
+
+GROUPS = ("Time (s);Vicon Orientation;;;;IMU Acceleration;;;IMU Gyroscope;;", ";W;X;Y;Z;X;Y;Z;X;Y;Z")
+UNITS = ("Time,Gyro X,Gyro Y,Gyro Z,Acc X,Acc Y,Acc Z", "ms,deg/s,deg/s,deg/s,m/s2,m/s2,m/s2")
+
+
+@pytest.mark.parametrize(
+    ("header", "tail", "expected"),
+    [
+        (GROUPS, "", "t_s=Time (s):s gx_dps=IMU Gyroscope X:rad/s ax_g=IMU Acceleration X:m/s2 ref_qw=Vicon Orientation W"),
+        (GROUPS, ";", "t_s=Time (s):s gz_dps=IMU Gyroscope Z:rad/s az_g=IMU Acceleration Z:m/s2 ref_qz=Vicon Orientation Z"),
+        (UNITS, "", "t_s=Time (ms):ms gx_dps=Gyro X (deg/s):dps ax_g=Acc X (m/s2):m/s2"),
+    ],
+)
+def test_a_header_of_two_lines(tmp_path: Path, header: tuple[str, str], tail: str, expected: str) -> None:
+    semicolons = ";" in header[0]
+    t_s, rate = np.arange(N) / 100, 3 * np.sin(np.arange(N) / 30)
+    gravity, rates = np.tile([0.1, 0.2, 9.8], (N, 1)), np.column_stack([rate, -rate, rate / 2])
+    turned = np.column_stack([np.ones(N), np.zeros((N, 3))])
+    content = np.column_stack([t_s, turned, gravity, rates] if semicolons else [1e3 * t_s, 30 * rates, gravity])
+    separator = ";" if semicolons else ","
+    body = "\n".join(separator.join(f"{v:.9g}" for v in row) for row in content)
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([header[0], header[1] + tail, body]))
+    guessed = {g.map for g in guess(read(path), Scaling())}
+    for words in re.split(r" (?=[a-z]+_[a-z]+=)", expected):
+        assert words in guessed, guessed
+
+
+def test_an_orientation_that_no_tracker_measured_is_no_reference() -> None:
+    table = columns(["t", *xyz("gyr_"), *xyz("acc_")], 300, 1.0, 1)
+    own = table.with_columns(pl.lit(float(i == 0)).alias(f"orientation.{part}") for i, part in enumerate("wxyz"))
+    assert not any(g.map.startswith("ref_") for g in guess(Source("a.csv", own), Scaling()))

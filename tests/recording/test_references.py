@@ -11,7 +11,7 @@ from gyrocal.calibration.calibrate import calibrate
 from gyrocal.error_model.correction import correct
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
-from gyrocal.plausibility import references
+from gyrocal.plausibility import check, references
 from gyrocal.recording.header import Reference
 from gyrocal.recording.register import registered
 from gyrocal.recording.session import Session
@@ -91,6 +91,44 @@ def test_bad_quaternions_are_named(change: object, words: str) -> None:
         _ = run.rate_dps
 
 
+def test_zeros_of_a_tracker_that_saw_nothing_are_missing() -> None:
+    gone = Q.copy()
+    gone[100:120] = 0.0
+    run = registered(with_reference(motion(T_S[:400]), **orientation(gone))).runs[0]
+    assert run.reached[[50, 110, 200]].tolist() == [True, False, True]
+    nothing = with_reference(np.zeros((len(Q), 3)), **orientation(np.zeros_like(Q))).runs[0]
+    with pytest.raises(InputError, match="no row has an orientation"):
+        _ = nothing.rate_dps
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_motion_about_one_axis_alone_gives_its_direction_and_blocks_no_axis(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turn = Rotation.from_rotvec(rng.normal(0, 30, 3), degrees=True)
+    ref = motion(T_S, seed) * [8.0, 0.02, 0.02]
+    gyro = turn.apply(ref) * [0.995, 1.003, 1.0] + rng.normal(0, 0.1, ref.shape)
+    session = with_reference(gyro, Reference(), **rates(ref + rng.normal(0, 1.0, ref.shape)))
+    found = registered(session).registration_fit
+    assert found is not None
+    assert not found.mirrored
+    x = np.array([1.0, 0.0, 0.0])
+    assert np.degrees(np.arccos(min(1.0, float((found.registration.matrix @ x) @ turn.apply(x))))) < 1.0
+    assert [w.code for w in check(session) if w.blocking] == []
+
+
+@pytest.mark.parametrize("ends_dps", [(416.0, -421.0), (300.0, -300.5)])
+def test_a_range_whose_end_is_no_single_value_is_clipping(ends_dps: tuple[float, float]) -> None:
+    rng = np.random.default_rng(5)
+    ref = motion(T_S) * [12.0, 0.5, 0.5]
+    gyro = np.clip(ref, ends_dps[1], ends_dps[0]) + 0.4 * np.sin(T_S[:, None]) + rng.normal(0, 0.1, ref.shape)
+    session = with_reference(gyro, Reference(), **rates(ref))
+    told = {w.code: w for w in check(session)}
+    assert told["clipped"].axis == "x"
+    assert "scale_implausible" not in told
+    sound = with_reference(ref + rng.normal(0, 0.1, ref.shape), Reference(), **rates(ref))
+    assert "clipped" not in {w.code for w in check(sound)}
+
+
 def test_jumps_are_told_and_left_out() -> None:
     jumped = Q.copy()
     turn = Rotation.from_rotvec([0, 0, 0.5])
@@ -101,6 +139,21 @@ def test_jumps_are_told_and_left_out() -> None:
     run = registered(session).runs[0]
     assert run.reached[[150, 199, 250]].tolist() == [True, False, True]
     np.testing.assert_allclose(run.about("x").rate_dps[230:380], motion(T_S[:400])[230:380, 0], atol=0.3)
+
+
+def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
+    rng = np.random.default_rng(8)
+    ref = motion(T_S)
+    gyro = ref + rng.normal(0, 0.1, ref.shape)
+    lost = (T_S > 5.0) & (T_S < 5.4)
+    wrong = np.where(lost[:, None], -2 * ref + 60.0, ref)
+    assert [w.code for w in check(with_reference(gyro, Reference(), **rates(ref)))] == []
+    told = [w for w in check(with_reference(gyro, Reference(), **rates(wrong))) if w.code == "reference_jumps"]
+    assert len(told) == 1
+    assert "at 5.0 s" in told[0].text
+    run = registered(with_reference(gyro, Reference(), **rates(wrong))).runs[0]
+    assert not run.reached[lost].any()
+    assert np.mean(run.reached) > 0.95
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 120.0, 180.0])

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
-from gyrocal.recording.timing import Motion, Timing, noise_sd, smooth, smoothing_spline
+from gyrocal.recording.timing import Motion, Timing, between, noise_sd, smooth, smoothing_spline
 from make_runs import make_run
 
 RNG = np.random.default_rng(4)
@@ -98,3 +98,28 @@ def test_smoothing_takes_next_to_nothing_from_the_motion() -> None:
 def test_a_clean_reference_is_left_as_it_is() -> None:
     rounded = np.round(swing_dps(T_S), 6)
     assert smooth(T_S, rounded) is rounded
+
+
+def test_a_slower_reference_keeps_its_amplitude_between_its_samples() -> None:
+    """Lines between samples of 20 Hz take 0.8 % of a motion of 1 Hz, twice the scale error of a good sensor."""
+    t_s, slow_s = np.arange(2000) / 100, np.arange(400) / 20 + 0.003
+
+    def rate_dps(at_s: np.ndarray) -> np.ndarray:
+        return 60 * np.sin(2 * np.pi * at_s)
+
+    at = between(slow_s, rate_dps(slow_s), t_s, 0.2)
+    inside = np.isfinite(at)
+    assert inside[1:-5].all()
+    assert not inside[0]
+    np.testing.assert_allclose(at[20:-20], rate_dps(t_s)[20:-20], atol=60 * 5e-5)
+    sparse = np.where(np.arange(t_s.size) % 5 == 0, rate_dps(t_s), np.nan)
+    sparse[1000:1500] = np.nan
+    run = make_run(t_s, rate_ref_dps=sparse)
+    np.testing.assert_allclose(run.rate_dps[20:980], rate_dps(t_s)[20:980], atol=60 * 5e-5)
+    assert np.abs(np.diff(run.rate_dps[996:1500], 2)).max() < 1e-9, "a line across the gap"
+
+
+def test_a_gap_of_a_slower_reference_stays_empty() -> None:
+    known_s = np.concatenate([np.arange(20) / 20, 3 + np.arange(20) / 20])
+    at = between(known_s, np.sin(known_s), np.array([0.5, 0.94, 0.96, 2.0, 2.99, 3.01]), 0.15)
+    assert np.isfinite(at).tolist() == [True, True, False, False, False, True]

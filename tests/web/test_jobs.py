@@ -81,3 +81,26 @@ def test_a_stop_that_comes_with_the_answer_leaves_a_worker_that_works(
             jobs.close()
 
     finish(story())
+
+
+def test_a_job_that_was_sent_ahead_is_done_once_and_gives_way_to_another(tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    simulate(folder, scenarios=1, seconds=5)
+
+    async def story() -> None:
+        jobs = Jobs(tmp_path / "scratch", lambda: None)
+        try:
+            jobs.prepare("open", folder)
+            opened = await jobs.run("open", "open", folder)
+            assert opened.rows == 2 * 725
+            assert len(list((tmp_path / "scratch").iterdir())) == 1
+        finally:
+            jobs.close()
+        jobs = Jobs(tmp_path / "scratch", lambda: None)
+        try:
+            jobs.prepare("open", tmp_path / "none")
+            assert (await jobs.run("open", "open", folder)).rows == 2 * 725
+        finally:
+            jobs.close()
+
+    finish(story())

@@ -71,7 +71,7 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     page.get_by_role("button", name="Record", exact=True).click()
     page.get_by_role("button", name="Stop recording").wait_for()
     page.get_by_text("The simulated device has played its recording to the end.").wait_for()
-    page.get_by_text(re.compile(r"\d recordings?, \d+ s, are in recorded")).wait_for()
+    page.get_by_text(re.compile(r"\d recordings?, \d+ s, (is|are) in recorded")).wait_for()
     down_dps = means_dps(simulated_scenario([], seed=0))[1]
     assert abs(rates(page)[2] - down_dps) < 1.0
     assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()

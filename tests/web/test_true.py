@@ -17,6 +17,7 @@ from gyrocal.web.doubt import _not_enough
 from gyrocal.web.fall import Fall, fall
 from gyrocal.web.hero import left_now, of_each_run
 from gyrocal.web.models import BY_HAND, Models, Recipe, read_models, write_models
+from gyrocal.web.opened import Opened
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
 from gyrocal.web.words import evidence, explains
@@ -56,7 +57,7 @@ def silent(_: str) -> None:
 def opened(tmp_path: Path, effects: list[str], **plan: Any) -> tuple[Bench, Recording, Path]:
     out = tmp_path / "session"
     simulate(out, plan.pop("campaign", "paper"), effects, plan.pop("seed", 3), **plan)
-    return Bench(tmp_path / "scratch"), Recording(out), out
+    return Bench(Opened(tmp_path / "scratch")), Recording(out), out
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +103,7 @@ def test_the_picture_of_an_effect_holds_the_residual_and_flattens(
     assert np.ptp(curve) / 2 == pytest.approx(1e3 * AMPLITUDE_DPS, rel=0.1)
     assert np.mean(np.abs(left - curve) < 2 * se) > 0.8  # the band is where the means lie
     _, after = bench.add(recording, "default", "table_ripple", silent)
-    traces = Traces(bench.open(recording.path, silent))
+    traces = Traces(bench.opened.open(recording.path, silent))
     traces.take(after)
     flat = np.array(left_now(shown, traces.points))
     assert np.std(flat) < 0.15 * np.std(left)
@@ -184,10 +185,10 @@ def test_the_words_on_phases_are_those_of_the_picture(tmp_path: Path, same: bool
         table = run.table.with_columns(gz_dps=run.table["gz_dps"] + wave)
         runs.append(replace(run, frame=table, path=None))
     session.with_runs(runs).save(tmp_path / "session")
-    bench = Bench(tmp_path / "scratch")
+    bench = Bench(Opened(tmp_path / "scratch"))
     view = bench.compare(Recording(tmp_path / "session"), "default", silent)
     finding = next(f for f in view.compared["where"] if f["axis"] == "z")
-    traces = Traces(bench.open(tmp_path / "session", silent))
+    traces = Traces(bench.opened.open(tmp_path / "session", silent))
     traces.take(view)
     points = traces.points
     phasors = []
@@ -204,7 +205,7 @@ def test_one_answer_from_all_says_which_pairs_are_absent(tmp_path: Path) -> None
     session, _ = simulate(None, "paper", (), 5, scenarios=2, seconds=8.0)
     apart = [replace(run, scenario=f"s{i}") for i, run in enumerate(session.runs)]
     session.with_runs(apart).save(tmp_path / "session")
-    bench = Bench(tmp_path / "scratch")
+    bench = Bench(Opened(tmp_path / "scratch"))
     found = bench.calibrate(Recording(tmp_path / "session"), {"model": "default"}, silent)
     assert found.note == "No power cycle has both a face-up and a face-down run, so one answer comes from all recordings."
 
@@ -214,7 +215,7 @@ def test_a_run_left_out_is_left_out_of_the_fit_alone(ripple: tuple[Bench, Record
     without = bench.compare(Recording(recording.path, frozenset({"000_up.csv"})), "default", silent)
     assert set(view.left) - set(without.left) == {"000_up.csv"}
     assert view.left["001_down.csv"] == pytest.approx(1e3 * AMPLITUDE_DPS / np.sqrt(6), rel=0.2)
-    traces = Traces(bench.open(recording.path, silent))
+    traces = Traces(bench.opened.open(recording.path, silent))
     traces.take(without)
     assert traces.residual is not None
     first = traces.session.runs[0]

@@ -25,7 +25,7 @@
 #include <unistd.h>
 
 #define BUS_BIT_NS 2500u /* 400 kHz */
-#define FLASH_US 5000u /* duration of a write, us */
+#define FLASH_US 5000u   /* duration of a write */
 #define FASTEST_SINGLE_HZ 833.0f
 
 typedef struct {
@@ -312,16 +312,9 @@ static void command(sim_t *sim, const char *text) {
     gc_device_receive(&sim->device, "\n", 1);
 }
 
-/* The shortest decimal number of this float32: 77.3, as a person set it, instead of 77.3000031. */
 static void command_set(sim_t *sim, const char *name, float value, const char *if_nan) {
-    char number[32];
-    char text[GC_COMMAND_MAX];
-    for (int digits = 6; digits <= 9; digits++) {
-        snprintf(number, sizeof number, "%.*g", digits, (double)value);
-        if (strtof(number, NULL) == value) {
-            break;
-        }
-    }
+    char number[ROWS_DECIMAL_MAX], text[GC_COMMAND_MAX];
+    rows_decimal(value, number);
     snprintf(text, sizeof text, "set %s %s", name, isnan(value) ? if_nan : number);
     command(sim, text);
 }
@@ -366,6 +359,14 @@ static void power_on(sim_t *sim, const gc_device_config_t *config, const rows_ru
     }
 }
 
+static void idle_until(sim_t *sim, uint64_t t_us) {
+    const double step_us = (2.0 + sim->options.fifo) * 1e6 / (double)sim->rows.sample_rate_hz;
+    while (sim->now_us + (uint64_t)step_us < t_us) {
+        hear(sim);
+        gc_device_step(&sim->device);
+    }
+}
+
 static void replay(sim_t *sim, const rows_run_t *run) {
     const rows_row_t *first = &sim->rows.rows[run->first_row];
     uint64_t start_us = sim->now_us;
@@ -374,11 +375,8 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     }
     stand_still(sim, run);
     /* The FIFO fills and a reader may be connected, so the device keeps running in state idle. */
-    if (sim->options.speed > 0.0 || sim->options.fifo > 0u) {
-        while (sim->now_us + (uint64_t)((2.0 + sim->options.fifo) * 1e6 / (double)sim->rows.sample_rate_hz) < start_us) {
-            hear(sim);
-            gc_device_step(&sim->device);
-        }
+    if (sim->options.speed > 0.0 || sim->options.fifo > 0u || sim->options.idle_s > 0.0) {
+        idle_until(sim, start_us);
     }
     move_to(sim, start_us);
     static const char *const set_axis[] = {"set axis x", "set axis y", "set axis z"};
@@ -429,6 +427,9 @@ static void replay_all(sim_t *sim, const gc_device_config_t *config) {
         sim->replaying = true;
         replay(sim, run);
         sim->replaying = false;
+        if (sim->run + 1u == sim->rows.n_runs || run->power_cycle != run[1].power_cycle) {
+            idle_until(sim, sim->now_us + (uint64_t)(1e6 * sim->options.idle_s));
+        }
     }
     if (sim->options.hold) {
         sim->options.speed = sim->options.speed > 0.0 ? sim->options.speed : 1.0;
@@ -485,8 +486,7 @@ int main(int argc, char **argv) {
     };
     const gc_device_config_t config = {
         .port = &port,
-        .part = &PART,
-        .address = PART_ADDRESS,
+        .part = &PART, .address = PART_ADDRESS,
         .imu = options->imu,
         .calibration = &gc_calibration,
         .net = &gc_net,

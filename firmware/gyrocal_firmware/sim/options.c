@@ -29,6 +29,10 @@ static const char *parse_option(options_t *options, const char *name, const char
             return "--fifo takes a number of samples, 128 at most";
         }
         options->fifo = (unsigned)number;
+    } else if (strcmp(name, "--idle") == 0) {
+        if (gc_parse_real(value, strlen(value), &options->idle_s) != GC_OK || !(options->idle_s >= 0.0)) {
+            return "--idle takes a number of seconds";
+        }
     } else if (strcmp(name, "--clock") == 0) {
         if (gc_parse_uint(value, strlen(value), &number) != GC_OK || number > UINT64_MAX / 2u) {
             return "--clock takes microseconds";

@@ -7,12 +7,13 @@
 #include <stdbool.h>
 
 #define OPTIONS_USAGE                                                                                                    \
-    "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--hold] "                          \
+    "usage: gyrocal-sim ROWS [--speed X|max] [--imu N] [--stream raw|off] [--fifo N] [--hold] [--idle S] "               \
     "[--clock US] [--seq N] [--fault NAME[@T][:LENGTH][*TIMES]|list]..."
 
 typedef struct {
     const char *path; /* path of the ROWS file */
     double speed;     /* virtual seconds per second; 0 = as fast as the reader accepts them */
+    double idle_s;    /* the device also runs between the runs, and for so long after the last one of a power cycle; 0 = not */
     unsigned imu, fifo;
     uint64_t clock_us; /* of the board's clock at each power-on */
     uint32_t seq;      /* of the sentence after the first $HEL of each power cycle; 0 = 1, as on a board */

@@ -149,3 +149,12 @@ void rows_free(rows_t *rows) {
     free(rows->rows);
     memset(rows, 0, sizeof *rows);
 }
+
+void rows_decimal(float value, char text[ROWS_DECIMAL_MAX]) {
+    for (int digits = 6; digits <= 9; digits++) {
+        snprintf(text, ROWS_DECIMAL_MAX, "%.*g", digits, (double)value);
+        if (strtof(text, NULL) == value) {
+            break;
+        }
+    }
+}

@@ -35,4 +35,8 @@ typedef struct {
 const char *rows_load(rows_t *rows, const char *path);
 void rows_free(rows_t *rows);
 
+#define ROWS_DECIMAL_MAX 32
+/* Writes the shortest decimal number of this float32: 77.3, as a person set it, instead of 77.3000031. */
+void rows_decimal(float value, char text[ROWS_DECIMAL_MAX]);
+
 #endif

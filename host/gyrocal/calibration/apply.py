@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,9 @@ import polars as pl
 
 from gyrocal.error_model.correction import RATES, bias_at_rest_dps, correct, run_of
 from gyrocal.error_model.model import Model
-from gyrocal.errors import InputError, first_line
-from gyrocal.files import replacing
-from gyrocal.recording.session import Run, Session
+from gyrocal.errors import InputError
+from gyrocal.files import UNREADABLE, replacing, why_unreadable
+from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.recording.table import read_table, write_table
 
 TABLES = (".csv", ".parquet")
@@ -124,16 +125,20 @@ def _from_calibration(path: Path) -> tuple[dict[str, dict[str, float]], dict[str
     """
     try:
         estimates = json.loads(path.read_text(encoding="utf-8"))["estimates"]
+        usable = [e for e in estimates if e.get("bias_dps") is not None and e.get("trusted")]
+        usable = [{**e, "bias_dps": float(e["bias_dps"]), "bias_se_dps": float(e.get("bias_se_dps") or "inf")} for e in usable]
+        known = all(isinstance(e["scenario"], str) and e["axis"] in AXES and isfinite(e["bias_dps"]) for e in usable)
+        if not known:
+            raise ValueError("an estimate without a scenario, an axis or a bias")
     except OSError as error:
         raise InputError(f"--bias {path}: {error.strerror}; give model, rest:S or the JSON of `gyrocal calibrate`") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"--bias {path}: not the JSON of `gyrocal calibrate --json`: {first_line(error)}") from None
-    usable = [e for e in estimates if e.get("bias_dps") is not None and e.get("trusted")]
+    except (*UNREADABLE, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"--bias {path}: not the JSON of `gyrocal calibrate --json`: {why_unreadable(error)}") from None
     if not usable:
         raise InputError(f"--bias {path}: it holds no estimate that can be trusted")
-    usable.sort(key=lambda e: -(e.get("bias_se_dps") or float("inf")))
+    usable.sort(key=lambda e: -e["bias_se_dps"])
     by_scenario: dict[str, dict[str, float]] = {}
     for e in usable:
-        by_scenario.setdefault(e["scenario"], {})[e["axis"]] = float(e["bias_dps"])
+        by_scenario.setdefault(e["scenario"], {})[e["axis"]] = e["bias_dps"]
     alone = next(iter(by_scenario.values())) if len(by_scenario) == 1 else {}
     return by_scenario, {**alone, **by_scenario.get("all", {})}

@@ -64,16 +64,15 @@ def render_calibration(calibration: Calibration, rate_hz: float = 145.0, table_d
     ids = list(dict.fromkeys(c.effect.id for c in columns))
     tables = ""
     if columns:
-        rows = [
-            f"    {{gc_effect_{c.effect.id}, {{{_arguments(c.effect.device_arguments(c.values)[c.index])}}}}}," for c in columns
-        ]
+        arguments = [c_arguments(c.effect.device_arguments(c.values)[c.index]) for c in columns]
+        rows = [f"    {{gc_effect_{c.effect.id}, {{{a}}}}}," for c, a in zip(columns, arguments, strict=True)]
         tables = "static const gc_effect_column_t gyrocal_columns[] = {\n" + "\n".join(rows) + "\n};\n\n"
     information = np.diag(calibration.prior_information)
-    tables += f"static const double gyrocal_prior_mean[] = {{{', '.join(map(_double, calibration.prior_mean))}}};\n\n"
+    tables += f"static const double gyrocal_prior_mean[] = {{{', '.join(map(c_double, calibration.prior_mean))}}};\n\n"
     tables += "static const double gyrocal_prior_sqrt_information[] = {\n"
-    tables += "".join(f"    {', '.join(map(_double, row))},\n" for row in information) + "};\n\n"
+    tables += "".join(f"    {', '.join(map(c_double, row))},\n" for row in information) + "};\n\n"
     return TEMPLATE.format(
-        version=__version__, name=_text(calibration.name), axis=calibration.axis, comment=_comment(calibration),
+        version=__version__, name=c_text(calibration.name), axis=calibration.axis, comment=_comment(calibration),
         declarations="".join(f"GC_EFFECT({i});\n" for i in ids), tables=tables,
         rate_hz=_float(rate_hz), table_dps=_float(table_dps),
         n_run=len(calibration.run_columns), n_alternatives=calibration.alternatives, n_shared=len(calibration.shared_columns),
@@ -109,15 +108,18 @@ def _comment(calibration: Calibration) -> str:
     return "".join(f" * {line}\n" for line in lines)
 
 
-def _arguments(values: tuple[float, ...]) -> str:
+def c_arguments(values: tuple[float, ...]) -> str:
+    """The arguments of a column, filled up with zeros, as the elements of a C array."""
     return ", ".join(_float(v) for v in (*values, *[0.0] * (ARGUMENTS - len(values))))
 
 
-def _text(name: str) -> str:
+def c_text(name: str) -> str:
+    """A name as the content of a C string and of a comment."""
     return "".join(c if c.isalnum() or c in "+-_. " else "_" for c in name)
 
 
-def _double(value: float) -> str:
+def c_double(value: float) -> str:
+    """A C literal of type double, exact."""
     text = f"{float(value):.17g}"
     return text if any(c in text for c in ".e") else text + ".0"
 

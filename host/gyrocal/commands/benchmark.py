@@ -9,7 +9,8 @@ from gyrocal.commands import AsJson
 
 NAMES = (
     "blind (naming), paper (tables), robustness, inference (cost), population and coverage (errors), "
-    "fleet (many boards), soak (hours of faults), field (sessions as users bring them) or real (recordings by others)."
+    "fleet (many boards), soak (hours of faults), field (sessions as users bring them), references (each kind of reference) "
+    "or real (recordings by others)."
 )
 
 
@@ -22,16 +23,16 @@ def run(
         str | None, typer.Option(metavar="SET", help="blind: fixed (the default), work or frozen (drawn at random).")
     ] = None,
     kind: Annotated[
-        list[str] | None, typer.Option(metavar="KIND", help="blind, field: this kind of case alone; may be repeated.")
+        list[str] | None, typer.Option(metavar="KIND", help="blind, field, references: this kind alone; may be repeated.")
     ] = None,
-    limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field: N cases of each kind.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field, references: N of each kind.")] = None,
     skip: Annotated[int, typer.Option(min=0, metavar="N", help="blind: without the first N cases of each kind.")] = 0,
     workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field: processes (2 and 1).")] = None,
     results: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="blind, field: finished cases (JSONL); those there are not run again.")
+        Path | None, typer.Option(metavar="FILE", help="blind, field, references: finished cases (JSONL), not run again.")
     ] = None,
     hours: Annotated[float | None, typer.Option(min=0.01, metavar="H", help="soak: hours of device time (24).")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="soak, field: the first seed (0 and 401).")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="soak, field, references: the first seed.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how good the tool is, on cases fixed beforehand (from a checkout)."""

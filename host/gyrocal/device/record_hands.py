@@ -36,8 +36,8 @@ class HandsReport(Report):
 class HandsRecorder(Recorder):
     """Writes one run without a rate, and ends it when the aims of :mod:`gyrocal.gravity.aims` are met.
 
-    ``tell`` is given the progress every second. ``imu``, ``scenario``, ``day`` and ``progress`` are those of :class:`Recorder`.
-    The judgement runs in a thread of its own, so that no sample is lost meanwhile.
+    ``tell`` is given the progress every second, and at last that of the whole recording. ``imu``, ``scenario``, ``day`` and
+    ``progress`` are those of :class:`Recorder`. The judgement runs in a thread of its own, so that no sample is lost meanwhile.
     """
 
     reference = "gravity"
@@ -58,8 +58,12 @@ class HandsRecorder(Recorder):
         finally:
             self._worker.shutdown()
             if self.report.runs:
-                whole = progress(self._session())
-                self.report.rests, self.report.aims = whole.rests, list(whole.aims)
+                self._judged(progress(self._session()))
+
+    def _judged(self, now: Progress) -> None:
+        self._reached = now
+        self.report.rests, self.report.aims = now.rests, list(now.aims)
+        self._tell(now)
 
     def _digest(self, sentences: list[Sentence]) -> bool:
         return super()._digest(sentences) or self._is_complete()
@@ -67,8 +71,8 @@ class HandsRecorder(Recorder):
     def _is_complete(self) -> bool:
         """Judge the recording each second. Returns True once the aims are met."""
         if self._judging is not None and (self._judging.done() or self.link.replays):  # a replay waits for its reader
-            self._reached, self._judging = self._judging.result(), None
-            self._tell(self._reached)
+            judged, self._judging = self._judging.result(), None
+            self._judged(judged)
         writer = self._writer
         if writer is not None and writer.is_listed and self._judging is None and writer.run.seconds >= self._judged_s + EVERY_S:
             self._judged_s = writer.run.seconds

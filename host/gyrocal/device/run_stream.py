@@ -19,6 +19,8 @@ from gyrocal.recording.session import AXES
 RECENT, RECENT_SAMPLES = 64, 4096
 """A sentence that equals one of so many before it is a repetition. A restarted device may repeat older ones."""
 SETTINGS = ("axis", "table_dps", "turn_deg")
+REMINDED_US = 4_000_000
+"""The device says how many samples a run had until so long after its end."""
 GRAVITY_MIN_G = 0.5
 """The least acceleration along the axis that shows the face, as in the core."""
 
@@ -67,7 +69,8 @@ class HeardRun:
 
     ``setting`` is None until a sentence gives the face. ``start`` is its ``$RUN state=start``, or None if that did not come.
     ``from_number`` is the number of the first sample that was sent to this host. ``sent`` counts the samples that the device
-    reported. ``repeated`` counts samples that came again. ``ending`` is None while the run goes on. ``settings`` holds axis,
+    reported. ``repeated`` counts samples that came again. ``ending`` is None while the run goes on. ``is_over`` is True once a
+    sample outside a run has shown that it no longer does, although its end did not come. ``settings`` holds axis,
     table_dps and turn_deg as the device last reported them, or None if they have changed since.
     """
 
@@ -79,6 +82,7 @@ class HeardRun:
     face: str = ""
     settings: dict[str, str] | None = None
     ending: Ending | None = None
+    is_over: bool = False
     last: Sentence | None = None
     last_number: int = -1
 
@@ -212,12 +216,12 @@ class RunStream:
         number = _number(sentence)
         run = self.run
         if number < 0:
-            self._end(Ending.UNHEARD)
+            self._note_idle(sentence)
             self._missing = 0
             return
         if run is not None:
             if not self._is_next(run, sentence, number):
-                self._end(Ending.UNHEARD)
+                self._leave(run, number)
             elif run.last is not None and (number == run.last_number or sentence.t_us == run.last.t_us):
                 run.repeated += 1
                 return
@@ -238,9 +242,18 @@ class RunStream:
         else:
             self._parts.append(Rows(run, [sentence]))
 
+    def _note_idle(self, sentence: Sentence) -> None:
+        """A sample outside a run: the run in progress is over, and only the state can still tell its length."""
+        run = self.run
+        if run is None:
+            return
+        run.is_over = True
+        if run.last is None or sentence.t_us - run.last.t_us > REMINDED_US:
+            self._end(Ending.UNHEARD)
+
     def _is_next(self, run: HeardRun, sentence: Sentence, number: int) -> bool:
         """True if a sample continues what was heard of the run."""
-        if _may_hide_a_start(self._unheard, number):
+        if run.is_over or _may_hide_a_start(self._unheard, number):
             return False
         last = run.last
         if last is None:
@@ -248,6 +261,16 @@ class RunStream:
         if number < run.last_number or sentence.t_us < last.t_us:
             return False
         return self._missing == 0 or not self._is_turned_over(last, sentence)
+
+    def _leave(self, run: HeardRun, number: int) -> None:
+        """End a run that a sample does not continue.
+
+        If the missing sentences cannot hold the start of another run, the samples between the last one and this one are
+        missing, and no others: the other missing sentences are errors and answers.
+        """
+        if not run.is_over and not _may_hide_a_start(self._unheard, number) and number > run.last_number:
+            self._missing = min(self._missing, number - run.last_number - 1)
+        self._end(Ending.UNHEARD)
 
     def _is_turned_over(self, last: Sentence, sentence: Sentence) -> bool:
         axis = self._settings.get("axis", "")
@@ -265,7 +288,7 @@ class RunStream:
             self._begin(HeardRun(Setting.of(fields, face), sentence, face=face))
             self._missing = self._unheard = 0
         elif fields.get("state") == "end":
-            if self.run is not None and not self.run.may_be_told_by(fields, self._unheard):
+            if self.run is not None and (self.run.is_over or not self.run.may_be_told_by(fields, self._unheard)):
                 self._end(Ending.UNHEARD)
             sent = _count(fields) or 0
             if self.run is None:  # none of its samples came
@@ -280,10 +303,10 @@ class RunStream:
     def _state(self, sentence: Sentence) -> None:
         fields = sentence.fields
         if fields.get("state") != "recording":
-            self._end(Ending.UNHEARD)
+            self._end_by_state(fields)
             return
         face = fields.get("face", "")
-        if self.run is not None and not self.run.may_be_told_by(fields, self._unheard):
+        if self.run is not None and (self.run.is_over or not self.run.may_be_told_by(fields, self._unheard)):
             self._end(Ending.UNHEARD)
         if self.run is None:
             self._begin(HeardRun(face=face))
@@ -292,6 +315,14 @@ class RunStream:
         run.face, run.sent = face, max(run.sent, _count(fields) or 0)
         self._unheard = 0
         self._tell()
+
+    def _end_by_state(self, fields: dict[str, str]) -> None:
+        """The device records nothing. The state gives the length of its last run, for a reader who missed the end."""
+        run = self.run
+        told = {"first": fields.get("run_first", ""), "n": fields.get("run_n", "")}
+        if run is not None and told["first"] and run.may_be_told_by({**told, "face": run.face}, self._unheard):
+            run.sent = max(run.sent, _count(told) or 0)
+        self._end(Ending.UNHEARD)
 
     def _learn(self, sentence: Sentence) -> None:
         """Update the device's settings from a sentence. After a `set` without its value they are unknown."""

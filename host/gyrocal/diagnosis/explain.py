@@ -87,6 +87,8 @@ class Explanation(Shown):
     left: list[Open]
     first: Diagnosis = field(repr=False)
     last: Diagnosis = field(repr=False)
+    limited: bool = False
+    """True if it ended because no more steps were allowed."""
 
     @property
     def verdict(self) -> str:
@@ -135,7 +137,11 @@ def explain(
         tried = iter(plans if len(steps) < most_steps else ())
         taken = next(filter(None, (_taken(session, last, plan, refused, progress) for plan in tried)), None)
         if taken is None:
-            return Explanation([_over_one_floor(s, last.comparison) for s in steps], [*left, *_unproven(last)], first, last)
+            limited = len(steps) >= most_steps
+            vain = [] if limited else [p for p in plans if p.new]
+            left += [Open(tuple(e.id for e in p.new), p.lead.axis, p.lead.next_measurement) for p in vain]
+            steps = [_over_one_floor(s, last.comparison) for s in steps]
+            return Explanation(steps, [*left, *_unproven(last)], first, last, limited)
         step, last = taken
         steps.append(step)
         refused.clear()  # what did not decrease the excess beside a larger error may do so now

@@ -9,7 +9,7 @@ import numpy as np
 from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.quantities import grid_dps, white_sd_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
-from gyrocal.recording.session import Array, Run
+from gyrocal.recording.session import AXES, Array, Run
 
 BELOW = 2.0
 """Width of the examined range below the largest reading, in standard deviations of the noise."""
@@ -17,8 +17,12 @@ ROUNDING_DPS = 1e-6
 """Values closer than this are equal, deg/s."""
 LEAST_HEAPED, MOST_HEAPED = 10, 0.8
 """Fewest readings at the limit, and the largest fraction. Where nearly all are there, nothing below shows the noise."""
-SHOWN = 1e-4
-"""Probability under noise above which a heap is no clipping."""
+SHOWN = 1e-6
+"""Probability under noise above which a heap is no clipping. Torn bytes heap readings too, by a little."""
+END = 0.02
+"""Readings within this fraction of the largest one are at the end of a range whose readings were corrected afterwards."""
+BEYOND = 1.05
+"""The true rate of such readings exceeds the largest one by this factor; a working scale is not so small."""
 
 
 def _below(size: Array, low: float, high: float) -> Mask:
@@ -58,7 +62,12 @@ class Saturation(ReadingFault):
     clips = True
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect more readings at exactly the largest value than the values below it predict.
+        """Detect readings that heap up at the largest value, or stay near it while the true rate goes on."""
+        found = self._heap(runs, axis) or self._plateau(runs, axis)
+        return found if found is not None and found.chance < SHOWN else None
+
+    def _heap(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """More readings at exactly the largest value than the values below it predict.
 
         The density of noise near its end is log-concave, so an exponential through two bands below the largest value is an
         upper bound for the count at that value. Slow noise dwells at a value: every dwell counts once.
@@ -82,7 +91,31 @@ class Saturation(ReadingFault):
         dwell = _mean_dwell(sizes, limit - 2 * half * step_dps, limit)
         counted = heaped / dwell
         chance = float(norm.sf((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
-        return Detected({"full_scale_dps": limit}, {}, chance) if chance < SHOWN else None
+        return Detected({"full_scale_dps": limit}, {}, chance)
+
+    def _plateau(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """Readings that stay near the largest one, in either sense, while a measured true rate is far beyond.
+
+        A reading that is corrected or filtered after it was clipped differs from sample to sample, and the two ends differ. A
+        sound reading would spread over the range of the true rates of these samples. It stays in the narrow range near the
+        largest reading with a probability of less than the ratio of both ranges, for each time that it comes there.
+        """
+        mine = [r.about(AXES[axis]) for r in runs if r.measured_rates is not None and (r.three_axes or r.axis_index == axis)]
+        ends, chance = [], 1.0
+        for sign in (1.0, -1.0):
+            y = [sign * r.gyro_dps[:, axis] for r in mine]
+            limit = max((float(v.max()) for v in y), default=0.0) * (1 - END)
+            at = [v > limit for v in y]
+            rates = [sign * r.rate_dps[a] for r, a in zip(mine, at, strict=True)]
+            true_dps = np.concatenate(rates) if rates else np.zeros(0)
+            true_dps = true_dps[np.isfinite(true_dps)]
+            if limit <= 0 or true_dps.size < LEAST_HEAPED or float(np.median(true_dps)) < BEYOND * limit / (1 - END):
+                continue
+            low, high = np.quantile(true_dps, (0.1, 0.9))
+            came = sum(int(np.count_nonzero(np.diff(a, prepend=False) & a)) for a in at)
+            ends.append(limit)
+            chance *= float(min(1.0, END * limit / max(high - low, 1e-300))) ** came
+        return Detected({"full_scale_dps": min(ends)}, {}, chance) if ends else None
 
     def usable(self, run: Run, axis: int, values: Mapping[str, float]) -> Mask | None:
         return np.abs(run.gyro_dps[:, axis]) < values["full_scale_dps"] - 1e-6

@@ -99,13 +99,21 @@ def _opened(folder: Path, model: Model) -> tuple[Session, list[Warning]]:
 
 
 def summarise(folder: Path, name: str, model: Model, drifts: Mapping[str, FleetDrift]) -> Summary:
-    """Fit the model to a session. The candidates are judged with ``drifts``, the fleet's drift by axis."""
+    """Fit the model to a session, with the fleet's drift of each axis, which one board hardly determines."""
     session, warnings = _opened(folder, model)
-    fitted = plain_fit(session, model)
+    fitted = plain_fit(session, _with_drifts(model, drifts))
     return Summary(
         name, session.board or name, session.rig, session.line, session.made_on, _codes(warnings),
         {axis: _summary_of(one, drifts.get(axis)) for axis, one in fitted.items() if one.design.layout.fixed},
     )  # fmt: skip
+
+
+def _with_drifts(model: Model, drifts: Mapping[str, FleetDrift]) -> Model:
+    known = {
+        axis: replace(noise, drift=replace(noise.drift, known=(drifts[axis].size, drifts[axis].tau_s)))
+        for axis, noise in model.noise.items() if noise.drift is not None and axis in drifts
+    }  # fmt: skip
+    return replace(model, noise={**model.noise, **known})
 
 
 def plain_fit(session: Session, model: Model) -> dict[str, AxisFit]:

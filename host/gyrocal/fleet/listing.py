@@ -12,6 +12,7 @@ from typing import Any
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.files import UNREADABLE, why_unreadable
 
 HEADER = "session.toml"
 LISTS = (".json", ".parquet")
@@ -56,9 +57,9 @@ def _listed(content: Any, name: str) -> list[str]:
             paths = pl.read_parquet(content)["path"].to_list()
         else:
             paths = json.loads(content.read_bytes() if isinstance(content, Path) else content.read())
-    except (OSError, ValueError, pl.exceptions.PolarsError) as error:
+    except (*UNREADABLE, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise InputError(
-            f"{name}: {first_line(error)}; give a JSON list of paths, or a Parquet table with a column path"
+            f"{name}: {why_unreadable(error)}; give a JSON list of paths, or a Parquet table with a column path"
         ) from None
     if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
         raise InputError(f"{name}: not a list of paths")

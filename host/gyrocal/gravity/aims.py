@@ -74,6 +74,11 @@ class Progress:
         """True if the recording has enough rests and meets the aims of every axis."""
         return self.rests >= POLICY.aim_rests and all(aim.met for aim in self.aims)
 
+    def to_json(self) -> dict[str, Any]:
+        """The progress as plain data; ``turn`` is a sentence."""
+        aims = [aim.to_json() for aim in self.aims]
+        return {"rests": self.rests, "at_rest": self.at_rest, "aims": aims, "turn": str(self.turn), "met": self.met}
+
 
 def progress(session: Session, before: Progress | None = None) -> Progress:
     """The progress of a session whose last run is being recorded.

@@ -24,10 +24,13 @@ LEAST = 0.04
 
 
 def drift_factor(current: AxisFit, scenario_se: Array) -> Array:
-    """The factor [k] on the errors [k] of the spreads over power cycles; 1 without a drift, and for a spread of zero."""
+    """The factor [k] on the errors [k] of the spreads over power cycles; 1 where no drift was searched for, or no spread."""
     sd, out = current.spreads.scenario, np.ones(current.spreads.scenario.size)
+    drift = current.design.noise_model.drift
+    if drift is None or drift.known or current.noise.ou_sd_dps <= 0 or not (sd > 0).any():
+        return out
     scale = NoiseScale.of(current.design)
-    if not scale.drift or current.noise.ou_sd_dps <= 0 or not (sd > 0).any():
+    if not scale.drift:
         return out
     x = scale.coordinates(current.noise)
     steps = np.diag([0.0, min(STEP, x[1] / 2), STEP])[1:]

@@ -27,6 +27,7 @@ STATED = 0.05
 """The session's sample rate sets the number of samples of a block unless it is off that of the times by more than this."""
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
+NOWHERE, NOTHING = np.zeros(0, dtype=np.intp), np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class Blocks:
     within_n: int
     weight: Array | None = None
     """Relative precision [m] of a sample's noise in each block, if the level of the noise changes; None = equal."""
+    strays: tuple[tuple[Index, Array], ...] = ((NOWHERE, NOTHING),) * 3
+    """For each axis, the readings [k] that were moved back to their neighbours, and by how much, deg/s."""
 
     @property
     def precision(self) -> Array:
@@ -82,6 +85,7 @@ class Blocks:
         return Blocks(
             self.run, self.scenario, self.start[kept], self.n[kept], self.t_s[kept], self.y_dps[kept],
             self.within_ss * share, round(self.within_n * share), None if self.weight is None else self.weight[kept],
+            self.strays,
         )  # fmt: skip
 
     def about(self, axis: str) -> Blocks:
@@ -142,8 +146,10 @@ def reduce_run(run: Run, scenario: int, block_s: float = BLOCK_S) -> Blocks:
 def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
     """The blocks of ``size`` samples that begin at the samples ``start`` [m]."""
     y = residual_dps(run)
+    read = y.copy()
     if run.rate_is_mean:
         y *= run.weights[:, None]
+        read = y
     else:
         for axis in range(3):
             y[:FIRST, axis] -= begins_apart(run, axis, y[:, axis])
@@ -157,8 +163,13 @@ def _blocks_of(run: Run, scenario: int, start: Index, size: int) -> Blocks:
     counted = 0 if run.rate_is_mean else start.size * (size - 1)
     return Blocks(
         run, scenario, start, np.full(start.size, float(size)), run.sample_s[rows].mean(axis=1), means,
-        within if counted else np.zeros(3), counted,
+        within if counted else np.zeros(3), counted, strays=tuple(_moved(read[:, axis], y[:, axis]) for axis in range(3)),
     )  # fmt: skip
+
+
+def _moved(before: Array, after: Array) -> tuple[Index, Array]:
+    rows = np.flatnonzero(before != after)
+    return rows, before[rows] - after[rows]
 
 
 def _angle_left_dps(run: Run, start: Index, size: int) -> Array:

@@ -63,16 +63,25 @@ def _bends(design: Design) -> Array:
 
 
 def _drifts(design: Design) -> bool:
-    """True if the model has a drift and the runs are long enough to show one."""
+    """True if the model has a drift that is searched for, and the runs are long enough to show one."""
     longest_s, block_s = design.extent_s
-    return design.noise_model.drift is not None and longest_s > 10 * block_s
+    drift = design.noise_model.drift
+    return drift is not None and drift.known is None and longest_s > 10 * block_s
 
 
-def first_noises(design: Design) -> list[Noise]:
-    """Starts of a search for the noise: drifts of two sizes, fast ones and ones as slow as the runs are long."""
-    white0 = white_start(design)
+def _beside_known_drift(design: Design, white_sd_dps: float) -> Noise:
+    """White noise with the drift that the noise model knows, or without one."""
+    drift = design.noise_model.drift
+    if drift is None or drift.known is None:
+        return Noise(white_sd_dps)
+    size, tau_s = drift.known
+    return Noise(white_sd_dps, size * white_sd_dps, tau_s)
+
+
+def first_noises(design: Design, white0: float) -> list[Noise]:
+    """Starts of a search for the noise from a white level: drifts of two sizes, fast ones and ones as slow as runs are long."""
     if not _drifts(design):
-        return [Noise(white0)]
+        return [_beside_known_drift(design, white0)]
     times_s = (FAST_S, max(FAST_S, design.extent_s[0]))
     return [Noise(white0, white0 / part, tau_s) for tau_s in times_s for part in (10, 40)]
 
@@ -111,6 +120,8 @@ class NoiseScale:
     slowest_per_s: float
     """A rate that no run is long enough to tell from zero, 1/s."""
     bounds: tuple[tuple[float, float], ...]
+    without_search: Noise
+    """The noise at the expected white level if the drift is not searched for."""
 
     @staticmethod
     def of(design: Design) -> NoiseScale:
@@ -125,7 +136,7 @@ class NoiseScale:
         if _drifts(design):
             bounds.append((NO_SPREAD, float(np.log1p((150 * white0) ** 2 / SLOW_S / unit))))
             bounds.append((float(np.log(2 * least)), float(np.log(1 / slow_s + least))))
-        return NoiseScale(white0, unit, least, tuple(bounds))
+        return NoiseScale(white0, unit, least, tuple(bounds), _beside_known_drift(design, white0))
 
     @property
     def drift(self) -> bool:
@@ -146,7 +157,7 @@ class NoiseScale:
         """The noise at coordinates [1 or 3]."""
         times = float(np.exp(x[0])) / self.white_sd_dps
         if not self.drift:
-            return Noise(times * self.white_sd_dps)
+            return self.without_search.times(times)
         tau_s = 1 / (float(np.exp(x[2])) - self.slowest_per_s)
         sd_dps = times * float(np.sqrt(self.growth_unit * np.expm1(x[1]) * tau_s))
         return Noise(times * self.white_sd_dps, sd_dps, tau_s)
@@ -157,13 +168,14 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
 
     The search begins at the noise of ``start``, or at the likeliest of :func:`first_noises`.
     """
-    if start is None:
-        tried = (with_noise(design, noise, unknown_spreads(design)) for noise in first_noises(design))
-        start = max(tried, key=lambda fit: fit.loglik)
     noise_scale, n = NoiseScale.of(design), int(design.n_blocks.sum())
+    noises = first_noises(design, noise_scale.white_sd_dps)
+    if start is None and len(noises) > 1:
+        start = max((with_noise(design, noise, unknown_spreads(design)) for noise in noises), key=lambda fit: fit.loglik)
+    first, spreads = (noises[0], unknown_spreads(design)) if start is None else (start.noise, start.spreads)
     log_white0 = float(np.log(noise_scale.white_sd_dps))
-    m, k = len(noise_scale.bounds), start.spreads.run.size
-    scale = SpreadScale.of(design, start.grams)
+    m, k = len(noise_scale.bounds), spreads.run.size
+    scale = SpreadScale.of(design, design.grams(first)[0] if start is None else start.grams)
     cache: dict[bytes, tuple[Array, Array]] = {}
 
     def grams_at(x: Array) -> tuple[Array, Array]:
@@ -183,15 +195,17 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         sd = scale.spreads(x[m:])
         spreads = Spreads(sd[:k], sd[k:])
         solution, slopes = equations(*grams_at(x)).solve_with_slopes(spreads)
-        grams, logdet = zip(*(grams_at(x + step) for step in steps), strict=True)
-        below, *above = equations(np.stack(grams), np.stack(logdet)).logliks(spreads).tolist()
-        # the white level is known to 1 / sqrt(2n): a one-sided difference would be off by more than the search resolves
-        of_noise = np.array([(above[0] - below) / 2, *(one - solution.loglik for one in above[1:])])
-        return solution.loglik, np.concatenate([of_noise / STEP, scale.slopes(x[m:], slopes)])
+        # all noise and all spreads times exp(a) multiply chi-square by exp(-2a) and the determinant by exp(2a (n - p))
+        of_noise = [solution.chi2 - (n - solution.beta.size) - float(slopes.sum())]
+        if steps.size:
+            grams, logdet = zip(*(grams_at(x + step) for step in steps), strict=True)
+            beyond = equations(np.stack(grams), np.stack(logdet)).logliks(spreads)
+            of_noise += ((beyond - solution.loglik) / STEP).tolist()
+        return solution.loglik, np.concatenate([of_noise, scale.slopes(x[m:], slopes)])
 
-    steps = STEP * np.concatenate([-np.eye(1, m + scale.unit.size), np.eye(m, m + scale.unit.size)])
+    steps = STEP * np.eye(m, m + scale.unit.size)[1:]
     begin = np.concatenate([
-        noise_scale.coordinates(start.noise), scale.coordinates(np.concatenate([start.spreads.run, start.spreads.scenario]))
+        noise_scale.coordinates(first), scale.coordinates(np.concatenate([spreads.run, spreads.scenario]))
     ])  # fmt: skip
     x = maximise(loglik, begin, [*noise_scale.bounds, *scale.bounds])
     noise, sd = noise_scale.noise(x[:m]), scale.settled(x[m:])

@@ -2,14 +2,14 @@
 
 The readings of each axis are fitted with the model and, beside it, the true rates about the other axes and the derivatives by
 the clock's offset and drift. The three fits are combined by their information: offset and drift are common, and the map
-``I + D`` of the nine rates is the product of a symmetric matrix (scale and misalignment) and a rotation, by which the alignment
-moves (polar decomposition). The step is repeated until nothing moves.
+``I + D`` of the nine rates is a scale, a rotation by which the alignment moves, and, if the model has a misalignment, a
+symmetric part. The step is repeated until nothing moves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -19,11 +19,19 @@ from gyrocal.effects.base import Effect, Role, stack
 from gyrocal.effects.misalignment import Misalignment
 from gyrocal.effects.quantities import rate_noise, true_rate_dps
 from gyrocal.error_model.model import Model, Term
+from gyrocal.inference.axis_fit import fit_axis
 from gyrocal.inference.blocks import reduce_session
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.recording.register import registered
-from gyrocal.recording.registration import ReferenceParameter, Registration, RegistrationFit, nearest_rotation, rotation_deg
+from gyrocal.recording.registration import (
+    ReferenceParameter,
+    Registration,
+    RegistrationFit,
+    Structure,
+    rotation_deg,
+    structured,
+)
 from gyrocal.recording.session import AXES, Array, Run, Session
 
 STEPS = 4
@@ -31,6 +39,7 @@ SETTLED = 0.05
 """The registration has settled if a step moves each of its parameters by less than this fraction of its standard error."""
 TIMES = ("offset_s", "e")
 """Names of the clock's parameters, which follow the nine elements of the map."""
+ROTATION = ("rx_deg", "ry_deg", "rz_deg")
 DIFFERENCE_DEG = 1e-4
 """Step of the derivative of the rotation vector, deg."""
 
@@ -58,23 +67,6 @@ class _Map(Effect):
         return stack(*(np.zeros(len(run)) if f is None else f[0] for f in found)), max(f[1] for f in found if f is not None)
 
 
-@dataclass(frozen=True)
-class _Step:
-    """The combined estimate of the map minus I [3, 3] and of the clock [2], with their covariance [11, 11], inf if unknown."""
-
-    map: Array
-    clock: Array
-    cov: Array
-
-    @property
-    def rotation_cov(self) -> Array:
-        """Covariance of the small rotation that the antisymmetric part of the map is, [3, 3], rad^2."""
-        jacobian = np.zeros((3, 9))
-        for k, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
-            jacobian[k, 3 * row + column], jacobian[k, 3 * column + row] = 0.5, -0.5
-        return np.asarray(jacobian @ self.cov[:9, :9] @ jacobian.T)
-
-
 def refined(session: Session, model: Model) -> Session:
     """The session with its reference's registration estimated with the model; the session itself if it needs none."""
     session = registered(session)
@@ -82,16 +74,15 @@ def refined(session: Session, model: Model) -> Session:
     if start is None:
         return session
     names = [name for effect, name, _, _ in start.parameters if effect != "alignment"]
-    turning = session.three_axes
     for _ in range(STEPS):
         step = _step(session, model, names)
         before = session.runs[0].registration
-        rotation = nearest_rotation((np.eye(3) + step.map) @ before.matrix)[0] if turning else np.eye(3)
-        after = Registration(rotation_deg(rotation), before.offset_s + step.clock[0], before.drift + step.clock[1])
+        turned = Registration(tuple(np.rad2deg(step.rotation))).matrix
+        rotation = rotation_deg(turned @ before.matrix)
+        after = Registration(rotation, before.offset_s + step.others[0], before.drift + step.others[1])
         session = session.with_runs(r.registered(after) for r in session.runs)
-        moved = np.concatenate([np.deg2rad(rotation_deg(rotation @ before.matrix.T)), step.clock])
-        se = np.sqrt(np.concatenate([np.diag(step.rotation_cov), np.diag(step.cov)[9:]]))
-        if np.all(np.abs(moved) <= SETTLED * se + 1e-15):
+        moved = np.concatenate([step.rotation, step.others])
+        if np.all(np.abs(moved) <= SETTLED * np.sqrt(np.diag(step.cov)) + 1e-15):
             break
     return replace(session, registration_fit=replace(start, registration=after, parameters=_parameters(after, step, start)))
 
@@ -116,9 +107,7 @@ def symmetric(terms: Mapping[tuple[str, str], Term]) -> dict[tuple[str, str], Te
     return out
 
 
-def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
-    from gyrocal.inference.fit import fit_axis
-
+def _step(session: Session, model: Model, names: Sequence[str]) -> Structure:
     reduced = reduce_session(session)
     information, score = np.zeros((11, 11)), np.zeros(11)
     for axis in AXES if session.three_axes else dict.fromkeys(r.axis for r in session.runs):
@@ -132,12 +121,13 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> _Step:
         weight = np.linalg.inv(own.cov)
         information[np.ix_(own.places, own.places)] += weight
         score[own.places] += weight @ own.values
-    seen = np.flatnonzero(np.diag(information) > 0)
-    cov = np.diag(np.where(np.diag(information) > 0, 0.0, np.inf))
-    cov[np.ix_(seen, seen)] = np.linalg.inv(information[np.ix_(seen, seen)])
-    found = np.zeros(11)
-    found[seen] = cov[np.ix_(seen, seen)] @ score[seen]
-    return _Step(found[:9].reshape(3, 3), found[9:], cov)
+    return structured(information, score, _pairs(model))
+
+
+def _pairs(model: Model) -> list[tuple[int, int]]:
+    """The pairs of axes between which the model allows a misalignment."""
+    mine = {AXES.index(t.axis) for t in model.terms if isinstance(t.effect, Misalignment)}
+    return [pair for pair in combinations(range(3), 2) if mine & set(pair)]
 
 
 class _AxisEstimate(NamedTuple):
@@ -161,18 +151,24 @@ def _of_axis(current: AxisFit, i: int, axis: str) -> _AxisEstimate:
     return _AxisEstimate(places, current.solution.beta[columns], current.solution.cov[np.ix_(columns, columns)])
 
 
-def _parameters(found: Registration, step: _Step, start: RegistrationFit) -> tuple[ReferenceParameter, ...]:
+def _parameters(found: Registration, step: Structure, start: RegistrationFit) -> tuple[ReferenceParameter, ...]:
     """The parameters by name, as those of the first estimate, with their standard errors (None if nothing shows one)."""
+    names = {p.name for p in start.parameters}
+    values = {"offset_s": (found.offset_s, np.sqrt(step.cov[3, 3])), "e": (found.drift, np.sqrt(step.cov[4, 4]))}
+    if names & set(ROTATION):
+        values |= dict(zip(ROTATION, zip(found.rotation_deg, _rotation_se_deg(found, step), strict=True), strict=True))
+    errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
+    return tuple(ReferenceParameter(p.effect, p.name, float(values[p.name][0]), errors[p.name]) for p in start.parameters)
+
+
+def _rotation_se_deg(found: Registration, step: Structure) -> Array:
+    """Standard errors of the rotation vector [3], deg, from the covariance of a small rotation after it."""
     jacobian = np.zeros((3, 3))
     for k in range(3):
         turn = Registration(tuple(DIFFERENCE_DEG * np.eye(3)[k])).matrix
         ends = [np.array(rotation_deg(m @ found.matrix)) for m in (turn, turn.T)]
         jacobian[:, k] = (_nearest(ends[0], found) - _nearest(ends[1], found)) / (2 * np.deg2rad(DIFFERENCE_DEG))
-    cov = jacobian @ step.rotation_cov @ jacobian.T
-    values = dict(zip(("rx_deg", "ry_deg", "rz_deg"), zip(found.rotation_deg, np.sqrt(np.diag(cov)), strict=True), strict=True))
-    values |= {"offset_s": (found.offset_s, np.sqrt(step.cov[9, 9])), "e": (found.drift, np.sqrt(step.cov[10, 10]))}
-    errors = {name: float(se) if np.isfinite(se) else None for name, (_, se) in values.items()}
-    return tuple(ReferenceParameter(p.effect, p.name, float(values[p.name][0]), errors[p.name]) for p in start.parameters)
+    return np.asarray(np.sqrt(np.diag(jacobian @ step.cov[:3, :3] @ jacobian.T)))
 
 
 def _nearest(vector_deg: Array, found: Registration) -> Array:

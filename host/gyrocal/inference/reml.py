@@ -199,7 +199,7 @@ class Equations:
         return [Solution(float(loglik), beta, cov, float(chi2)) for loglik, beta, cov, chi2 in each]
 
     def logliks(self, spreads: Spreads) -> Array:
-        """The log-likelihood [many] of each of many noises."""
+        """The log-likelihood [many] of each of many noises, or of many spreads [many, k] at one noise."""
         return self._solved(spreads).loglik
 
     def _solved(self, spreads: Spreads) -> _Solved:
@@ -207,7 +207,7 @@ class Equations:
         of_runs = of_scenarios = None
         parted = self._of_scenarios
         if self._of_runs is not None:
-            of_runs = self._of_runs.integrate(spreads.run[list(self.layout.run_group)])
+            of_runs = self._of_runs.integrate(spreads.run[..., list(self.layout.run_group)])
             grams, logdet = of_runs.grams, logdet + of_runs.logdet.sum(axis=-1)
             parted = self._of_each_scenario(grams)
         if parted is not None:

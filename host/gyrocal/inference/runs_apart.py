@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.inference.design import Design
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.noise_search import first_noises, fit_noise, with_noise
+from gyrocal.inference.noise_search import first_noises, fit_noise, white_start, with_noise
 from gyrocal.inference.reml import integrate
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
@@ -46,8 +46,10 @@ def runs_apart(current: AxisFit) -> AxisFit:
                 se={name: sd / count**0.5, f"{name}_sd": sd / (2 * count) ** 0.5}, of_run=of_run,
             )  # fmt: skip
             design = current.design.changed(terms)
-            drift = [current.noise, *(first_noises(design)[:1] if round_ == 0 else [])]  # what was drift may be one no longer
-            fits = [fit_noise(design, start=with_noise(design, noise, current.spreads)) for noise in drift]
+            noises = [current.noise]
+            if round_ == 0:  # what was drift may be one no longer
+                noises += first_noises(design, white_start(design))[:1]
+            fits = [fit_noise(design, start=with_noise(design, noise, current.spreads)) for noise in noises]
             current = max(fits, key=lambda f: f.loglik)
             if abs(mean - middle) < APART_SETTLED * sd / count**0.5:
                 break

@@ -19,6 +19,7 @@ mean of 2R squares.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,8 @@ WEAK = 0.5
 """A standard error above this fraction of a spread is replaced by that of the profile likelihood."""
 FALL = 0.5
 """Fall of the log-likelihood at the ends of an interval of one standard error."""
-BISECTIONS, SCORINGS = 12, 3
+PARTS, PARTITIONS, SCORINGS = 16, 3, 3
+"""An end of an interval is sought by dividing into so many parts, so many times."""
 
 
 def settled(current: AxisFit) -> AxisFit:
@@ -160,10 +162,18 @@ def _profiled(current: AxisFit, sd: Array, which: Index) -> Array:
     k, equations = current.spreads.run.size, current.equations()
     unit = SpreadScale.of(current.design, current.grams).unit
 
-    def fallen(j: int, log_value: float) -> bool:
-        trial = sd.copy()
-        trial[j] = np.exp(log_value)
-        return current.loglik - equations.solve(Spreads(trial[:k], trial[k:])).loglik > FALL
+    def fallen(j: int, log_values: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        trial = np.tile(sd, (log_values.size, 1))
+        trial[:, j] = np.exp(log_values)
+        return np.asarray(current.loglik - equations.logliks(Spreads(trial[:, :k], trial[:, k:])) > FALL)
+
+    def ends(j: int, inside: float, outside: float) -> tuple[float, float]:
+        """Spreads on both sides of where the log-likelihood has fallen, from the logarithms of two such spreads."""
+        for _ in range(PARTITIONS):
+            log_values = np.linspace(inside, outside, PARTS + 1)
+            first = int(np.argmax(np.append(fallen(j, log_values[1:-1]), True)))
+            inside, outside = float(log_values[first]), float(log_values[first + 1])
+        return float(np.exp(inside)), float(np.exp(outside))
 
     out = np.full(which.size, np.nan)
     for n, j in enumerate(which.tolist()):
@@ -171,16 +181,8 @@ def _profiled(current: AxisFit, sd: Array, which: Index) -> Array:
             continue
         least, most = np.log(1e-3 * unit[j]), np.log(1e3 * max(unit[j], sd[j]))
         middle = max(least, np.log(sd[j])) if sd[j] > 0 else least
-        inside, outside = middle, most
-        for _ in range(BISECTIONS):
-            between = (inside + outside) / 2
-            inside, outside = (inside, between) if fallen(j, between) else (between, outside)
-        upper, lower = float(np.exp(outside)), 0.0
-        if sd[j] > 0 and fallen(j, least):
-            inside, outside = middle, least
-            for _ in range(BISECTIONS):
-                between = (inside + outside) / 2
-                inside, outside = (inside, between) if fallen(j, between) else (between, outside)
-            lower = float(np.exp(inside))
+        upper, lower = ends(j, middle, most)[1], 0.0
+        if sd[j] > 0 and fallen(j, np.array([least]))[0]:
+            lower = ends(j, middle, least)[0]
         out[n] = (upper - lower) / 2 if sd[j] > 0 else upper
     return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,7 +13,11 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class Drift(NoiseComponent):
-    """Drift with standard deviation ``sd_dps`` (deg/s) and correlation time ``tau_s`` (s), independent from run to run."""
+    """Drift with standard deviation ``sd_dps`` (deg/s) and correlation time ``tau_s`` (s), independent from run to run.
+
+    ``known`` says that a fit does not search for the drift: its standard deviation over that of one sample's white noise, and
+    its correlation time in s.
+    """
 
     id = "colored_noise"
     title = "Colored noise (bias instability)"
@@ -34,6 +38,7 @@ class Drift(NoiseComponent):
 
     sd_dps: float | None = None
     tau_s: float | None = None
+    known: tuple[float, float] | None = field(default=None, kw_only=True)
 
     def sample(self, n: int, dt_s: float, rng: np.random.Generator) -> Array:
         return self.samples(n, dt_s, 1, rng)[:, 0]

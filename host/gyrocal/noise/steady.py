@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from gyrocal.recording.session import Array
 
@@ -86,6 +87,6 @@ def _variance(residuals: Sequence[Array], window: int) -> float:
     """
     lags = range(window // 2)
     long = [d for d in (np.diff(r[:ENOUGH]) for r in residuals) if d.size > 2 * window]
-    square = np.array([sum(float(d[: d.size - lag] @ d[lag:]) for d in long) for lag in lags])
+    square = sum((sliding_window_view(np.append(d, np.zeros(len(lags) - 1)), d.size) @ d for d in long), np.zeros(len(lags)))
     rho = square / max(square[0], 1e-300) if long else np.eye(1, square.size)[0]
     return float(2 / window * (1 + 2 * float(rho[1:] @ rho[1:])))

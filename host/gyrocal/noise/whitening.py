@@ -40,6 +40,10 @@ class Noise:
     ou_sd_dps: float = 0.0
     ou_tau_s: float = 30.0
 
+    def times(self, factor: float) -> Noise:
+        """The noise with all standard deviations multiplied by a factor."""
+        return Noise(factor * self.white_sd_dps, factor * self.ou_sd_dps, self.ou_tau_s)
+
 
 @dataclass(frozen=True)
 class Summed:

@@ -141,12 +141,15 @@ def clip_level_dps(session: Session, axis: int) -> float | None:
     limit = max(float(np.abs(y).max()) for y in readings)
     if limit <= 0:
         return None
+    detected = Saturation().detect(session.runs, axis)
+    if detected is not None and detected.values["full_scale_dps"] < limit - 1e-6:  # the end is no single value
+        return detected.values["full_scale_dps"]
     at = [np.abs(y) > limit - 1e-6 for y in readings]
     stuck = sum(bool(a.any()) for a in at) == 1 and any(bool(a.all()) for a in at)
     heap = sum(int(np.count_nonzero(a)) for a in at) >= FIRST
     if session.full_scale_dps is not None and abs(limit - session.full_scale_dps) <= max(session.lsb_dps or 0.0, 1e-6):
         return limit if heap else None
-    by_noise = Saturation().detect(session.runs, axis) is not None
+    by_noise = detected is not None
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
     if stuck or limit < (session.full_scale_dps or POLICY.least_range_dps):
@@ -196,7 +199,7 @@ def clipped(session: Session, model: Model) -> list[Warning]:
             continue
         count = sum(int(np.count_nonzero(np.abs(r.gyro_dps[:, i]) > level - 1e-6)) for r in session.runs)
         text = (
-            f"{count} readings of {axis} are at {level:.6g} dps, the end of the range: the rate was at least that. "
+            f"{count} readings of {axis} are at {level:.6g} dps or beyond, the end of the range: the rate was at least that. "
             "Record with the next larger range, leave the runs out, or put the limit into the model (gyrocal add saturation)"
         )
         out.append(Warning("clipped", axis, None, text))

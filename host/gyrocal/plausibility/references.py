@@ -8,9 +8,13 @@ import numpy as np
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
+from gyrocal.recording.registration import Lost
 from gyrocal.recording.session import Run, Session
 from gyrocal.recording.smoothing import Smoothed
 from gyrocal.warning import Warning
+
+TOLD = 5
+"""Times of stretches that a warning lists."""
 
 
 def check(session: Session) -> list[Warning]:
@@ -27,6 +31,7 @@ def check(session: Session) -> list[Warning]:
     fit = registered(session).registration_fit
     if fit is None:
         return out
+    out += map(_lost, fit.lost)
     if fit.mirrored:
         text = (
             "the readings follow the reference only as a mirror image: an axis of the sensor or of the reference has the wrong "
@@ -42,6 +47,19 @@ def check(session: Session) -> list[Warning]:
         )
         out.append(Warning("offset_ambiguous", None, None, text))
     return out
+
+
+def _lost(found: Lost) -> Warning:
+    """``reference_jumps`` for stretches in which the reference and the readings show different motions."""
+    times = found.starts_s
+    at_s = ", ".join(f"{t:.1f}" for t in times[:TOLD]) + (" ..." if times.size > TOLD else "")
+    stretches = "one stretch" if times.size == 1 else f"{times.size} stretches"
+    text = (
+        f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {stretches} (at {at_s} s), and usually "
+        f"by {found.usual_dps:.2g} dps. The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, "
+        "are left out. Check markers and tracking"
+    )
+    return Warning("reference_jumps", None, found.file, text)
 
 
 def _noise_unknown(session: Session) -> list[Warning]:

@@ -72,8 +72,13 @@ def _mean(run: Run, axis: int) -> Mean:
     y, rate = run.gyro_dps[:, axis], run.rate_dps
     varies_dps = 0.0 if run.rate_is_mean else float(np.std(rate))
     if varies_dps > POLICY.rest_dps and (varies_dps > POLICY.rate_varies_dps or _follows(y, rate)):
-        y, rate = _shifted(y, rate, lag_samples(y, rate, longest_lag(run)))
-        line, omega_rad_s = _regression(y, rate), _omega_rad_s(run)
+        lag, others = lag_samples(y, rate, longest_lag(run)), _others_dps(run)
+        others = np.array([_shifted(y, other, lag)[1] for other in others])
+        y, rate = _shifted(y, rate, lag)
+        samples = round(POLICY.slow_s * run.sample_rate_hz) if run.three_axes else 1
+        slow = [_block_means(values, samples) for values in (y, rate, *others)]
+        beside = np.array(slow[2:]).reshape(len(others), slow[0].size)
+        line, omega_rad_s = _regression(slow[0], slow[1], beside, _noise_dps(run) / samples**0.5), _omega_rad_s(run)
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0, line.slope, line.slope_se, line.offset_dps, omega_rad_s)
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
@@ -99,11 +104,37 @@ class _Regression(NamedTuple):
     offset_dps: float
 
 
-def _regression(y: Array, rate: Array) -> _Regression:
-    about = rate - rate.mean()
+def _others_dps(run: Run) -> Array:
+    """The true rates about the other axes [2, n], deg/s, against a reference with three axes; else none, [0, n]."""
+    others = [run.about(name).rate_dps for name in AXES if name != run.axis] if run.three_axes else []
+    return np.array(others).reshape(len(others), len(run))
+
+
+def _block_means(values: Array, samples: int) -> Array:
+    """Means of successive blocks of ``samples`` of values [n]; what is left at the end is not used."""
+    samples = max(1, min(samples, values.size // CLUSTERS))
+    return np.asarray(values[: values.size // samples * samples].reshape(-1, samples).mean(axis=1))
+
+
+def _noise_dps(run: Run) -> float:
+    return run.smooth_rate.noise.sd if run.three_axes and run.smooth_rate is not None else 0.0
+
+
+def _regression(y: Array, rate: Array, others: Array, noise_dps: float) -> _Regression:
+    """A straight line of readings [n] over the true rate [n], beside the true rates about other axes [m, n].
+
+    An axis about which the sensor hardly turns reads a little of its large rates about the others, and not always the same. The
+    part of the true rate that is noise of ``noise_dps`` in each sample flattens the line. The standard error contains both.
+    """
+    about, beside = rate - rate.mean(), (others - others.mean(axis=1, keepdims=True)).T
+    about = about - beside @ np.linalg.lstsq(beside, about, rcond=None)[0]
     slope = float(about @ y) / float(about @ about)
-    offset = float(y.mean() - slope * rate.mean())
-    return _Regression(slope, _clustered_se(about, y - offset - slope * rate), offset)
+    left = y - y.mean() - slope * (rate - rate.mean())
+    left = left - beside @ np.linalg.lstsq(beside, left, rcond=None)[0]
+    flattened = min(noise_dps**2 * y.size / float(about @ about), 1.0)
+    leaked = POLICY.leak * float(np.sqrt(np.sum(beside**2) / (about @ about)))
+    se = float(np.linalg.norm([_clustered_se(about, left), flattened, leaked]))
+    return _Regression(slope, se, float(y.mean() - slope * rate.mean()))
 
 
 def _clustered_se(x: Array, residual: Array) -> float:

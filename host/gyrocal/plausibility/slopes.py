@@ -246,7 +246,7 @@ def _one_face(points: list[Mean]) -> Slope | None:
 def _is_in_rad(s: Slope) -> bool:
     turns = abs(s.value) > POLICY.turning_errors * s.se
     by_itself = abs(s.raw * DEG - 1) < POLICY.unit_within and turns and abs(s.value - 1) > POLICY.sign_within
-    return by_itself or abs(s.value * DEG - 1) < POLICY.unit_within
+    return by_itself or (abs(s.value * DEG - 1) < POLICY.unit_within and (turns or s.omega_rad_s == 0.0))
 
 
 def _follows(line: Line, run: Run) -> bool:

@@ -62,7 +62,7 @@ class Gravity:
     movement_misfit_errors: float = threshold(
         4.0, "standard deviations by which the misfit of noise alone must be exceeded for the flag misfit",
         larger="answers with unmodelled effects are trusted", smaller="sound answers are flagged",
-        chosen_by="python benchmarks/hands.py: none of 30 sound sessions exceeds it",
+        chosen_by="gyrocal benchmark references --kind by_hand: none of 30 sound sessions exceeds it",
     )  # fmt: skip
 
     # Guided recording

@@ -55,14 +55,14 @@ class Inference:
         0.2, "correlation of successive block means that may be flicker noise, whatever the samples within blocks show",
         larger="an error of the model that lasts some tenths of a second counts as noise",
         smaller="flicker noise is described as white and drift alone",
-        chosen_by="benchmarks/null_noise.py: flicker noise reaches 0.12, a low-pass at 5 Hz 0.33; stick-slip of a table 0.39",
+        chosen_by="python benchmarks/null_noise.py: flicker noise reaches 0.12, a low-pass at 5 Hz 0.33; stick-slip 0.39",
     )  # fmt: skip
     of_samples: float = threshold(
         4.0, "largest scatter within blocks, relative to that behind a low-pass which explains the correlation of block means, "
         "with which the correlation counts as the low-pass's",
         larger="an error of the model that lasts some tenths of a second counts as noise",
         smaller="a low-pass of another shape than the assumed one is not described",
-        chosen_by="benchmarks/null_noise.py: low-passes have 1.2 to 1.6; stick-slip of a table 17",
+        chosen_by="python benchmarks/null_noise.py: low-passes have 1.2 to 1.6; stick-slip of a table 17",
     )  # fmt: skip
     color_errors: float = threshold(
         3.0, "standard errors from which on a correlation of successive blocks counts as a colour of the noise",

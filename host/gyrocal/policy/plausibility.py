@@ -9,6 +9,7 @@ from gyrocal.policy.threshold import threshold
 SLOPES = "chosen by judgement; pytest tests/plausibility/test_plausible.py holds a session on both sides"
 READINGS = "chosen by judgement; pytest tests/plausibility/test_readings.py holds a session on both sides"
 COLUMNS = "chosen by judgement; pytest tests/plausibility/test_columns.py holds a session on both sides"
+REFERENCES = "chosen by judgement; pytest tests/recording/test_references.py holds a session on both sides"
 EXPLAINED = "chosen by judgement; pytest tests/plausibility/test_explanations.py holds a session on both sides"
 
 
@@ -80,6 +81,49 @@ class Plausibility:
     slope_se: float = threshold(
         0.05, "largest relative standard error of a slope that is judged",
         larger="slow and noisy runs are judged by their noise", smaller="contradictions of slow runs are not reported",
+    )  # fmt: skip
+    slow_s: float = threshold(
+        0.25, "length of the means whose slope is judged against a reference with three axes, s",
+        larger="fast motions are not judged", smaller="the sensor's low-pass and the jitter of both clocks flatten the slope",
+        chosen_by="chosen by judgement: a hand-held sensor followed motion capture with 0.82 at 8 Hz and 0.99 below 1 Hz",
+    )  # fmt: skip
+    leak: float = threshold(
+        0.005, "changing part of the rates about other axes that an axis reads, beside which its slope is judged",
+        larger="an axis about which the sensor turns a little is not judged",
+        smaller="a mount that bends is called a wrong scale of an axis about which the sensor hardly turns",
+        chosen_by=SLOPES,
+    )  # fmt: skip
+    lost_part: float = threshold(
+        0.5, "difference of reference and readings, as a part of the larger, from which on the reference is lost",
+        larger="a tracker that follows late is not reported", smaller="a strong misfit is called a lost reference",
+        chosen_by=REFERENCES,
+    )  # fmt: skip
+    lost_times: float = threshold(
+        20.0, "that difference over its median in the run",
+        larger="a reference that is often lost is not reported", smaller="fast motions are called a lost reference",
+        chosen_by=REFERENCES,
+    )  # fmt: skip
+    lost_dps: float = threshold(
+        20.0, "smallest such difference, dps", larger="losses in slow motions are not reported",
+        smaller="a dead band is called a lost reference", chosen_by=REFERENCES,
+    )  # fmt: skip
+    lost_samples: int = threshold(
+        3, "samples of the shortest such stretch", larger="short losses are not reported",
+        smaller="single wrong readings are called a lost reference", chosen_by=REFERENCES,
+    )  # fmt: skip
+    lost_beside_s: float = threshold(
+        0.1, "time on either side of such a stretch that is left out with it, s", larger="short runs lose much of themselves",
+        smaller="the smoothed reference beside a loss is fitted", chosen_by=REFERENCES,
+    )  # fmt: skip
+    lost_most: float = threshold(
+        0.3, "part of a run above which it is not clear whether the reference or the sensor is wrong, and all is used",
+        larger="a sensor that fails is fitted where it works", smaller="a tracker that often fails spoils the fit",
+        chosen_by=REFERENCES,
+    )  # fmt: skip
+    near_end: float = threshold(
+        0.98, "part of an axis's largest reading from which on a reading does not count here, because it may be clipped",
+        larger="clipping is called a lost reference", smaller="losses in fast motions are not reported",
+        chosen_by=REFERENCES,
     )  # fmt: skip
     agree_dps: float = threshold(
         0.3, "deviation from a line up to which runs agree on it, dps, besides `agree` of their rate",

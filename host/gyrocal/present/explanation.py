@@ -70,7 +70,11 @@ def open_words(one: Open) -> str:
 def conclusion(e: Explanation) -> str:
     """The verdict on the final model in one or two sentences."""
     if e.verdict == "add" and e.last.best is not None:
-        return f"Stopped after {len(e.steps)} steps; {e.last.best.effect.id} on {e.last.best.axis} is still missing."
+        best = f"{e.last.best.effect.id} on {e.last.best.axis}"
+        steps = "1 step" if len(e.steps) == 1 else f"{len(e.steps)} steps"
+        if e.limited:
+            return f"Stopped after {steps}, as many as were allowed; {best} is still missing."
+        return f"What is left over is no mere noise. It resembles {best}, but the error of held-out data does not fall with it."
     if e.verdict == "adequate" and not e.steps:
         return "Nothing is missing: what is left over is noise."
     if e.verdict == "adequate":

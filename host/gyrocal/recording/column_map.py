@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from gyrocal.errors import InputError, did_you_mean
-from gyrocal.recording.session import AXES
+from gyrocal.recording.run import AXES
 from gyrocal.recording.table import OPTIONAL, REQUIRED
 
 TARGETS = (*REQUIRED, *OPTIONAL)

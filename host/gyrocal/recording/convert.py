@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -13,7 +13,7 @@ from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Booleans, Source
 from gyrocal.recording.stamps import goes_back, in_bursts, regression
-from gyrocal.recording.table import REQUIRED
+from gyrocal.recording.table import REQUIRED, all_finite
 from gyrocal.recording.timing import smoothing_spline
 from gyrocal.warning import Warning
 
@@ -43,12 +43,12 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
 
     InputError where more than a few rows hold no number in a column that every sample has.
     """
-    kept = np.flatnonzero(~source.blank())
+    kept = _where_not(source.blank())
     values = {m.target: _rows(source.numbers(m), kept) for m in mappings}
     text = {m.target: _rows(source.has_text(m), kept) for m in mappings}
-    lacking = {m.target: np.isnan(values[m.target]) for m in mappings if m.target in REQUIRED}
-    bad = np.any(list(lacking.values()), axis=0)
-    footer = np.all(list(lacking.values()), axis=0) & (np.any(list(text.values()), axis=0) | _after_last(~bad))
+    lacking = {m.target: _missing(values[m.target]) for m in mappings if m.target in REQUIRED}
+    bad = np.any([rows for rows in lacking.values() if rows.any()] or [np.zeros(kept.size, dtype=bool)], axis=0)
+    footer = bad if not bad.any() else _footer(bad, list(lacking.values()), list(text.values()))
     damaged = bad & ~footer
     _check_few(source, mappings, kept, damaged, lacking)
     cells = 0
@@ -57,7 +57,7 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
             wrong = text[m.target] & ~bad
             _check_few(source, [m], kept, wrong, {m.target: wrong})
             cells += int(wrong.sum())
-    good = np.flatnonzero(~bad)
+    good = _where_not(bad)
     columns = {name: _rows(column, good) for name, column in values.items()}
     if "t_s" not in columns and rate_hz is not None:
         columns["t_s"] = good / rate_hz
@@ -67,9 +67,23 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
     return Converted(columns, good, damage, int(bad.sum()), cells)
 
 
+def _missing(column: Array) -> Booleans:
+    return np.zeros(column.size, dtype=bool) if all_finite(column) else np.isnan(column)
+
+
 def _rows(column: np.ndarray[Any, Kind], rows: Index) -> np.ndarray[Any, Kind]:
     """These rows, in order, of a column; the column itself where they are all."""
     return column if rows.size == column.size else column[rows]
+
+
+def _where_not(rows: Booleans) -> Index:
+    """The places of the rows [n] that are not marked."""
+    return np.flatnonzero(~rows) if rows.any() else np.arange(rows.size)
+
+
+def _footer(bad: Booleans, lacking: Sequence[Booleans], text: Sequence[Booleans]) -> Booleans:
+    """The rows that hold no number at all but text, or stand after the last sample."""
+    return np.all(lacking, axis=0) & (np.any(text, axis=0) | _after_last(~bad))
 
 
 def _after_last(good: Booleans) -> Booleans:
@@ -137,13 +151,14 @@ def unwrapped(angle_deg: Array) -> Array:
     return out
 
 
-def even(t_s: Array, where: str, file: str) -> tuple[Array, Warning | None]:
-    """Times [n], s: unchanged, or by regression with a warning if they repeat or come in bursts."""
+def even(t_s: Array, where: Callable[[int], str], file: str) -> tuple[Array, Warning | None]:
+    """Times [n], s: unchanged, or by regression with a warning if they repeat or come in bursts; ``where`` names a sample."""
     if not in_bursts(t_s):
         return t_s, None
     if goes_back(t_s) or t_s[-1] <= t_s[0]:
+        repeated = int(np.argmax(np.diff(t_s) <= 0)) + 1
         raise InputError(
-            f"{where}: time repeats or goes back; cut it with --run, or number the samples with --rate-hz and no t_s"
+            f"{where(repeated)}: time repeats or goes back; cut it with --run, or number the samples with --rate-hz and no t_s"
         )
     stamps = regression(t_s)
     lost = f", {stamps.lost} samples are missing" if stamps.lost else ""

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gyrocal.errors import InputError, first_line
+from gyrocal.errors import InputError
+from gyrocal.files import UNREADABLE, why_unreadable
 from gyrocal.recording.header import RunEntry
 
 _META_NAMES = {"rate": "table_rate_dps", "turn": "turn_deg"}
@@ -107,8 +108,8 @@ def read_sections(path: Path) -> list[Cut]:
     """Cuts from JSON, ``{"name": {"start": row, "end": row}, ...}``; the end is the first row not taken."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {first_line(error)}") from None
+    except UNREADABLE as error:
+        raise InputError(f"{path}: {why_unreadable(error)}") from None
     if not isinstance(content, dict) or not content:
         raise InputError(f'{path}: want {{"name": {{"start": row, "end": row}}, ...}}')
     cuts = []

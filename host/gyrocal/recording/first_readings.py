@@ -20,9 +20,10 @@ def first_apart(y_dps: Array, step_dps: float, least_dps: float = 0.0) -> Array:
     nothing = np.zeros(min(FIRST, y_dps.size))
     if y_dps.size < FIRST + FOLLOWING:
         return nothing
-    index = np.arange(FIRST + FOLLOWING, dtype=float)
-    line = np.polynomial.Polynomial.fit(index[FIRST:], y_dps[FIRST : index.size], 1)
-    left = y_dps[: index.size] - line(index)
+    index = np.arange(FIRST + FOLLOWING) - (FIRST + (FOLLOWING - 1) / 2)
+    line = y_dps[FIRST : index.size]
+    slope = float(index[FIRST:] @ line / (index[FIRST:] @ index[FIRST:]))
+    left = y_dps[: index.size] - (line.mean() + slope * index)
     noise = float(np.sqrt(np.mean(left[FIRST:] ** 2)))
     least = STANDS_OFF * noise + STANDS_OFF_STEPS * step_dps + least_dps
     return np.where(np.abs(left[:FIRST]) > least, left[:FIRST], 0.0) if noise > 0 and abs(left[0]) > least else nothing

@@ -19,6 +19,8 @@ GYRO = r"gyro(?:scope)?s?|gyrs?|gyr_rad_s|g|w|omega|angular_?velocity|angular_?r
 ACCELERATION = r"acc|accel|accelerometer|acceleration|a|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2"
 TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
+TRACKER = r"ref|reference|truth|gt|ground_?truth|vicon|optitrack|mocap|qualisys|optical"
+"""Words of an orientation that another instrument measured: a sensor's own estimate of it is no reference."""
 RATE = r"rate|speed|velocity|vel|omega|w|angular_?rate|angular_?velocity"
 ANGLE = r"angle|position|pos|deg|degs|rad|rads|phi|theta"
 UNIT_WORDS = {
@@ -84,7 +86,10 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
     if "temp_c" not in found:
         _add(found, _temperature(source))
     if reference and not {"rate_ref_dps", "ref_angle_deg", "ref_x_dps", "ref_qw"} & set(found):
-        _add(found, _reference(source, found))
+        for guessed in _orientation(source):
+            _add(found, guessed)
+        if "ref_qw" not in found:
+            _add(found, _reference(source, found))
     return sorted(found.values(), key=lambda g: TARGETS.index(g.map.partition("=")[0]))
 
 
@@ -201,6 +206,22 @@ def _temperature(source: Source) -> Guess | None:
             continue
         return Guess(f"temp_c={name}:{unit}", "the unit is in its name" if stated else f"about {middle:.4g}")
     return None
+
+
+def _orientation(source: Source) -> list[Guess]:
+    """The four columns of a unit quaternion that a tracker measured; none if they are not there or not of length 1."""
+    names = []
+    for part in "wxyz":
+        named = rf"(?:.*[/._ ])?(?:{TRACKER})[/._ ]?(?:orientation|quaternion|quat|rotation|q)?[/._ ]?{part}"
+        names += [name for name in source.frame.columns if re.fullmatch(named, _bare(name)[0])][:1]
+    if len(names) < 4:
+        return []
+    size = np.sqrt(sum(source.numbers(ColumnMap("ref_qw", name)) ** 2 for name in names))
+    size = size[np.isfinite(size) & (size > 0)]
+    if not size.size or abs(float(np.median(size)) - 1) > 0.01:
+        return []
+    why = "the true orientation: its length is 1"
+    return [Guess(f"ref_q{part}={name}", why) for part, name in zip("wxyz", names, strict=True)]
 
 
 def _reference(source: Source, found: Mapping[str, Guess]) -> Guess | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +11,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gyrocal.errors import InputError
-from gyrocal.files import replace_text
+from gyrocal.files import read_toml, replace_text
 
 FORMAT = "gyrocal-session/1"
 Axis = Literal["x", "y", "z"]
@@ -93,14 +92,9 @@ class SessionFile(BaseModel):
 def read_header(folder: Path) -> SessionFile:
     """Parse and check ``session.toml``."""
     path = folder / "session.toml"
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; a session is a folder with session.toml and a table a run") from None
-    except NotADirectoryError:
-        raise InputError(f"{folder}: not a folder; a session is a folder with session.toml and a table a run") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: {error}") from None
+    if folder.is_file():
+        raise InputError(f"{folder}: not a folder; a session is a folder with session.toml and a table a run")
+    raw = read_toml(path, "no such file; a session is a folder with session.toml and a table a run")
     if raw.get("format") != FORMAT:
         raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")
     try:

@@ -23,7 +23,7 @@ from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamps import goes_back, period_s
-from gyrocal.recording.table import REQUIRED, check_table, write_table
+from gyrocal.recording.table import REQUIRED, all_finite, check_table, write_table
 from gyrocal.warning import Warning
 
 SAME_RATE = 0.02
@@ -301,9 +301,8 @@ def _run(
         raise InputError(f"{source.label}: run {cut.name}: its rows do not hold two samples of {height}")
     columns = {name: values[start:end] for name, values in table.columns.items()}
     file = f"{cut.name}.csv"
-    steps = np.flatnonzero(np.diff(columns["t_s"]) <= 0)
-    where = source.row(int(table.entry[start + (steps[0] + 1 if steps.size else 0)]))
-    columns["t_s"], warning = even(columns["t_s"] - columns["t_s"][0], where, file)
+    t_s = columns["t_s"]
+    columns["t_s"], warning = even(t_s - t_s[0], lambda repeated: source.row(int(table.entry[start + repeated])), file)
     if warning is not None:
         warn(warning)
     if any(m.is_angle_of_rate for m in mappings):
@@ -340,7 +339,8 @@ def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Referenc
 
 
 def _frame(columns: Mapping[str, Array]) -> pl.DataFrame:
-    return pl.DataFrame({name: columns[name] for name in TARGETS if name in columns}).fill_nan(None)
+    frame = pl.DataFrame({name: columns[name] for name in TARGETS if name in columns})
+    return frame if all(map(all_finite, columns.values())) else frame.fill_nan(None)
 
 
 def _place(table: Converted, edge: Edge | None, default: int) -> int:

@@ -48,12 +48,16 @@ class MeasuredRates:
     left_deg: Array | None = None
     """Of one measured angle, whose slopes the rates are: the angle minus the smooth curve through it, [n], deg."""
     interpolated: bool = False
-    """True if missing samples lie on the line between those that are there: a table's encoder may be slower than the sensor."""
+    """True if missing samples lie on a curve through those that are there: a table's encoder may be slower than the sensor."""
 
     @property
     def three_axes(self) -> bool:
         """True if the reference measures the rate about three axes."""
         return self.rates_dps.shape[1] == 3
+
+    def without(self, samples: Mask) -> MeasuredRates:
+        """The rates without those of some samples [n]."""
+        return replace(self, rates_dps=np.where(samples[:, None], np.nan, self.rates_dps))
 
     @cached_property
     def known(self) -> Mask:
@@ -132,7 +136,12 @@ def _together(column: Column, names: tuple[str, ...], label: str) -> Array | Non
 
 
 def _of_orientation(t_s: Array, quaternion: Array, label: str) -> MeasuredRates:
-    known = np.asarray(np.isfinite(quaternion).all(axis=1))
+    known = np.asarray(np.isfinite(quaternion).all(axis=1) & quaternion.any(axis=1))  # zeros: the tracker saw nothing
+    if not known.any():
+        raise InputError(
+            f"{label}: no row has an orientation. Leave out ref_qw, ref_qx, ref_qy, ref_qz and give the run's true rate: "
+            "table_rate_dps = 0 if it was at rest (--rate 0 when importing)"
+        )
     return _of_steps(t_s, known, lambda rows: turned_deg(quaternion[rows], label))[0]
 
 

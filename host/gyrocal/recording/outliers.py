@@ -37,12 +37,12 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
 
 def spread_of(level: Array, apart: Array, step_dps: float) -> float:
     """Standard deviation of the noise about a reading's neighbours, deg/s, not affected by outliers."""
-    from scipy.stats import norm
+    from scipy.special import ndtri
 
     spread = 1.4826 * float(np.median(np.abs(level)))
     moved = float(np.mean(np.abs(apart) > step_dps / 2))
     if step_dps > 0 and 0 < moved < 0.5:  # coarse counts: the noise that takes so many over the edge of a count at the least
-        spread = max(spread, step_dps / 2 / float(norm.isf(moved / 2)))
+        spread = max(spread, step_dps / 2 / -float(ndtri(moved / 2)))
     return spread
 
 

@@ -2,7 +2,8 @@
 
 At each offset on a grid, the linear map from the reference to the readings that leaves least is known from their
 cross-correlations, whatever the rotation is. The best offsets are refined by Gauss-Newton steps over longer and longer parts of
-the recording, in which a clock that runs fast shows. The rotation is the orthogonal factor of the map.
+the recording, in which a clock that runs fast shows. The rotation is found beside scale and
+misalignment, from the start that solves Wahba's problem.
 :mod:`gyrocal.inference.registering` refines all of it together with the noise.
 """
 
@@ -16,8 +17,16 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.recording.lost import lost
 from gyrocal.recording.measured_rates import MeasuredRates
-from gyrocal.recording.registration import ReferenceParameter, Registration, RegistrationFit, nearest_rotation, rotation_deg
+from gyrocal.recording.registration import (
+    ReferenceParameter,
+    Registration,
+    RegistrationFit,
+    nearest_rotation,
+    rotation_deg,
+    structured,
+)
 from gyrocal.recording.session import Run, Session
 from gyrocal.recording.timing import SYNCHRONOUS
 
@@ -39,6 +48,13 @@ AMBIGUOUS = 3.0
 """Another offset is an alternative if its mean square exceeds the best one's by less than this many of its standard errors."""
 WORSE = 0.5
 """A reference is too late if a later offset leaves less than this part of what the best allowed one leaves."""
+CAUCHY = 2.4
+"""Scale of Cauchy's loss in medians of the difference: 95 % efficient for Gaussian noise."""
+NOISE_ERRORS = 10.0
+"""Products of readings and reference below this many standard errors of white noise show no rotation."""
+ROTATIONS = 5
+"""Gauss-Newton steps from Wahba's rotation to that beside scale and misalignment."""
+PAIRS = ((0, 1), (0, 2), (1, 2))
 LEAST_EXPLAINED = 0.5
 """Smallest fraction of the readings' power that an additional offset must explain."""
 
@@ -55,7 +71,10 @@ def registered(session: Session) -> Session:
         return session
     search = _Search([_Reading.of(r) for r in _thinned(runs)])
     fit = search.fit(own_clock)
-    return replace(session.with_runs(r.registered(fit.registration) for r in session.runs), registration_fit=fit)
+    moved = [r.registered(fit.registration) for r in session.runs]
+    gone = {found.file: found for r in moved if r.three_axes and (found := lost(r)) is not None}
+    seen = [r.without_reference(gone[r.file].samples) if r.file in gone else r for r in moved]
+    return replace(session.with_runs(seen), registration_fit=replace(fit, lost=tuple(gone.values())))
 
 
 def _thinned(runs: Sequence[Run]) -> list[tuple[Run, int]]:
@@ -88,6 +107,13 @@ class _Reading:
         return self.reference.motions[0].reached(at_s, SYNCHRONOUS)
 
     @cached_property
+    def noise(self) -> float:
+        """The mean square of what smoothing removed from that of the reference's rates from which it removed most, dps^2."""
+        known = self.reference.known
+        smooth = self.rates(self.reference.t_s[known])
+        return float(np.max(np.mean((self.reference.rates_dps[known] - smooth) ** 2, axis=0)))
+
+    @cached_property
     def middle_s(self) -> float:
         """The time about which the motion is strongest, s."""
         power = np.cumsum(np.sum(self.rates(self.t_s) ** 2, axis=1))
@@ -96,14 +122,44 @@ class _Reading:
 
 @dataclass(frozen=True)
 class _Trial:
-    """Least squares at one offset and drift: the map [a, k], the mean square that is left, and the next step of both."""
+    """Least squares at one offset and drift: the mean square left, by axis in ``squares`` [a], and the next step of both.
+
+    ``cross`` [a, k] and ``power`` [k, k] are the mean products of the readings and of the reference with the reference, dps^2;
+    ``noise`` is the reference's noise, which flattens the map, ``readings`` the readings' mean square, over all axes.
+    """
 
     offset_s: float
     drift: float
-    map: Array
     square: float
     step: Array
     samples: int
+    squares: Array
+    cross: Array
+    power: Array
+    noise: float
+    readings: float
+
+    def rotation(self) -> tuple[Array, bool]:
+        """The rotation [3, 3] and whether the readings follow the reference only as its mirror image.
+
+        It starts from Wahba's problem, in which each direction counts by how much the sensor moves in it. A rotation that the
+        motion does not show, such as one about the only axis of motion, is the smallest one there.
+        """
+        from scipy.linalg import block_diag
+
+        noise = NOISE_ERRORS * np.sqrt(self.square * max(float(np.linalg.eigvalsh(self.power)[0]), 0.0) / self.samples)
+        rotation, proper = nearest_rotation(self.cross + noise * np.eye(3))
+        sizes = np.linalg.svd(self.cross, compute_uv=False)
+        left = [self.readings - (sizes @ [1, 1, sign]) ** 2 / np.trace(self.power) for sign in (1, -1)]
+        inverse = np.linalg.pinv(self.power, rcond=1e-9)
+        flattened = inverse * self.noise
+        known = [np.linalg.pinv(inverse * left / self.samples + flattened @ flattened.T) for left in self.squares]
+        for _ in range(ROTATIONS):
+            weight = block_diag(*(rotation @ of_axis @ rotation.T for of_axis in known))
+            off = self.cross @ inverse @ rotation.T - np.eye(3)
+            step = structured(weight, weight @ off.reshape(-1), PAIRS)
+            rotation = Registration(tuple(np.rad2deg(step.rotation))).matrix @ rotation
+        return rotation, not proper and left[0] < WORSE * left[1]
 
 
 class _Search:
@@ -117,16 +173,18 @@ class _Search:
         drifts = own_clock and self.longest_s >= FIRST_S
         if own_clock:
             best, alternatives = self._timed(drifts)
-        rotation, proper = nearest_rotation(best.map) if best.map.shape[0] == 3 else (np.eye(3), True)
+        best = self.trial(best.offset_s, best.drift, self.longest_s, robust=True)
+        turning = best.cross.shape[0] == 3
+        rotation, mirrored = best.rotation() if turning else (np.eye(3), False)
         registration = Registration(rotation_deg(rotation), best.offset_s, best.drift)
         angles_deg = zip("xyz", registration.rotation_deg, strict=True)
         parameters = [ReferenceParameter("alignment", f"r{a}_deg", angle, None) for a, angle in angles_deg]
-        parameters = parameters if best.map.shape[0] == 3 else []
+        parameters = parameters if turning else []
         if own_clock:
             parameters.append(ReferenceParameter("time_offset", "offset_s", best.offset_s, None))
         if drifts:
             parameters.append(ReferenceParameter("clock_drift", "e", best.drift, None))
-        return RegistrationFit(registration, tuple(parameters), alternatives, not proper)
+        return RegistrationFit(registration, tuple(parameters), alternatives, mirrored)
 
     def _timed(self, drifts: bool) -> tuple[_Trial, tuple[float, ...]]:
         starts = self._starts_s()
@@ -142,8 +200,11 @@ class _Search:
             span_s = min(2 * span_s, self.longest_s)
         return best, tuple(sorted(o for o in others if abs(o) <= LATEST_S))
 
-    def trial(self, offset_s: float, drift: float, span_s: float) -> _Trial:
-        """Least squares of the readings on the reference, with an offset of each run, over ``span_s`` about the motion."""
+    def trial(self, offset_s: float, drift: float, span_s: float, *, robust: bool = False) -> _Trial:
+        """Least squares of the readings on the reference, with an offset of each run, over ``span_s`` about the motion.
+
+        ``robust``: samples that lie far off count less (Cauchy's loss), as where a tracker lost the sensor.
+        """
         a = self.readings[0].y_dps.shape[1]
         parts = []
         for r in self.readings:
@@ -158,13 +219,24 @@ class _Search:
         y, w, slope, late = (np.concatenate([p[i] for p in parts]) for i in range(4))
         found = np.linalg.lstsq(w, y, rcond=None)[0]
         left = y - w @ found
+        if robust:
+            for _ in range(ROUNDS):
+                off = np.linalg.norm(left, axis=1)
+                root = 1 / np.hypot(1.0, off / (CAUCHY * np.median(off) + 1e-300))[:, None]
+                found = np.linalg.lstsq(root * w, root * y, rcond=None)[0]
+                left = y - w @ found
+            root = root / np.sqrt(np.mean(root**2))
+            y, w, left = root * y, root * w, root * left
         columns = np.stack([-(slope @ found), late @ found], axis=-1)  # by offset and by drift, [n, a, 2]
         columns = columns - columns.mean(axis=0)
         columns -= np.einsum("nk,kac->nac", w, np.linalg.lstsq(w, columns.reshape(len(w), -1), rcond=None)[0].reshape(-1, a, 2))
         size = np.sqrt(np.sum(columns**2, axis=(0, 1))) + 1e-300
         step = np.linalg.lstsq(columns.reshape(-1, 2) / size, left.reshape(-1), rcond=1e-9)[0] / size
         only_offset = float(columns[..., 0].reshape(-1) @ left.reshape(-1)) / size[0] ** 2
-        return _Trial(offset_s, drift, found.T, float(np.mean(left**2)), np.array([*step, only_offset]), left.size)
+        return _Trial(
+            offset_s, drift, float(np.mean(left**2)), np.array([*step, only_offset]), left.size, np.mean(left**2, axis=0),
+            y.T @ w / len(w), w.T @ w / len(w), max(r.noise for r in self.readings), float(np.sum(y**2)) / len(y),
+        )  # fmt: skip
 
     def _refined(self, trial: _Trial, span_s: float, drifts: bool) -> _Trial:
         """Gauss-Newton steps, halved until the mean square falls."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -52,17 +53,31 @@ class ReferenceParameter(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Lost:
+    """The stretches of a run in which its reference shows another motion than the sensor: the samples [n]
+    in or beside them, where they begin, s, their part of the run, and how far both differ there and usually, deg/s."""
+
+    file: str
+    samples: np.ndarray[Any, np.dtype[np.bool_]]
+    starts_s: Array
+    part: float
+    largest_dps: float
+    usual_dps: float
+
+
+@dataclass(frozen=True)
 class RegistrationFit:
     """A registration that was estimated from the readings.
 
     ``alternatives_s`` are other offsets that fit a repeated motion as well. ``mirrored`` is True if the readings follow the
-    reference only as a mirror image.
+    reference only as a mirror image. The reference is left out in ``lost``.
     """
 
     registration: Registration
     parameters: tuple[ReferenceParameter, ...] = ()
     alternatives_s: tuple[float, ...] = ()
     mirrored: bool = False
+    lost: tuple[Lost, ...] = ()
 
 
 def rotation_deg(matrix: Array) -> tuple[float, float, float]:
@@ -81,3 +96,42 @@ def nearest_rotation(matrix: Array) -> tuple[Array, bool]:
     u, _, vt = np.linalg.svd(matrix)
     sign = float(np.sign(np.linalg.det(u @ vt)))
     return np.asarray(u @ np.diag([1.0, 1.0, sign]) @ vt), sign > 0
+
+
+SCALE_SD, MISALIGNMENT_SD = 0.05, 0.03
+"""Standard deviations of scale and misalignment before the data speak: consumer parts have 1-3 % and 1-2 %."""
+
+
+class Structure(NamedTuple):
+    """A small rotation [3], rad, and further parameters [m], with their covariance [3 + m, 3 + m], inf if unknown."""
+
+    rotation: Array
+    others: Array
+    cov: Array
+
+
+def structured(information: Array, score: Array, pairs: Sequence[tuple[int, int]]) -> Structure:
+    """The small rotation in a map of rates near the unit matrix, by generalised least squares.
+
+    ``information`` [9 + m, 9 + m] and ``score`` [9 + m] are those of the map minus I, row by row, and of m further parameters.
+    The map is a scale of each axis, a rotation, and between the axes of ``pairs`` also a symmetric part, the misalignment. What
+    one axis shows of the rotation about another counts by how well it is known. Where the sensor hardly turns about some axis,
+    only sums of these parts show, and scale and misalignment are taken to be small.
+    """
+    m = score.size - 9
+    kinds = np.zeros((9 + m, 6 + m + len(pairs)))  # rotation, further parameters, scale, misalignment
+    for k, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
+        kinds[3 * row + column, k], kinds[3 * column + row, k] = 1.0, -1.0
+    kinds[9:, 3 : 3 + m] = np.eye(m)
+    kinds[[0, 4, 8], [3 + m, 4 + m, 5 + m]] = 1.0
+    for k, (i, j) in enumerate(pairs):
+        kinds[[3 * i + j, 3 * j + i], 6 + m + k] = 1.0
+    normal = kinds.T @ information @ kinds
+    shown = np.diag(normal) > 0
+    normal[np.diag_indices(len(normal))] += [0.0] * (3 + m) + [SCALE_SD**-2] * 3 + [MISALIGNMENT_SD**-2] * len(pairs)
+    seen = np.flatnonzero(shown)
+    cov = np.diag(np.where(shown, 0.0, np.inf))
+    cov[np.ix_(seen, seen)] = np.linalg.inv(normal[np.ix_(seen, seen)])
+    found = np.zeros(len(normal))
+    found[seen] = cov[np.ix_(seen, seen)] @ (kinds.T @ score)[seen]
+    return Structure(found[:3], found[3 : 3 + m], cov[: 3 + m, : 3 + m])

@@ -13,12 +13,12 @@ import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.recording.header import Axis, Face, Reference
-from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
+from gyrocal.recording.measured_rates import GAP_STEPS, MeasuredRates, measured_rates
 from gyrocal.recording.registration import Registration
 from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
 from gyrocal.recording.stamps import in_bursts, regression, weights
 from gyrocal.recording.table import check_table, read_table_and_damage
-from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing
+from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing, between
 
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
@@ -69,6 +69,8 @@ class Run:
     """The timing of the reading relative to the reference; ``rate_dps`` is the true rate with this timing."""
     registration: Registration = field(default_factory=Registration)
     """The reference's frame and clock relative to the sensor's."""
+    lost: np.ndarray[Any, np.dtype[np.bool_]] | None = field(default=None, compare=False)
+    """True for the samples [n] whose reference is left out, because it shows another motion than the sensor's."""
 
     @property
     def axis_index(self) -> int:
@@ -154,14 +156,14 @@ class Run:
     def rate_dps(self) -> Array:
         """True rate about the run's axis in the sensor's sign, shape [n], deg/s, with the reference's noise.
 
-        From the reference where the file has one (cells that are missing lie on the line between those that are there: an
-        encoder may be slower than the gyroscope), else the table's rate; for a run known by its angle alone, the mean
-        rate ``turn_deg / duration`` (only its integral is meaningful; see :attr:`rate_is_mean`).
+        From the reference where the file has one, else the table's rate. Missing cells of the reference lie on a smooth curve
+        through those that are there, because an encoder may be slower than the gyroscope, and in a gap on a line. For a run
+        known by its angle alone, it is the mean rate ``turn_deg / duration`` (only its integral is meaningful; see
+        :attr:`rate_is_mean`).
         """
         reference = self.reference_dps
         if reference is not None:
-            known = np.isfinite(reference)
-            rate_dps = reference if known.all() else np.interp(self.sample_s, self.sample_s[known], reference[known])
+            rate_dps = _filled(self.sample_s, reference)
             if self.timing != SYNCHRONOUS and self.motion is not None:
                 rate_dps = rate_dps + self.motion.rate_dps(self.sample_s, self.timing) - self.motion.rate_dps(self.sample_s)
             return rate_dps
@@ -174,7 +176,8 @@ class Run:
     @cached_property
     def measured_rates(self) -> MeasuredRates | None:
         """The reference in its own frame and by its own clock; None if the rate is not measured but known."""
-        return measured_rates(self.column, self.sample_s, self.file)
+        found = measured_rates(self.column, self.sample_s, self.file)
+        return found if found is None or self.lost is None else found.without(self.lost)
 
     @cached_property
     def reference_dps(self) -> Array | None:
@@ -201,6 +204,10 @@ class Run:
     def registered(self, registration: Registration) -> Run:
         """The run with its reference in another frame or by another clock."""
         return self if registration == self.registration else self._sharing(OF_FILE, registration=registration)
+
+    def without_reference(self, samples: np.ndarray[Any, np.dtype[np.bool_]]) -> Run:
+        """The run without the reference of some samples [n]."""
+        return self._sharing((name for name in OF_FILE if name != "measured_rates"), lost=samples)
 
     def _sharing(self, names: Iterable[str], **changes: Any) -> Run:
         """A changed run that keeps what this one has read or computed under these names."""
@@ -260,7 +267,7 @@ class Run:
 
     @property
     def _recorded(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """True for the samples [n] with a reference; for all of them if the reference is interpolated linearly."""
+        """True for the samples [n] with a reference; for all of them if the reference is interpolated."""
         measured, rate_dps = self.measured_rates, self.reference_dps
         if measured is None or rate_dps is None or (measured.interpolated and self.registration.same_clock):
             return np.ones(len(self), dtype=bool)
@@ -313,4 +320,16 @@ class Run:
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
             table_rate_se_dps=self.table_rate_se_dps, reference=self.reference, smooth=self.smooth,
             registration=self.registration.from_later(float(self.sample_s[start] - self.sample_s[0])),
+            lost=None if self.lost is None else self.lost[start:stop],
         )  # fmt: skip
+
+
+def _filled(t_s: Array, rate_dps: Array) -> Array:
+    """A reference's rate [n] at times [n], s, with its missing cells filled: on a smooth curve, and in gaps on a line."""
+    known = np.isfinite(rate_dps)
+    if known.all():
+        return rate_dps
+    known_s, values = t_s[known], rate_dps[known]
+    usual_s = float(np.median(np.diff(known_s))) if known_s.size > 1 else 0.0
+    curve = between(known_s, values, t_s, GAP_STEPS * usual_s)
+    return np.where(np.isfinite(curve), curve, np.interp(t_s, known_s, values))

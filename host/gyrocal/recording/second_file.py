@@ -14,6 +14,7 @@ from gyrocal.recording.column_map import QUATERNION, REFERENCES, ColumnMap, Scal
 from gyrocal.recording.convert import convert, even, rate_of
 from gyrocal.recording.session import Array
 from gyrocal.recording.stamps import typical_step_s
+from gyrocal.recording.timing import between
 
 REACH = 3.0
 """Steps of the reference. A moment between two samples of it that are further apart has no reference."""
@@ -43,7 +44,7 @@ class SecondFile:
         source = readers.read(self.path, [m.column for m in mappings], topic=self.topic)
         source.check_has([m.column for m in mappings])
         columns = dict(convert(source, mappings, scaling.rate_hz).columns)
-        times, _ = even(columns.pop("t_s"), str(self.path), self.path.name)
+        times, _ = even(columns.pop("t_s"), lambda _: str(self.path), self.path.name)
         if "rate_ref_dps" in columns and by_target["rate_ref_dps"].is_angle_of_rate:
             columns["rate_ref_dps"] = rate_of(times, columns["rate_ref_dps"])
         apart_s = source.start_s(by_target["t_s"]) - start_s
@@ -58,7 +59,7 @@ class SecondFile:
 
 
 def _at(t_s: Array, known_s: Array, columns: dict[str, Array]) -> dict[str, Array]:
-    """Columns at ``known_s`` on the lines between them at ``t_s``; quaternions turn the shorter way and keep their length."""
+    """Columns at ``known_s``, taken at ``t_s`` on smooth curves. Quaternions turn the shorter way and keep their length."""
     if set(QUATERNION) <= set(columns):
         q = np.column_stack([columns[name] for name in QUATERNION])
         dots = np.nansum(q[1:] * q[:-1], axis=1)
@@ -70,10 +71,7 @@ def _at(t_s: Array, known_s: Array, columns: dict[str, Array]) -> dict[str, Arra
         at = np.isfinite(values)
         if at.sum() < 2:
             raise InputError(f"--ref-map: {name}: fewer than two numbers")
-        x, y = known_s[at], values[at]
-        right = np.clip(np.searchsorted(x, t_s), 1, x.size - 1)
-        near = (x[right] - x[right - 1] < REACH * step_s) & (t_s >= x[0]) & (t_s <= x[-1])
-        out[name] = np.where(near, np.interp(t_s, x, y), np.nan)
+        out[name] = between(known_s[at], values[at], t_s, REACH * step_s)
     if set(QUATERNION) <= set(out):
         norm = np.sqrt(sum(out[name] ** 2 for name in QUATERNION))
         out.update({name: out[name] / norm for name in QUATERNION})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -67,7 +68,7 @@ class Session(Shown):
             made_on=None if header.made_on is None else str(header.made_on),
         )
         for run in session.runs:
-            if run.path is not None and not run.path.is_file():
+            if run.path is not None and not os.path.isfile(run.path):  # False too for a name that no file can have
                 raise InputError(f"{folder / run.file}: no such file (named by {folder / 'session.toml'})")
             if check:
                 _check_rate_known(run)

@@ -13,6 +13,7 @@ import polars as pl
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
+from gyrocal.recording.table import all_finite
 
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 TOO_LONG = "in a row of too many cells"
@@ -56,8 +57,10 @@ class Source:
                 return _finite((whole - first).cast(pl.Float64)) * mapping.factor
         values = _finite(_as_float(column))
         if mapping.target == "t_s":
-            known = values[np.isfinite(values)]
-            values = values - (known[0] if known.size else 0.0)
+            first = values[0] if values.size and np.isfinite(values[0]) else next(iter(values[np.isfinite(values)]), 0.0)
+            values = values - first if first else values
+        if mapping.factor == 1.0 and mapping.offset == 0.0:
+            return values
         return values * mapping.factor + mapping.offset
 
     def start_s(self, mapping: ColumnMap) -> float:
@@ -68,14 +71,15 @@ class Source:
     def has_text(self, mapping: ColumnMap) -> Booleans:
         """The entries [n] whose cell is neither a number nor stands for a missing one."""
         column = self.frame[mapping.column]
-        wrong = _as_float(column).is_null()
-        if column.dtype != pl.String or not wrong.any():
+        if column.dtype != pl.String or not (wrong := _as_float(column).is_null()).any():
             return np.zeros(len(column), dtype=bool)
         empty = column.str.to_lowercase().is_in(["", "nan", "null", "none", "n/a", TOO_LONG]).fill_null(True)
         return (wrong & ~empty).to_numpy()
 
     def blank(self) -> Booleans:
         """The entries [n] without any cell."""
+        if not any(column.null_count() for column in self.frame):
+            return np.zeros(self.frame.height, dtype=bool)
         return self.frame.select(pl.all_horizontal(pl.all().is_null())).to_series().to_numpy()
 
 
@@ -85,8 +89,7 @@ def _as_float(column: pl.Series) -> pl.Series:
 
 def _finite(column: pl.Series) -> Array:
     values = column.to_numpy().astype(np.float64, copy=False)
-    finite = np.isfinite(values)
-    return values if finite.all() else np.where(finite, values, np.nan)
+    return values if all_finite(values) else np.where(np.isfinite(values), values, np.nan)
 
 
 def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: bool = False) -> Source:

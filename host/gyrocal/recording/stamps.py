@@ -26,6 +26,8 @@ PART_BURSTS = 16
 """Bursts in a part of which the slope is taken."""
 ROUNDS = 3
 """Numbers and the interval are found in turn."""
+LONG = 1.5
+"""A step longer than this, in intervals, may hold a lost sample."""
 LOST = 0.7
 """Fraction of an interval. A shift of all later stamps by more means a lost sample."""
 KNOT_S = 60.0
@@ -55,6 +57,8 @@ class Stamps:
 def in_bursts(t_s: Array) -> bool:
     """True if stamps [n], s, repeat, go back, or come in bursts that no sampler makes."""
     steps = np.diff(t_s)
+    if _no_step_is_short(steps):
+        return False
     short = steps < BURST * _mean_step_s(steps)
     return bool(np.any(steps <= 0)) or (steps.size >= WINDOW and float(np.mean(short)) > LEAST_BURSTS)
 
@@ -96,6 +100,10 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
     n = t_s.size
     if n < 3:
         return np.arange(n), float(t_s[-1] - t_s[0]) / max(1, n - 1)
+    steps = np.diff(t_s)
+    if _no_step_is_short(steps) and float(steps.max()) < LONG * float(steps.mean()):
+        number = np.arange(n)
+        return number, _slope_s(number, t_s)
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
@@ -104,9 +112,19 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
         found = (np.arange(n) + _lost(t_s, interval_s, size, 2 * burst)).astype(np.intp)
         if np.array_equal(found, number):
             break
-        number, centred = found, found - found.mean()
-        interval_s = float(centred @ (t_s - t_s[0])) / float(centred @ centred)
+        number, interval_s = found, _slope_s(found, t_s)
     return number, interval_s
+
+
+def _no_step_is_short(steps_s: Array) -> bool:
+    """True if no step [n], s, is shorter than a sampler makes. The mean of all steps bounds that without gaps from above."""
+    return float(steps_s.min(initial=np.inf)) > max(0.0, BURST * float(steps_s.mean() if steps_s.size else 0.0))
+
+
+def _slope_s(number: Index, t_s: Array) -> float:
+    """The least-squares slope of times on numbers, s."""
+    centred = number - number.mean()
+    return float(centred @ (t_s - t_s[0])) / float(centred @ centred)
 
 
 def _mean_step_s(steps_s: Array) -> float:
@@ -154,7 +172,7 @@ def _lost(t_s: Array, interval_s: float, size: int, least: int) -> Index:
     late_s = t_s - t_s[0] - interval_s * np.arange(t_s.size)
     lost = np.zeros(t_s.size, dtype=np.intp)
     since = 0
-    for i in np.flatnonzero(np.diff(t_s)[: -least or None] > 1.5 * interval_s).tolist():
+    for i in np.flatnonzero(np.diff(t_s)[: -least or None] > LONG * interval_s).tolist():
         i += 1
         shift_s = earliest_s(late_s[i : i + size]) - earliest_s(late_s[max(since, i - size) : i])
         count = round(shift_s / interval_s + 0.5 - LOST)

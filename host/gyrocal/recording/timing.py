@@ -167,6 +167,22 @@ def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:
     return np.asarray(best)
 
 
+def between(known_s: Array, values: Array, t_s: Array, gap_s: float) -> Array:
+    """Samples [k] of a smooth motion at ``known_s``, s, at other times ``t_s`` [n]; NaN outside of them and in gaps.
+
+    A cubic spline passes through the samples on each side of a gap. Lines between them would take ``(pi f step)^2 / 3`` from
+    a motion of the frequency f.
+    """
+    from scipy.interpolate import CubicSpline
+
+    out = np.full(t_s.size, np.nan)
+    for piece in np.split(np.arange(known_s.size), np.flatnonzero(np.diff(known_s) >= gap_s) + 1):
+        first, last = known_s[piece[[0, -1]]]
+        inside = (t_s >= first) & (t_s <= last)
+        out[inside] = CubicSpline(known_s[piece], values[piece])(t_s[inside]) if piece.size > 1 else values[piece]
+    return out
+
+
 def smoothing_spline(t_s: Array, values: Array, penalty: float) -> Array:
     """The cubic spline with the least ``sum of squared residuals + penalty * integral of the squared second derivative``, [n].
 

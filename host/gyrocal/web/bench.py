@@ -17,17 +17,16 @@ from gyrocal.core.verify import verify
 from gyrocal.diagnosis.keep import keep
 from gyrocal.effects import base
 from gyrocal.inference import heldout
-from gyrocal.inference.blocks import known_dps
 from gyrocal.policy import POLICY
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
-from gyrocal.web.decimate import Pyramid
 from gyrocal.web.doubt import doubts
 from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
 from gyrocal.web.mend import Mend, apply
+from gyrocal.web.opened import Opened
 from gyrocal.web.prepare import Residuals, points
 from gyrocal.web.report import page
 from gyrocal.web.told import Change
@@ -39,49 +38,21 @@ from gyrocal.web.views import (
     ModelView,
     Picture,
     Recording,
-    RunView,
-    SessionView,
 )
 
 Progress = Callable[[str], None]
 UNPAIRED = "No power cycle has both a face-up and a face-down run, so one answer comes from all recordings."
 
+
 class Bench:
-    """Holds the current session and its last comparison. Results that are too large to send are written to ``scratch``."""
+    """The methods that need the engine. Holds the last comparison; large results are written to the scratch folder."""
 
-    def __init__(self, scratch: Path) -> None:
-        self._scratch = scratch
-        self._whole: Session | None = None
-        self._used: tuple[Recording, Session] | None = None
-        """The session without the runs that are left out."""
-        self._compared: Comparison | None = None
-        self._number = 0
+    def __init__(self, opened: Opened) -> None:
+        self.opened = opened
+        self._last: tuple[Session, Comparison] | None = None
+        """The last comparison, with the session that it was made of."""
 
-    # jobs.Jobs.run calls these methods by name. Each begins by reading the session, because the worker may be a new one.
-
-    def open(self, folder: Path, progress: Progress) -> SessionView:
-        """Read and check a session, and write its traces."""
-        progress("reading the recordings")
-        session = Session.open(folder)
-        self._whole, self._used, self._compared = session, None, None
-        progress("preparing the pictures")
-        traces = self._room()
-        firsts = np.cumsum([0, *(len(run) for run in session.runs)]).tolist()
-        t_s = np.lib.format.open_memmap(traces / "t_s.npy", "w+", np.float64, (firsts[-1],))
-
-        def fill(samples: Any) -> None:
-            for run, first in zip(session.runs, firsts, strict=False):
-                rows = slice(first, first + len(run))
-                t_s[rows] = run.t_s - run.t_s[0]
-                for axis in range(3):
-                    samples[axis, rows] = run.gyro_dps[:, axis] - known_dps(run, axis)
-
-        Pyramid.write(traces / "measured", 3, firsts[-1], fill)
-        runs = [
-            RunView(r.file, r.scenario, r.face, r.axis, r.table_rate_dps, r.day, first, len(r), r.duration_s)
-            for r, first in zip(session.runs, firsts, strict=False)
-        ]
-        return SessionView(folder, session.sensor or "gyroscope", session.axis, session.sample_rate_hz, runs, traces)
+    # jobs.Jobs.run calls these methods by name. Each begins by asking for the session, because the worker may be a new one.
 
     def simulate(
         self, out: Path, effects: Sequence[str], seed: int, scenarios: int, seconds: float, progress: Progress
@@ -96,7 +67,7 @@ class Bench:
     def mend(self, folder: Path, mend: Mend, out: Path, progress: Progress) -> Path:
         """Mend a session, in place or as a new one at ``out``. Returns the folder to open."""
         mended = apply(folder, mend, lambda: out)
-        self._whole = self._used = self._compared = None
+        self.opened.forget()
         return mended
 
     def look(self, file: Path, asked: intake.Asked, progress: Progress) -> intake.Looked:
@@ -118,33 +89,35 @@ class Bench:
 
     def compare(self, recording: Recording, model: str, progress: Progress) -> ModelView:
         """Compare a model (TOML text, or the name of a built-in model) with the session."""
-        return self._view(compare(self._opened(recording), self._model(model), progress=progress), progress)
+        return self._view(recording, compare(self.opened.session(recording), self._model(model), progress=progress), progress)
 
     def diagnose(self, recording: Recording, model: str, progress: Progress) -> DiagnosisView:
         """Diagnose which effect is missing."""
-        found = diagnose(self._opened(recording), self._model(model), progress=progress)
-        self._compared = found.comparison
+        session = self.opened.session(recording)
+        found = diagnose(session, self._model(model), progress=progress)
+        self._last = (session, found.comparison)
         return _diagnosis_view(found)
 
     def add(self, recording: Recording, model: str, effect: str, progress: Progress) -> tuple[dict[str, Any], ModelView]:
         """Add an effect. Returns the comparison before it, over the richer model's floor, and the model with it."""
-        before, after, _ = add_effect(self._opened(recording), self._model(model), effect, progress=progress)
+        before, after, _ = add_effect(self.opened.session(recording), self._model(model), effect, progress=progress)
         if before.note:
             raise InputError(before.note)
-        return before.to_json(), self._view(after, progress)
+        return before.to_json(), self._view(recording, after, progress)
 
     def keep(self, recording: Recording, model: str, name: str, progress: Progress) -> tuple[str, ModelView]:
         """Find a formula for an unknown misfit. Returns the formula and the model with it."""
-        proposed, _, after, _ = keep(self._opened(recording), self._model(model), name, progress=progress)
-        return proposed.formula, self._view(after, progress)
+        proposed, _, after, _ = keep(self.opened.session(recording), self._model(model), name, progress=progress)
+        return proposed.formula, self._view(recording, after, progress)
 
     def without(self, recording: Recording, model: str, effect: str, progress: Progress) -> ModelView:
         """Remove an effect, and return the model without it."""
-        return self._view(compare(self._opened(recording), self._model(model).without(effect), progress=progress), progress)
+        without = self._model(model).without(effect)
+        return self._view(recording, compare(self.opened.session(recording), without, progress=progress), progress)
 
     def calibrate(self, recording: Recording, models: dict[str, str], progress: Progress) -> CalibrationView:
         """Scale and bias from the first seconds by baseline, network and each model (name: TOML); the last is the best."""
-        session = self._opened(recording)
+        session = self.opened.session(recording)
         progress("calibrating from the first seconds")
         longest_s = min(
             (min(a.duration_s, b.duration_s) for _, runs in session.by_scenario() for a, b in pairs(runs)), default=None
@@ -176,7 +149,7 @@ class Bench:
         """Write a firmware project with the model's header, the network (None for the shipped one) and the model file."""
         progress("writing headers")
         opened = self._model(model)
-        path = self._room() / "model.toml"
+        path = self.opened.room() / "model.toml"
         opened.save(path)
         firmware_project.create(folder, str(path), network, axis)
         shutil.copyfile(path, folder / "model.toml")
@@ -187,50 +160,29 @@ class Bench:
         diagnosis: DiagnosisView | None, calibration: CalibrationView | None, progress: Progress,
     ) -> str:  # fmt: skip
         """Write everything on the screen as one HTML file."""
-        session, found = self._opened(recording), self._compared
-        if found is None or found.fit.model.toml() != toml:
-            found = compare(session, self._model(source), progress=progress)
+        session = self.opened.session(recording)
+        if self._last is None or self._last[0] is not session or self._last[1].fit.model.toml() != toml:
+            self._last = (session, compare(session, self._model(source), progress=progress))
+        found = self._last[1]
         progress("drawing")
         return page(recording.path.name, found, fall, story, diagnosis, calibration, sorted(recording.excluded))
 
     # Functions that several of these methods use.
 
-    def _opened(self, recording: Recording) -> Session:
-        if self._whole is None or self._whole.path != recording.path:
-            self._whole, self._used, self._compared = Session.open(recording.path), None, None
-        if self._used is None or self._used[0] != recording:
-            kept = [run for run in self._whole.runs if run.file not in recording.excluded]
-            if not kept:
-                raise InputError("every run is excluded; include one at least")
-            session = self._whole.with_runs(kept) if recording.excluded else self._whole
-            self._used, self._compared = (recording, session), None
-        return self._used[1]
-
     def _model(self, model: str) -> Model:
         if "\n" not in model:
             return Model.builtin(model)
-        path = self._room() / "model.toml"
+        path = self.opened.room() / "model.toml"
         path.write_text(model, encoding="utf-8")
         opened = Model.open(path)
         shutil.rmtree(path.parent)
         return opened
 
-    def _room(self) -> Path:
-        """A new folder in the scratch folder, which may already contain the folders of an earlier worker."""
-        while True:
-            self._number += 1
-            room = self._scratch / f"{self._number:06d}"
-            if not room.exists():
-                room.mkdir(parents=True)
-                return room
-
-    def _view(self, found: Comparison, progress: Progress) -> ModelView:
-        self._compared = found
+    def _view(self, recording: Recording, found: Comparison, progress: Progress) -> ModelView:
+        self._last = (self.opened.session(recording), found)
         progress("preparing the pictures")
-        assert self._whole is not None
-        traces, runs = self._room(), self._whole.runs
-        first = dict(zip((r.index for r in runs), np.cumsum([0, *map(len, runs)]).tolist(), strict=False))
-        residuals = Residuals(found, traces, first, self._whole.rows)
+        traces = self.opened.room()
+        residuals = Residuals(found, traces, self.opened.first_rows(), self.opened.rows)
         np.savez(traces / "points.npz", **residuals.points)
         progress("spectra")
         against = [p.name for p in panels() if any(np.isfinite(residuals.points[p.key(axis)]).any() for axis in AXES)]

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gyrocal.web.views import Bar, Picture
+    from gyrocal.web.fall import Bar
+    from gyrocal.web.views import Picture
 
 Options = dict[str, Any]
 Points = Sequence[Any]

@@ -150,7 +150,8 @@ class Coach:
         self._tell.text, self._why.text = now.tell, now.why
         self._state.text = words(sensor)
         measuring = sensor.get("state") == "recording" and not live.ended
-        self._ring.content = _ring(sensor.get("run_s", 0.0) if measuring else 0.0, now.stage)
+        run_s = sensor.get("run_s", 0.0) if measuring else 0.0
+        self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else "–", f"of {NEEDED_S:g} s")
         self._section.classes(replace=f"face coach {now.stage}")
         self._turns.text = self._measured(sensor) if measuring else ""
         if self._beeps.value and self._was is not None and now.stage != self._was.stage and now.stage in ("flip", "done"):
@@ -214,18 +215,17 @@ def _figure(name: str, value: Any, error: Any, factor: float, unit: str, digits:
         ui.label(f"{name}, {unit}")
 
 
-def _ring(run_s: float, stage: str) -> str:
-    """A ring that closes when the run has the seconds that are needed."""
-    part = min(1.0, run_s / NEEDED_S)
-    middle = f"{run_s:.1f} s" if run_s else "–"
+def ring(part: float, middle: str, of: str) -> str:
+    """A ring that closes as ``part`` reaches 1, with a figure in its middle and what it should become."""
+    part = min(1.0, part)
     colour = "var(--good)" if part >= 1 else "var(--accent)"
     return (
-        f'<svg viewBox="0 0 88 88" width="88" height="88" role="img" aria-label="{run_s:.0f} of {NEEDED_S:g} s">'
+        f'<svg viewBox="0 0 88 88" width="88" height="88" role="img" aria-label="{middle} {of}">'
         '<circle cx="44" cy="44" r="38" fill="none" stroke="var(--line)" stroke-width="8"/>'
         f'<circle cx="44" cy="44" r="38" fill="none" stroke="{colour}" stroke-width="8" pathLength="100" '
         f'stroke-dasharray="{100 * part:.1f} 100" transform="rotate(-90 44 44)"/>'
         f'<text x="44" y="44" text-anchor="middle" class="seconds">{middle}</text>'
-        f'<text x="44" y="60" text-anchor="middle" class="of">of {NEEDED_S:g} s</text></svg>'
+        f'<text x="44" y="60" text-anchor="middle" class="of">{of}</text></svg>'
     )
 
 

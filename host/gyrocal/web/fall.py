@@ -11,10 +11,18 @@ from dataclasses import dataclass
 
 from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, pooled
 from gyrocal.policy import POLICY
-from gyrocal.web.views import Bar
 
 NOTHING = 5e-4
 """A part of the squared excess that is zero in the digits that are shown."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One step of the waterfall: the excess in mdps before and after it."""
+
+    label: str
+    before: float
+    after: float
 
 
 @dataclass(frozen=True)

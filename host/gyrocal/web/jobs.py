@@ -51,11 +51,16 @@ class Jobs:
         self._cancelled = False
         self._generation = 0
         self._process: Any = None
+        self._ahead: tuple[str, tuple[Any, ...]] | None = None
+        """The job that was sent before it was asked for."""
 
-    def prepare(self) -> None:
-        """Start the worker before its first job, because its imports take time."""
+    def prepare(self, method: str = "", *args: Any) -> None:
+        """Start the worker before its first job, because its imports take time, with that job if it is known."""
         if self._process is None:
             self._start()
+            if method:
+                self._link.send((method, args))
+                self._ahead = (method, args)
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -95,7 +100,12 @@ class Jobs:
             return answer
 
     async def _converse(self, method: str, args: tuple[Any, ...]) -> Any:
-        self._link.send((method, args))
+        ahead, self._ahead = self._ahead, None
+        if ahead != (method, args):
+            if ahead is not None:  # another job came first
+                self._end()
+                self.prepare()
+            self._link.send((method, args))
         while True:
             kind, value = await _in_thread(self._link.recv)
             if kind == "progress":
@@ -122,7 +132,7 @@ class Jobs:
         if self._process is not None:
             self._process.kill()
             self._process.join()
-            self._process = None
+            self._process = self._ahead = None
 
 
 async def _in_thread(function: Callable[[], Any]) -> Any:
@@ -152,9 +162,10 @@ def work(link: Connection, scratch: Path) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(NICE)
-    from gyrocal.web.bench import Bench
+    from gyrocal.web.opened import Opened
 
-    bench = Bench(scratch)
+    opened = Opened(scratch)
+    bench: Any = None
     said, saying = 0.0, threading.Lock()
 
     def progress(text: str) -> None:
@@ -166,9 +177,13 @@ def work(link: Connection, scratch: Path) -> None:
 
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
+            if bench is None and not link.poll():  # the engine is imported while there is nothing else to do
+                bench = _bench(opened)
             method, args = link.recv()
             try:
-                answer = ("result", getattr(bench, method)(*args, progress=progress))
+                if bench is None and method != "open":
+                    bench = _bench(opened)
+                answer = ("result", getattr(opened if method == "open" else bench, method)(*args, progress=progress))
             except GyrocalError as error:
                 answer = ("error", " ".join(str(error).split()))
             except MemoryError:
@@ -177,3 +192,9 @@ def work(link: Connection, scratch: Path) -> None:
                 traceback.print_exc(file=sys.stderr)
                 answer = ("error", f"{type(error).__name__}: {error}")
             link.send(answer)
+
+
+def _bench(opened: Any) -> Any:
+    from gyrocal.web.bench import Bench
+
+    return Bench(opened)

@@ -14,12 +14,15 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gyrocal.device.monitor import SAMPLE_UNITS, Monitor, Sensor
 from gyrocal.device.port import POLL_S, REPLAY_NOTE, Link, Port, PortGone, open_port
 from gyrocal.device.record import Recorded, Recorder, Wanted
 from gyrocal.errors import DeviceError, GyrocalError
+
+if TYPE_CHECKING:
+    from gyrocal.gravity.aims import Progress
 
 RETRY_S = 1.0
 STATUS_S = 0.2
@@ -46,6 +49,9 @@ class Recording:
     run: dict[str, Any] | None = None
     done: list[dict[str, Any]] = field(default_factory=list)
     error: str = ""
+    by_hand: bool = False
+    hands: dict[str, Any] | None = None
+    """Of a recording by hand: the rests so far, whether it is at rest now, the errors with their aims, and the next turn."""
 
 
 class Tap:
@@ -185,22 +191,19 @@ class Listener:
                 time.sleep(2 * POLL_S)
             signal.raise_signal(signal.SIGTERM)
 
-    def _record(self, out: str, wanted: Wanted | None, scenario: str, imu: int) -> None:
+    def _record(self, out: str, wanted: Wanted | None, scenario: str, imu: int, by_hand: bool) -> None:
         link = self._link
         if link is None or (self._recording is not None and self._recording.going):
             return
-        self._recording = recording = Recording(out, imu)
+        self._recording = recording = Recording(out, imu, by_hand=by_hand)
         note = f"# {REPLAY_NOTE}\n".encode() if link.replays else b""
         self.tap = tap = Tap(lambda data: link.send(data.decode("ascii").rstrip("\n")), note)
 
-        def progress(run: Recorded) -> None:
-            recording.run = asdict(run)
-
         def work() -> None:
-            recorder = None
+            recorder: Recorder | None = None
             try:
                 with Link(self._name, opener=lambda n, b: tap) as mine:
-                    recorder = Recorder(mine, Path(out), wanted=wanted, scenario=scenario, imu=imu, progress=progress)
+                    recorder = _recorder(mine, recording, wanted, scenario)
                     recorder.record()
             except (GyrocalError, OSError) as error:
                 recording.error = str(error)
@@ -211,6 +214,24 @@ class Listener:
                 self._send(News([], [], self._status()))
 
         threading.Thread(target=work, daemon=True).start()
+
+
+def _recorder(link: Link, recording: Recording, wanted: Wanted | None, scenario: str) -> Recorder:
+    """What records, and tells ``recording`` how far it is."""
+
+    def progress(run: Recorded) -> None:
+        recording.run = asdict(run)
+
+    options: dict[str, Any] = {"scenario": scenario, "imu": recording.imu, "progress": progress}
+    out = Path(recording.folder)
+    if not recording.by_hand:
+        return Recorder(link, out, wanted=wanted, **options)
+    from gyrocal.device.record_hands import HandsRecorder
+
+    def guide(now: Progress) -> None:
+        recording.hands = now.to_json()
+
+    return HandsRecorder(link, out, guide, **options)
 
 
 def _sensor_status(sensor: Sensor) -> dict[str, Any]:

@@ -131,9 +131,12 @@ class Live:
         self.trusted.add(port)
         self.connect(port)
 
-    def record(self, out: Path, wanted: Wanted | None, scenario: str, imu: int = 0) -> None:
-        """Record the wanted run of a sensor, or for None every run that it announces, until it ends or is stopped."""
-        self._tell("record", str(out), wanted, scenario, imu)
+    def record(self, out: Path, wanted: Wanted | None, scenario: str, imu: int = 0, *, by_hand: bool = False) -> None:
+        """Record the wanted run of a sensor, or for None every run that it announces, until it ends or is stopped.
+
+        ``by_hand`` records one run without a rate until its aims are met.
+        """
+        self._tell("record", str(out), wanted, scenario, imu, by_hand)
 
     def stop(self) -> None:
         self._tell("stop")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.errors import GyrocalError
-from gyrocal.files import replace_text
+from gyrocal.files import UNREADABLE, replace_text
 from gyrocal.web.views import ModelView, Picture
 
 FILE = "workbench.json"
@@ -88,7 +88,7 @@ def read_models(session: Path) -> Models:
         raw = json.loads((session / FILE).read_text(encoding="utf-8"))
         of = {str(name): tuple(map(_recipe, recipes)) for name, recipes in raw["models"].items() if recipes}
         found = Models(of, str(raw["current"]), frozenset(map(str, raw["excluded"])))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (*UNREADABLE, KeyError, TypeError, AttributeError):
         return Models()
     return found if raw.get("format") == FORMAT and found.current in found.of else Models()
 

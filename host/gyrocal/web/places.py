@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from gyrocal.errors import InputError
-from gyrocal.files import new_folder
+from gyrocal.files import UNREADABLE, new_folder
 
 TABLES = (".csv", ".parquet")
 LARGEST_BYTES = 8 << 30
@@ -118,7 +118,7 @@ class Places:
             told = tomllib.loads(header.read_text(encoding="utf-8"))
             files = [folder / str(run["file"]) for run in told["run"]]
             size = sum(file.stat().st_size for file in files if file.resolve().parent == folder)
-        except (OSError, ValueError, TypeError, KeyError):
+        except (*UNREADABLE, TypeError, KeyError):
             return Listed(folder, self.name(folder), "", date, 0, 0, "cannot be read")
         made = told.get("made_on", date)
         return Listed(folder, self.name(folder), str(told.get("sensor") or "gyroscope"), str(made), len(files), size)

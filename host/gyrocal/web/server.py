@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from gyrocal.errors import InputError
+from gyrocal.errors import GyrocalError, InputError
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 DEFAULT_PORT = 8750
@@ -141,30 +141,34 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()  # it starts while this does
 
     gc.disable()  # what is imported is no garbage
+    from gyrocal.web.state import Workbench
+
+    bench = Workbench([Path.cwd()] if session is None else [Path.cwd(), session], lambda topic: page.changed.emit(topic))
+    if session is not None:
+        with contextlib.suppress(GyrocalError):  # told when it is opened
+            path = bench.places.session(session)
+            if not bench.places.is_by_gravity(path):
+                bench.jobs.prepare("open", path)
     from nicegui import app, ui
 
     from gyrocal.web import page
-    from gyrocal.web.state import Workbench
 
-    roots = [Path.cwd()] if session is None else [Path.cwd(), session]
-    bench: list[Workbench] = []
     opening: list[asyncio.Task[None]] = []
 
     async def start() -> None:
         gc.freeze()
         gc.enable()
-        bench.append(Workbench(roots, page.changed.emit))
-        page.serve(bench[0])
+        page.serve(bench)
         if device is not None:
-            bench[0].live.trusted.add(device)
-            bench[0].live.connect(device)
+            bench.live.trusted.add(device)
+            bench.live.connect(device)
         print(f"workbench: {address}  (Ctrl-C ends it)", flush=True)
         if session is not None:
-            opening.append(asyncio.create_task(bench[0].open(session)))
+            opening.append(asyncio.create_task(bench.open(session)))
             await asyncio.sleep(0)
 
     app.on_startup(start)
-    app.on_shutdown(lambda: bench[0].close())
+    app.on_shutdown(bench.close)
     app.add_middleware(Guard, token=token)
     ui.add_css((files("gyrocal") / "web" / "style.css").read_text(encoding="utf-8"), shared=True)
     page.register()

@@ -178,15 +178,6 @@ class CalibrationView:
 
 
 @dataclass(frozen=True)
-class Bar:
-    """One step of the waterfall: the excess in mdps before and after it."""
-
-    label: str
-    before: float
-    after: float
-
-
-@dataclass(frozen=True)
 class TrainedView:
     """A network trained for a model, in its run folder. ``parity`` is the output of `gyrocal verify --json`."""
 

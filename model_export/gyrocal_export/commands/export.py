@@ -17,7 +17,7 @@ def run(
     run_folder: Annotated[Path | None, typer.Option("--run", help="Run folder of `gyrocal train`.")] = None,
     model: Annotated[str | None, typer.Option(help="Error model (name or TOML) to write.")] = None,
     target: Annotated[
-        str, typer.Option("--format", metavar="header|kalibr|ros2|px4|ardupilot|json", help="Who reads the model.")
+        str, typer.Option("--format", metavar="header|c|kalibr|ros2|px4|ardupilot|json", help="Who reads the model.")
     ] = "header",
     rate_hz: Annotated[float | None, typer.Option(help="The sample rate, for noise densities (kalibr, ros2).")] = None,
     axis: Annotated[Axis, typer.Option(help="The sensor's axis that calibration.h is for.")] = "z",

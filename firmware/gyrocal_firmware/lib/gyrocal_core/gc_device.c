@@ -7,7 +7,8 @@
 #include <string.h>
 
 #define NET_ROOM 20u /* bytes of a name in $HEL; longer names are cut */
-#define TABLE_RATE_FRACTION 0.03 /* relative deviation from table_dps above which a rate is reported */
+#define REMINDERS 3u             /* after the end of a run, for a reader who missed it; chosen by judgement */
+#define REMINDER_US 1000000u
 
 static bool is_recording(const gc_device_t *d) {
     return d->state == GC_STATE_RECORDING;
@@ -59,7 +60,7 @@ static const char *waits_for(const gc_device_t *d) {
     return d->state == GC_STATE_FLIP ? "flip" : "steady";
 }
 
-void gc_device_status(gc_device_t *d) {
+static void begin_status(gc_device_t *d) {
     gc_sentence_t *s = gc_tell_begin(&d->teller, "STA");
     gc_sentence_text(s, "state", gc_state_name(d->state));
     gc_sentence_text(s, "face", is_recording(d) ? gc_face_name(d->run->face) : NULL);
@@ -73,7 +74,28 @@ void gc_device_status(gc_device_t *d) {
     gc_sentence_text(s, "waits", waits_for(d));
     gc_sentence_real(s, "rate_dps", d->watch.rate_dps);
     gc_sentence_text(s, "gravity", d->watch.face != 0 ? gc_face_name(d->watch.face) : NULL);
+    if (d->run != NULL) {
+        gc_sentence_uint(s, "run_first", d->run->first);
+        gc_sentence_uint(s, "run_n", d->run->n);
+    }
+}
+
+void gc_device_status(gc_device_t *d) {
+    begin_status(d);
     gc_tell_end(&d->teller);
+}
+
+/* A reader who missed the end of a run learns from these how many samples it had. */
+static void remind(gc_device_t *d) {
+    const uint64_t now_us = d->config.port->now_us(d->config.port->context);
+    if (d->reminders == 0u || d->stream != GC_STREAM_RAW || is_recording(d) || now_us < d->reminder_us) {
+        return;
+    }
+    begin_status(d);
+    if (gc_tell_end_or_wait(&d->teller)) {
+        d->reminders--;
+        d->reminder_us = now_us + REMINDER_US;
+    }
 }
 
 static void tell_teleplot(gc_device_t *d, const gc_sample_t *sample) {
@@ -176,9 +198,7 @@ static void add_to_run(gc_device_t *d, const gc_taken_t *sample) {
 
 static void end_alone(gc_device_t *d) {
     gc_run_end(d->run);
-    if (gc_run_has_stuck_bit(d->run)) {
-        gc_tell_error(&d->teller, GC_E_STUCK_BIT);
-    }
+    gc_run_tell_faults(d->run, &d->teller);
     if (d->run->settings.turn_deg != 0.0) {
         gc_rest_end_turn(&d->rest, d->run, &d->teller, &d->kept);
     } else if (d->run->w_dps == 0.0) {
@@ -195,6 +215,8 @@ void gc_device_stop(gc_device_t *d) {
     }
     enter(d, by_halves[gc_pair_halves(&d->pair)]);
     gc_run_tell(d->run, &d->teller, true, d->sampler.samples);
+    d->reminders = REMINDERS;
+    d->reminder_us = d->config.port->now_us(d->config.port->context) + REMINDER_US;
     gc_device_save_results(d);
     if (d->settings_changed) {
         gc_device_save_settings(d);
@@ -203,6 +225,8 @@ void gc_device_stop(gc_device_t *d) {
 
 void gc_device_forget(gc_device_t *d) {
     enter(d, GC_TRIGGER_FORGET);
+    d->run = NULL;
+    d->reminders = 0;
     gc_pair_forget(&d->pair);
     memset(&d->rest, 0, sizeof d->rest);
     d->verdict = (gc_verdict_t){.misfit = NAN};
@@ -231,7 +255,7 @@ static void watch_table(gc_device_t *d, const gc_taken_t *sample) {
     const double w_dps = d->settings.now.table_dps * face;
     gc_watch_disarm(&d->watch);
     gc_device_start(d, face, true);
-    if (fabs(d->watch.rate_dps - w_dps) > TABLE_RATE_FRACTION * fabs(w_dps)) {
+    if (fabs(d->watch.rate_dps - w_dps) > GC_TABLE_RATE_FRACTION * fabs(w_dps)) {
         gc_tell_error(&d->teller, GC_E_TABLE_RATE);
     }
 }
@@ -290,6 +314,7 @@ void gc_device_receive(gc_device_t *d, const char *data, size_t n) {
 
 void gc_device_step(gc_device_t *d) {
     gc_kept_go_on_with_dump(&d->kept, &d->teller);
+    remind(d);
     if (gc_sampler_wait(&d->sampler)) {
         take_samples(d);
     }

@@ -65,6 +65,8 @@ typedef struct gc_device {
     gc_run_t *run; /* the current or the last run, alone or of the pair; NULL = none yet */
     gc_verdict_t verdict; /* verdict on the last answer */
     gc_stream_t stream;
+    unsigned reminders;   /* number of $STA that still follow the end of the last run, */
+    uint64_t reminder_us; /* the next one not before this time */
     gc_led_t led;
     bool led_known;
 } gc_device_t;

@@ -21,6 +21,7 @@ extern "C" {
     X(GC_E_NOT_READY, -11, "not_ready", "the sensor is not set up yet: see the error before")                            \
     X(GC_E_FIFO_OVERRUN, -12, "fifo_overrun", "the FIFO was full and samples are lost: lower rate_hz or fifo")                \
     X(GC_E_FIFO_TAG, -13, "fifo_tag", "the FIFO's words came damaged: shorten the cable or slow the bus")                \
+    X(GC_E_REPEATED, -14, "repeated", "readings came more than once: lower rate_hz or power the sensor off and on")      \
     X(GC_E_COMMAND, -20, "unknown_command", "see PROTOCOL.md for the commands")                                          \
     X(GC_E_ARGUMENT, -21, "bad_argument", "see PROTOCOL.md for what the command takes")                                  \
     X(GC_E_LINE_TOO_LONG, -22, "line_too_long", "a command has at most 80 bytes")                                        \
@@ -44,6 +45,7 @@ extern "C" {
     X(GC_E_CALIBRATION_AXIS, -44, "calibration_axis", "the calibration is for another axis: set axis or export again")   \
     X(GC_E_MISFIT, -45, "misfit", "the readings do not fit the calibration's model: record a session and diagnose it")   \
     X(GC_E_CALIBRATION_NUMBER, -46, "calibration_number", "the calibration holds a number that is not finite: export again") \
+    X(GC_E_CORRECTION, -47, "correction", "no true rate explains the reading by this model: export the model again")           \
     X(GC_E_NET_SAMPLE_RATE, -50, "net_sample_rate", "the network was trained for another rate_hz: set it or export again")\
     X(GC_E_NET_RATE, -51, "net_table_rate", "the network was trained for another table rate: set it or export again")    \
     X(GC_E_NET_WINDOW, -52, "net_window", "the network's window does not fit this firmware: export again")               \

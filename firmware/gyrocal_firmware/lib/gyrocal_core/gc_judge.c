@@ -26,7 +26,7 @@ static bool stands_still(const gc_run_t *run) {
     const double white_sd_dps = run->lsb_dps * sqrt(gc_baseline_white_variance(&run->baseline.total));
     const double expected_dps = white_sd_dps > 0.0 ? white_sd_dps : run->part->noise_dps;
     const bool long_still = run->still_longest_us >= STILL_US && run->still_longest >= STILL_SAMPLES;
-    return run->n > 1u && expected_dps > 0.5 * run->lsb_dps && (run->changes == 0u || long_still);
+    return run->n > 1u && expected_dps > 0.5 * run->lsb_dps && (run->bits.changes == 0u || long_still);
 }
 
 static bool has_spike(const gc_run_t *run) {

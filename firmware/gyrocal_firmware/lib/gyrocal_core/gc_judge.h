@@ -16,6 +16,10 @@ extern "C" {
    that about 6 in 1000 sound answers exceed it. */
 #define GC_MISFIT_LIMIT(blocks) (1.0 + 2.5 / sqrt(2.0 * (blocks)))
 
+/* A reading that is further off table_dps, as a fraction of it, is reported. A pair tells this apart from the bias, but not from the
+   scale error of the sensor: this fraction is three times the 1 % of the datasheet. */
+#define GC_TABLE_RATE_FRACTION 0.03
+
 /* The verdict on the last answer of a pair or of a run at rest. */
 typedef struct {
     double misfit; /* NaN: not judged yet */

@@ -380,6 +380,13 @@ bool gc_pair_add(gc_pair_t *pair, const gc_taken_t *sample) {
     return clips;
 }
 
+/* Automatic runs were compared with the table's rate when they began. */
+static bool is_off_the_table(const gc_pair_t *pair, const gc_run_t *run) {
+    const gc_kept_answer_t *best = &pair->due.best;
+    return pair->due.answered && !run->automatic && (best->flags & ~(uint32_t)GC_FLAG_IMPLAUSIBLE) == 0u &&
+           fabs(best->answer.scale) > GC_TABLE_RATE_FRACTION;
+}
+
 void gc_pair_end(gc_pair_t *pair) {
     gc_run_t *run = &pair->run[pair->sense];
     const unsigned before = run->baseline.checkpoints;
@@ -388,14 +395,15 @@ void gc_pair_end(gc_pair_t *pair) {
     go_on_with_baseline(pair, true); /* what was put off */
     go_on_with_model(pair, true);
     answer_by_net(pair, true);
-    if (gc_run_has_stuck_bit(run)) {
-        gc_tell_error(pair->teller, GC_E_STUCK_BIT);
-    }
+    gc_run_tell_faults(run, pair->teller);
     judge_direction(pair);
     judge_face(pair);
     run->complete = run->baseline.checkpoints > 0u && !run->opposed;
     if (run->baseline.checkpoints == 0u && !run->opposed) {
         gc_tell_error(pair->teller, GC_E_TOO_SHORT);
+    }
+    if (is_off_the_table(pair, run)) {
+        gc_tell_error(pair->teller, GC_E_TABLE_RATE);
     }
     if (pair->due.answered && run->complete) {
         pair->verdict->trusted = pair->due.best.flags == 0u;

@@ -1,15 +1,25 @@
 #include "gc_run.h"
 
+#include "gc_error.h"
+
 #include <math.h>
 #include <string.h>
 
 #define STUCK_BITS 4u     /* the lowest bits are watched; a reading must span four steps of a bit before it is judged */
 #define STUCK_CHANGES 64u /* the reading must have changed this often before a bit is judged; chosen by judgement */
+/* Repeated readings are those beyond REPEAT_RATIO times the readings that equal the last but one, by so many standard deviations,
+   where the noise is at least one count. The low-pass makes neighbours on one axis up to 1.4 times as often equal as readings two
+   apart; equality on all axes is far rarer. Chosen by judgement. */
+#define REPEAT_RATIO 1.5
+#define REPEAT_SIGMAS 5.0
+#define REPEAT_FRACTION 0.05
 #define GRAVITY_MIN_G 0.5 /* least component along the axis that shows a face: within 60 degrees of it */
 
 double gc_run_true_rate_dps(const gc_settings_t *settings, int face) {
     return settings->turn_deg != 0.0 ? NAN : settings->table_dps * face;
 }
+
+static const gc_bits_t no_bits = {.any = 0, .all = 0xFFFFu, .min = INT16_MAX, .max = INT16_MIN};
 
 void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_t *sensor, int face, bool automatic,
                   uint64_t first) {
@@ -22,9 +32,7 @@ void gc_run_begin(gc_run_t *run, const gc_settings_t *settings, const gc_sensor_
     run->lsb_dps = sensor->lsb_dps;
     run->w_dps = gc_run_true_rate_dps(settings, face);
     run->first = first;
-    run->bits_and = 0xFFFFu;
-    run->min = INT16_MAX;
-    run->max = INT16_MIN;
+    run->bits = run->latest_bits = no_bits;
     gc_baseline_begin(&run->baseline, settings->rate_hz);
     gc_face_begin(&run->seconds, settings->rate_hz);
 }
@@ -62,7 +70,8 @@ static void note_change(gc_run_t *run, uint64_t t_us, int16_t count) {
     run->sum_diff4[0] += diff4;
     run->sum_diff4[1] += run->sum_diff4[0] < diff4 ? 1u : 0u;
     if (diff != 0) {
-        run->changes++;
+        run->bits.changes++;
+        run->latest_bits.changes++;
         run->still = 0;
         run->still_since_us = t_us;
     }
@@ -70,6 +79,41 @@ static void note_change(gc_run_t *run, uint64_t t_us, int16_t count) {
     run->still_longest = run->still > run->still_longest ? run->still : run->still_longest;
     const uint64_t still_us = t_us - run->still_since_us;
     run->still_longest_us = still_us > run->still_longest_us ? still_us : run->still_longest_us;
+}
+
+static bool is_stuck(const gc_bits_t *bits) {
+    for (unsigned bit = 0; bit < STUCK_BITS && bits->changes >= STUCK_CHANGES; bit++) {
+        const unsigned mask = 1u << bit;
+        const bool constant = (bits->any & mask) == 0u || (bits->all & mask) != 0u;
+        if (constant && bits->max - bits->min >= (int)(4u * mask)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void note_bits(gc_bits_t *bits, int16_t count) {
+    bits->any |= (uint16_t)count;
+    bits->all &= (uint16_t)count;
+    if (count < bits->min) {
+        bits->min = count;
+    }
+    if (count > bits->max) {
+        bits->max = count;
+    }
+}
+
+/* The temperature does not count, because a part may measure it at another rate. */
+static bool is_equal(const gc_sample_t *a, const gc_sample_t *b) {
+    return memcmp(a->gyro, b->gyro, sizeof a->gyro) == 0 && memcmp(a->acc, b->acc, sizeof a->acc) == 0;
+}
+
+static void note_repeats(gc_repeats_t *repeats, uint32_t n, const gc_sample_t *raw) {
+    for (unsigned i = 0; i < 2u; i++) {
+        repeats->equal[i] += n > i && is_equal(raw, &repeats->last[i]) ? 1u : 0u;
+    }
+    repeats->last[1] = repeats->last[0];
+    repeats->last[0] = *raw;
 }
 
 bool gc_run_add(gc_run_t *run, const gc_taken_t *sample) {
@@ -96,13 +140,12 @@ bool gc_run_add(gc_run_t *run, const gc_taken_t *sample) {
         run->last[i] = gyro[i];
     }
     run->temp_sum += sample->raw.temp;
-    run->bits_or |= (uint16_t)count;
-    run->bits_and &= (uint16_t)count;
-    if (count < run->min) {
-        run->min = count;
-    }
-    if (count > run->max) {
-        run->max = count;
+    note_repeats(&run->repeats, run->n, &sample->raw);
+    note_bits(&run->bits, count);
+    note_bits(&run->latest_bits, count);
+    if (run->latest_bits.changes >= STUCK_CHANGES) {
+        run->stuck_bit = run->stuck_bit || is_stuck(&run->latest_bits);
+        run->latest_bits = no_bits;
     }
     run->last_us = sample->t_us;
     gc_baseline_add(&run->baseline, sample->t_us, count);
@@ -123,17 +166,23 @@ double gc_run_temp_c(const gc_run_t *run) {
 }
 
 bool gc_run_has_stuck_bit(const gc_run_t *run) {
-    if (run->changes < STUCK_CHANGES) {
-        return false;
+    return run->stuck_bit || is_stuck(&run->bits);
+}
+
+static bool has_repeats(const gc_run_t *run) {
+    const double next = run->repeats.equal[0];
+    const double after_next = run->repeats.equal[1];
+    return gc_baseline_white_variance(&run->baseline.total) >= 1.0 && next - after_next > REPEAT_FRACTION * run->n &&
+           next > REPEAT_RATIO * after_next + REPEAT_SIGMAS * sqrt(next + after_next);
+}
+
+void gc_run_tell_faults(const gc_run_t *run, gc_teller_t *teller) {
+    if (gc_run_has_stuck_bit(run)) {
+        gc_tell_error(teller, GC_E_STUCK_BIT);
     }
-    for (unsigned bit = 0; bit < STUCK_BITS; bit++) {
-        const unsigned mask = 1u << bit;
-        const bool constant = (run->bits_or & mask) == 0u || (run->bits_and & mask) != 0u;
-        if (constant && run->max - run->min >= (int)(4u * mask)) {
-            return true;
-        }
+    if (has_repeats(run)) {
+        gc_tell_error(teller, GC_E_REPEATED);
     }
-    return false;
 }
 
 bool gc_run_face_is_wrong(const gc_run_t *run) {

@@ -20,6 +20,19 @@ typedef struct {
     gc_sample_t raw;
 } gc_taken_t;
 
+/* Readings of the axis in which a bit may never change. */
+typedef struct {
+    uint16_t any, all; /* bits that were 1 in any reading, and in all of them */
+    int16_t min, max;
+    uint32_t changes;
+} gc_bits_t;
+
+/* Readings that equal the one before them, or the one before that, on all axes. Noise makes both about equally frequent. */
+typedef struct {
+    gc_sample_t last[2];
+    uint32_t equal[2];
+} gc_repeats_t;
+
 typedef struct {
     bool automatic;
     bool complete; /* ended, long enough and in the right direction: half of a pair */
@@ -42,9 +55,9 @@ typedef struct {
     int64_t turn; /* trapezoid of the axis, 2 counts x microseconds */
     uint32_t clipped;
     uint32_t missed; /* number of missing samples */
-    uint16_t bits_or, bits_and; /* bits of the axis, to find one that never changes */
-    int16_t min, max;
-    uint32_t changes;
+    gc_bits_t bits, latest_bits; /* of the whole run, and of its latest readings */
+    bool stuck_bit;
+    gc_repeats_t repeats;
     uint16_t largest_diff; /* of successive readings */
     uint64_t sum_diff4[2]; /* of their fourth powers, exactly: low and high half */
     uint32_t still, still_longest; /* readings in a row that did not change, and for how long: */
@@ -69,13 +82,17 @@ void gc_run_end(gc_run_t *run);
 
 double gc_run_seconds(const gc_run_t *run);
 double gc_run_temp_c(const gc_run_t *run);
-/* Returns whether a low bit never changed although the reading moved over several of its steps. */
+/* Returns whether a low bit did not change over the run, or over 64 changes of the reading, although the reading moved over
+   several of its steps. */
 bool gc_run_has_stuck_bit(const gc_run_t *run);
 /* Returns whether gravity along the axis contradicts the run's face; false if gravity is not along the axis. */
 bool gc_run_face_is_wrong(const gc_run_t *run);
 /* Returns whether the mean reading and the true rate have opposite signs. */
 bool gc_run_is_opposed(const gc_run_t *run);
 
+/* Sends an $ERR for a bit that did not change. Sends one too if more readings equal the one before them on all axes than noise
+   explains, and more than one in 20. */
+void gc_run_tell_faults(const gc_run_t *run, gc_teller_t *teller);
 /* Sends a $RUN for the start or the end of a run. `next` is the number of the next sample. */
 void gc_run_tell(const gc_run_t *run, gc_teller_t *teller, bool ended, uint64_t next);
 

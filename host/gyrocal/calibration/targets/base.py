@@ -81,6 +81,19 @@ def bias_dps(model: Model) -> list[float]:
     return [model.value("bias", axis, "bias_dps") for axis in AXES]
 
 
+def response(model: Model) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """The matrix [3, 3] from true rates to readings: 1 + scale, and misalignment beside the diagonal."""
+    matrix = np.eye(3)
+    turned = [i for i, axis in enumerate(AXES) if model.term("scale", axis) and "scale" in model.term("scale", axis).values]  # type: ignore[union-attr]
+    for i, axis in enumerate(AXES):
+        matrix[i, i] += model.value("scale", axis, "scale")
+        for j, about in enumerate(AXES):
+            if i != j:
+                matrix[i, j] = model.value("misalignment", axis, f"m_{about}")
+                matrix[i, j] += model.value("misalignment", axis, "m") if j in turned else 0.0
+    return matrix
+
+
 def bias_polynomial(model: Model, axis: str, at_c: float) -> list[float]:
     """Coefficients of the bias over temperature, dps/degC^k for k = 0 to 3, in powers of the temperature above ``at_c``."""
     names = ("k1_dps_per_c", "k2_dps_per_c2", "k3_dps_per_c3")

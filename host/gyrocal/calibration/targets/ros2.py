@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyrocal.calibration.targets.base import RAD, Rendered, bias_dps, left_of, random_walks, white_densities
+from gyrocal.calibration.targets.base import RAD, Rendered, bias_dps, left_of, random_walks, response, white_densities
 from gyrocal.error_model.model import Model
-from gyrocal.recording.session import AXES
 
 TEXT = """\
 # From the gyrocal model "{name}". Use: corrected = gyro_correction · (reading - gyro_bias_rad_s)
@@ -37,19 +36,6 @@ def render(model: Model, rate_hz: float | None) -> Rendered:
         density=_listed(white_densities(model, rate_hz)), walk=_listed(random_walks(model)), rate_hz=rate_hz
     )
     return Rendered("ros2.yaml", text + noise, left)
-
-
-def response(model: Model) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """The matrix [3, 3] from true rates to readings: 1 + scale, and misalignment beside the diagonal."""
-    matrix = np.eye(3)
-    turned = [i for i, axis in enumerate(AXES) if model.term("scale", axis) and "scale" in model.term("scale", axis).values]  # type: ignore[union-attr]
-    for i, axis in enumerate(AXES):
-        matrix[i, i] += model.value("scale", axis, "scale")
-        for j, about in enumerate(AXES):
-            if i != j:
-                matrix[i, j] = model.value("misalignment", axis, f"m_{about}")
-                matrix[i, j] += model.value("misalignment", axis, "m") if j in turned else 0.0
-    return matrix
 
 
 def _listed(values: object) -> str:

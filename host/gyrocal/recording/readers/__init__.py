@@ -39,6 +39,8 @@ def read(
             return rosbag.read(path, topic)
         if head.startswith(ulog.MAGIC):
             return ulog.read(path, topic)
+        if head.startswith(arrays.ZIP):
+            return arrays.read_npz(path)
         data = path.read_bytes()
         if head[:2] == b"\x1f\x8b":
             data = gzip.decompress(data)
@@ -46,8 +48,6 @@ def read(
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or first_line(error)}") from None
     if data[:4] == parquet.MAGIC:
         return parquet.read(path, data)
-    if data[:4] == arrays.ZIP:
-        return arrays.read_npz(path, data)
     if arrays.is_mat(data):
         return arrays.read_mat(path, data)
     return text.read(path, data, names, columns, skip)

@@ -24,12 +24,12 @@ def is_mat(data: bytes) -> bool:
     return data.startswith((MATLAB, HDF5)) or data[512:520] == HDF5 or old
 
 
-def read_npz(path: Path, data: bytes) -> Source:
+def read_npz(path: Path) -> Source:
     """The arrays of an ``.npz`` as columns; pickled objects are not read."""
     import numpy as np
 
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+        with np.load(path, allow_pickle=False) as archive:
             arrays = {}
             for name in archive.files:
                 try:

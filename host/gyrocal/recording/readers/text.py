@@ -6,17 +6,21 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
 from gyrocal.recording.source import TOO_LONG, Source
 
 HEADER_SEARCH_LINES = 200
+BLANK = b"\n\0 "
+TAIL_BYTES = 4096
+"""Bytes of a file's end that are looked at in one step."""
 QUOTES = " \t\"'"
 SEPARATORS = ",\t; "
 NUMBERS = b"0123456789.+-eE\n"
 """What a table is made of whose every cell is a number; with a comma that separates no cells, it is text."""
+UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
+"""What a line of units below the columns' names is made of, in lower case."""
 EXACT = 2.0**53
 """A whole number from here on does not fit a float64: nanoseconds since 1970, say, which are counted from the first one."""
 
@@ -26,36 +30,65 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
 
     The header is the line that holds all ``names``; without names, the line above the first two rows of numbers.
     """
-    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n\0 ")
-    limit = HEADER_SEARCH_LINES + (skip or 0) + 3
-    lines = [line.decode("utf-8", errors="replace") for line in data.split(b"\n", limit)[:limit]] if data else []
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    end = _end(data)
+    starts, lines = _first_lines(data, end, HEADER_SEARCH_LINES + (skip or 0) + 3)
     if columns is None:
         header, separator = _find_header(path, lines, names, skip) if names else _find_any_header(path, lines, skip)
-        columns, first = _cells(lines[header], separator), header + 1
+        columns, first = _head(lines, header, separator), header + 1
     else:
         first, separator = _find_data(path, lines, columns, names, skip)
     for name in names:
         if list(columns).count(name) > 1:
             raise InputError(f"{path}: column {name!r} stands twice in the header")
-    body = data.split(b"\n", first)[-1] if first < len(lines) else b""
-    if not body.strip():
+    if first == len(lines):
         raise InputError(f"{path}: row {first + 1}: no samples")
-    return Source(str(path), _frame(path, body, separator, list(columns), list(names)), first + 1)
+    # the reader takes the number of columns from its first row, which is one wider than the table
+    table = b"".join([len(columns) * separator.encode() + b"\n", memoryview(data)[starts[first] : end]])
+    return Source(str(path), _frame(path, table, separator, list(columns), list(names)), first + 1)
+
+
+def _end(data: bytes) -> int:
+    """The length of a text without blank lines, blanks and zeros at its end. (``rstrip`` would copy the text.)"""
+    end = len(data)
+    while end:
+        start = max(0, end - TAIL_BYTES)
+        if tail := data[start:end].rstrip(BLANK):
+            return start + len(tail)
+        end = start
+    return 0
+
+
+def _first_lines(data: bytes, end: int, most: int) -> tuple[list[int], list[str]]:
+    """Where each of the first lines starts, and its text."""
+    starts: list[int] = []
+    lines: list[str] = []
+    start = 0
+    while start < end and len(lines) < most:
+        stop = data.find(b"\n", start, end)
+        stop = end if stop < 0 else stop
+        starts.append(start)
+        lines.append(data[start:stop].decode("utf-8", errors="replace"))
+        start = stop + 1
+    return starts, lines
 
 
 def _frame(path: Path, body: bytes, separator: str, columns: list[str], names: list[str]) -> pl.DataFrame:
-    """All rows of a table: as numbers where there are no others, else as text.
+    """All rows of a table, whose first is a row of empty cells: as numbers where there are no others, else as text.
 
     A short row is filled up with empty cells, a long one is cut.
     """
     if separator == " ":
-        body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t]+", b" ", body))
+        width, _, rows = body.partition(b"\n")
+        body = width + b"\n" + re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t]+", b" ", rows))
     wanted = {name: str(columns.index(name)) for name in names or columns if name}
     if not body.translate(None, NUMBERS + separator.encode()):
         try:
             table, beyond = _parsed(body, separator, len(columns), dict.fromkeys(wanted.values(), pl.Float64()))
             numbers = table.select(pl.col(place).alias(name) for name, place in wanted.items())
-            if not beyond.any() and not any((np.abs(c.to_numpy()) >= EXACT).any() for c in numbers):
+            if not beyond.any() and all(_largest(c) < EXACT for c in numbers):
                 return numbers
         except pl.exceptions.PolarsError:
             pass  # some cell is no number
@@ -75,11 +108,19 @@ def _parsed(body: bytes, separator: str, width: int, types: Mapping[str, pl.Data
     """The cells by the column's place, as text but for the ``types`` given, and which rows have more than ``width`` cells."""
     schema = {place: types.get(place, pl.String()) for place in map(str, range(width + 1))}
     table = pl.read_csv(
-        width * separator.encode() + b"\n" + body,  # the reader takes the number of columns from its first row
-        has_header=False, separator=separator, schema=schema, truncate_ragged_lines=True,
+        body, has_header=False, separator=separator, schema=schema, truncate_ragged_lines=True,
         quote_char='"' if b'"' in body else None, encoding="utf8-lossy",
     )[1:]  # fmt: skip
-    return table, table[str(width)].str.strip_chars(QUOTES).str.len_chars().fill_null(0) > 0
+    last = table[str(width)]
+    if last.null_count() == len(last):
+        return table, pl.repeat(False, len(last), eager=True)
+    return table, last.str.strip_chars(QUOTES).str.len_chars().fill_null(0) > 0
+
+
+def _largest(column: pl.Series) -> float:
+    """The largest size of a column's numbers; 0 if it has none."""
+    low, high = column.min(), column.max()
+    return max(-float(low), float(high)) if low is not None and high is not None else 0.0  # type: ignore[arg-type]
 
 
 def _split(line: str, separator: str) -> list[str]:
@@ -88,6 +129,32 @@ def _split(line: str, separator: str) -> list[str]:
 
 def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip(QUOTES + "#") for cell in _split(line, separator)]
+
+
+def _head(lines: list[str], number: int, separator: str) -> list[str]:
+    """The columns' names in a line, each behind what the line above says of it if that line heads groups of columns.
+
+    ``Gyroscope,,,Angle`` above ``X,Y,Z,deg`` gives ``Gyroscope X``, ``Gyroscope Y``, ``Gyroscope Z`` and ``Angle (deg)``.
+    """
+    own = _without_tail(_cells(lines[number], separator))
+    above = _without_tail(_cells(lines[number - 1], separator)) if number else []
+    single = len(set(own)) == len(own) and not all(re.fullmatch(UNITS, cell.lower()) for cell in own)
+    if single or not 2 <= len(above) <= len(own) or any(map(_is_number, above)) or (all(above) and len(above) < len(own)):
+        return own
+    names, group = [], ""
+    for i, cell in enumerate(own):
+        alone = i < len(above) and above[i] != ""
+        group = above[i] if alone else group
+        unit = alone and re.fullmatch(UNITS, cell.lower()) is not None
+        names.append(f"{group} ({cell})" if unit else f"{group} {cell}".strip())
+    return names
+
+
+def _without_tail(cells: list[str]) -> list[str]:
+    """The cells without empty ones at the end: some programs end each line with a separator."""
+    while cells and not cells[-1]:
+        cells = cells[:-1]
+    return cells
 
 
 def _window(lines: list[str], skip: int | None) -> list[tuple[int, str]]:
@@ -104,7 +171,7 @@ def _find_header(path: Path, lines: list[str], names: Sequence[str], skip: int |
     """The line that holds every wanted name, and the separator that shows them."""
     for number, line in _window(lines, skip):
         for separator in SEPARATORS:
-            if set(names) <= set(_cells(line, separator)):
+            if set(names) <= set(_cells(line, separator)) or set(names) <= set(_head(lines, number, separator)):
                 return number, separator
     where = "no line" if skip is None else f"row {skip + 1}"
     raise InputError(
@@ -119,7 +186,8 @@ def _find_any_header(path: Path, lines: list[str], skip: int | None) -> tuple[in
     for separator in SEPARATORS:
         rows = [(number, _cells(line, separator)) for number, line in enumerate(lines[: HEADER_SEARCH_LINES + 3])]
         for (number, header), (_, row), (_, next_row) in zip(rows, rows[1:], rows[2:], strict=False):
-            fits = len(header) == len(row) == len(next_row) > 1 and (skip is None or number == skip)
+            fits = len(_without_tail(header)) <= len(row) == len(next_row) > 1 and (skip is None or number == skip)
+            fits = fits and len(header) >= len(row)
             if fits and not _is_number(header[0]) and _mostly_numbers(row) and _mostly_numbers(next_row):
                 found.append((len(header), number, separator))
                 break

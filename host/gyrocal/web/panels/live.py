@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import tempfile
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
@@ -13,6 +16,7 @@ from gyrocal.errors import InputError
 from gyrocal.web import hidden
 from gyrocal.web.chips import chip, press
 from gyrocal.web.coach import Coach, judged, words
+from gyrocal.web.guide import Guide
 from gyrocal.web.readings import Readings
 from gyrocal.web.state import Topic
 
@@ -38,7 +42,9 @@ class LivePanel:
                 self.sensors = ui.element("section").classes("face column tight").props('aria-label="sensors of the board"')
                 self.recording = ui.element("section").classes("face column tight").props('aria-label="recording"')
             with ui.element("div").classes("column"):
-                self.coach = Coach(self.live)
+                with ui.element("div").classes("column") as self.at_table:
+                    self.coach = Coach(self.live)
+                self.guide = Guide(self.live)
                 self.readings = Readings(self.live, tab.palette)
         self.hear("device")
         ui.timer(0.25, lambda: self.hear("device"))
@@ -68,6 +74,8 @@ class LivePanel:
                 draw()
         self._figures()
         self.coach.update()
+        self.guide.update()
+        self.at_table.set_visibility(not self.guide.shown)
 
     # Connection.
 
@@ -142,6 +150,8 @@ class LivePanel:
         )
         start.props("unelevated no-caps").classes("" if ports else "primary")
         start.bind_enabled_from(chosen, "value", lambda value: value is not None)
+        held = ui.button("Start one held in a hand", icon="back_hand", on_click=lambda: self._hold(speed.value), color=None)
+        held.props("outline no-caps")
 
     def _look_again(self) -> None:
         self._connection()
@@ -161,6 +171,18 @@ class LivePanel:
         self.bench.say("Starting the simulated device…")
         try:
             await self.live.simulate(self.bench.scratch / "device", options)
+        except InputError as error:
+            self.bench.say(str(error))
+
+    async def _hold(self, speed: str) -> None:
+        """A simulated device whose sensor a hand turns from pose to pose."""
+        from gyrocal.simulation.simulate import simulate
+
+        self.bench.say("Starting the simulated device…")
+        folder = Path(tempfile.mkdtemp(prefix="held", dir=self.bench.scratch)) / "session"
+        await asyncio.to_thread(simulate, folder, "hands")
+        try:
+            await self.live.simulate(self.bench.scratch / "device", ["--session", str(folder), "--speed", speed])
         except InputError as error:
             self.bench.say(str(error))
 
@@ -234,6 +256,7 @@ class LivePanel:
                     "Record", icon="fiber_manual_record", on_click=lambda: self._start(name.value, None), color=None
                 )
                 button.props("unelevated no-caps").classes("primary")
+                self._by_hand(name)
                 return
             rate = ui.number("table rate, deg/s", value=_number(hello.get("table_dps"), 78.0)).props("outlined dense")
             seconds = ui.number("seconds", value=30, min=1).props("outlined dense")
@@ -243,6 +266,17 @@ class LivePanel:
                         f"Record face {face}", icon="fiber_manual_record", color=None,
                         on_click=lambda f=face: self._start(name.value, (f, rate.value, seconds.value)),
                     ).props("unelevated no-caps").classes("primary")  # fmt: skip
+            self._by_hand(name)
+
+    def _by_hand(self, name: ui.input) -> None:
+        """The way without a table."""
+        ui.separator()
+        ui.label("Without a table: turn the sensor by hand from pose to pose. The page says which turn is missing.").classes(
+            "dim small"
+        )
+        ui.button(
+            "Record by hand", icon="back_hand", on_click=lambda: self._start(name.value, None, by_hand=True), color=None
+        ).props("outline no-caps")
 
     def _progress(self) -> None:
         with ui.row().classes("tight").style("flex-wrap: nowrap"):
@@ -268,7 +302,9 @@ class LivePanel:
             ui.label(going["error"]).classes("worry small")
         if runs:
             seconds = sum(run["seconds"] for run in runs)
-            ui.label(f"{len(runs)} recordings, {seconds:.0f} s, are in {self.bench.places.name(self._path(going))}.")
+            counted = "1 recording" if len(runs) == 1 else f"{len(runs)} recordings"
+            where = self.bench.places.name(self._path(going))
+            ui.label(f"{counted}, {seconds:.0f} s, {'is' if len(runs) == 1 else 'are'} in {where}.")
             ui.button("Does the model fit it?", icon="insights", on_click=lambda: self._open(going), color=None).props(
                 "unelevated no-caps"
             ).classes("primary")
@@ -285,7 +321,7 @@ class LivePanel:
             return self.bench.places.name(self._path(going))
         return self.bench.places.free("recorded").name
 
-    def _start(self, name: str, run: tuple[str, float, float] | None) -> None:
+    def _start(self, name: str, run: tuple[str, float, float] | None, *, by_hand: bool = False) -> None:
         from gyrocal.device.record import wanted
 
         try:
@@ -293,7 +329,7 @@ class LivePanel:
             if not (folder / "session.toml").is_file():
                 folder = self.bench.places.new(name or "")
             what = None if run is None else wanted(run[0], run[1], run[2], None, None)
-            self.live.record(folder, what, _scenario(folder, what), self.imu)
+            self.live.record(folder, what, _scenario(folder, what, by_hand), self.imu, by_hand=by_hand)
         except InputError as error:
             self.bench.say(str(error))
 
@@ -305,15 +341,15 @@ def _number(text: Any, otherwise: float) -> float:
         return otherwise
 
 
-def _scenario(folder: Any, run: Wanted | None) -> str:
-    """The power cycle of a new run: the last one, or a new one if the last one already has such a run."""
+def _scenario(folder: Any, run: Wanted | None, by_hand: bool) -> str:
+    """The power cycle of a new run: the last one, or a new one if the last one already has such a run; by hand, the last."""
     from gyrocal.recording.header import read_header
 
     if not (folder / "session.toml").is_file():
         return "s000"
     entries = read_header(folder).run
     last = entries[-1].scenario
-    if run is not None and not any(e.scenario == last and e.face == run.face for e in entries):
+    if by_hand or (run is not None and not any(e.scenario == last and e.face == run.face for e in entries)):
         return last
     return f"s{len({e.scenario for e in entries}):03d}"
 
