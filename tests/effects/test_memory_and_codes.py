@@ -212,8 +212,9 @@ def test_a_line_of_the_vibration_is_in_its_square(make_run: MakeRun) -> None:
     noise = np.random.default_rng(11).normal(0, 1e-3, (3, t_s.size))
     run = make_run(t_s, table_rate_dps=0.0, ax_g=noise[0], ay_g=1 + shaken + noise[1], az_g=noise[2])
     g2 = effect("g2_sensitivity")
-    assert g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 8.01)
-    assert not g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 11.0)
+    assert g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 8.01, 8.01)
+    assert not g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 11.0, 11.0)
+    assert g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 5.0, 9.0)
 
 
 @pytest.mark.parametrize(("rate", "told"), [(np.sign, True), (np.ones_like, False)])

@@ -69,7 +69,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     note = f"{amplitude_dps * 1e3:.3g} mdps of irregular period, most between {band_hz[0]:.2g} and {band_hz[1]:.2g} Hz"
     return Finding(
         axis, Frequency.name, float(norm.isf(max(chance, np.finfo(np.float64).tiny))), chance, amplitude_dps, note,
-        snr=float(np.sqrt(2 * gain)), band_hz=band_hz,
+        band_hz=band_hz,
     )  # fmt: skip
 
 

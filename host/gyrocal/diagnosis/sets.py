@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
+import numpy as np
+
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import in_range
@@ -117,7 +119,7 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
             needed = all(_needed(found[ids], found[ids - {e.id}], e, current, tested) for e in members)
             if needed and _certain(gains, POLICY.gain_errors):
                 supported.append(found[ids])
-    return _chosen(supported)
+    return _chosen(supported, current)
 
 
 def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | None:
@@ -149,13 +151,14 @@ def _needed(whole: EffectSet, rest: EffectSet, member: Effect, current: Current,
     return looks * chance * tested < POLICY.name_alarm
 
 
-def _chosen(supported: Sequence[EffectSet]) -> Choice:
+def _chosen(supported: Sequence[EffectSet], current: Current) -> Choice:
     if not supported:
         return Choice((), ())
     best = max(supported, key=lambda s: s.gain)
     equal = [s for s in supported if s is best or _as_good(s, best)]
     fewest = min(len(s.effects) for s in equal)
     simplest = [s for s in equal if len(s.effects) == fewest]
+    simplest = [s for s in simplest if not any(_same_but_simpler(other, s, current) for other in simplest)]
     common = frozenset.intersection(*(s.ids for s in simplest))
     any_of = frozenset.union(*(s.ids for s in simplest))
     lead = max(simplest, key=lambda s: s.gain)
@@ -170,3 +173,20 @@ def _as_good(other: EffectSet, best: EffectSet) -> bool:
     difference = best.gains - other.gains
     price = POLICY.parameter_gain * max(0, best.parameters - other.parameters)
     return float(difference.sum()) < max(POLICY.rival_errors * (total(difference)[1] or 0.0), price)
+
+
+def _same_but_simpler(other: EffectSet, than: EffectSet, current: Current) -> bool:
+    """True if another set changes the residual in the same way with fewer parameters, and hardly predicts worse."""
+    if other.parameters >= than.parameters:
+        return False
+    price = POLICY.parameter_gain * (than.parameters - other.parameters)
+    same = cosine(_change(other, current), _change(than, current)) > POLICY.same_shape
+    return same and than.gain - other.gain < price
+
+
+def _change(of: EffectSet, current: Current) -> Array:
+    """What a set takes from the residual of each block [blocks], deg/s, scaled by the square root of the number of samples."""
+    blocks = enumerate(current.fit.design.blocks)
+    return np.concatenate([
+        (current.fit.block_residuals(i) - of.fitted.block_residuals(i)) * np.sqrt(b.n) for i, b in blocks
+    ])  # fmt: skip

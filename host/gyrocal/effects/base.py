@@ -174,8 +174,8 @@ class Effect(Described):
         """
         return False
 
-    def has_line(self, runs: Sequence[Run], axis: int, values: Values, frequency_hz: float) -> bool:
-        """True if the term itself has a line at this frequency, which a filter may have weakened in the readings."""
+    def has_line(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> bool:
+        """True if the term itself has a line between these frequencies, which a filter may have weakened in the readings."""
         return False
 
     def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:

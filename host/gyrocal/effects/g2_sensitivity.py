@@ -69,11 +69,12 @@ class G2Sensitivity(Effect):
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1)])
         return stack(*(squares[:, ALONG.get(name, ALL)] for name in self.used(values)))
 
-    def has_line(self, runs: Sequence[Run], axis: int, values: Values, frequency_hz: float) -> bool:
+    def has_line(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> bool:
         """True if the squared acceleration has a line there. The gyroscope's low-pass weakens it, not the rectified part."""
         terms = [self.term(r, axis, values) for r in runs]
         spectra = [np.abs(np.fft.rfft((y - y.mean()) * np.hanning(y.size))) ** 2 for y in terms]
-        near = [np.abs(np.fft.rfftfreq(len(r), 1 / r.sample_rate_hz) - frequency_hz) < LINE_HZ for r in runs]
+        frequencies = [np.fft.rfftfreq(len(r), 1 / r.sample_rate_hz) for r in runs]
+        near = [(f > low_hz - LINE_HZ) & (f < high_hz + LINE_HZ) for f in frequencies]
         ratios = [float(p[n].max(initial=0.0)) / max(float(np.median(p)), 1e-300) for p, n in zip(spectra, near, strict=True)]
         return max(ratios, default=0.0) > LINE
 

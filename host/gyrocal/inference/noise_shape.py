@@ -16,7 +16,6 @@ from gyrocal.inference.noise_search import fit_noise, white_start, with_noise
 from gyrocal.noise.color import WHITE, Color
 from gyrocal.noise.steady import relative_levels
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array
 
 COLORS = np.linspace(-0.8, 0.7, 151)
@@ -118,7 +117,7 @@ def _weighted(current: AxisFit) -> AxisFit | None:
     residuals = []
     for b in design.blocks:
         y_dps = b.run.gyro_dps[:, axis] - known_dps(b.run, axis) - _explained_dps(current, b)
-        rows, apart_dps = outliers(y_dps, b.run.step_dps[axis])
+        rows, apart_dps = b.strays[axis]
         y_dps[rows] -= apart_dps
         residuals.append(y_dps)
     levels = relative_levels(residuals)
