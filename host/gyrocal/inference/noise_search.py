@@ -205,9 +205,11 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
         solution, slopes = equations(grams[0], logdet[0]).solve_with_slopes(spreads)
         # all noise and all spreads times exp(a) multiply chi-square by exp(-2a) and the determinant by exp(2a (n - p))
         of_noise = [solution.chi2 - (n - solution.beta.size) - float(slopes.sum())]
-        if m > 1:
+        if m > 1 and np.isfinite(solution.loglik):
             beyond = equations(grams[1:], logdet[1:]).logliks(spreads)
             of_noise += ((beyond - solution.loglik) / STEP).tolist()
+        elif m > 1:  # a corner in which rounding leaves no likelihood
+            of_noise += [0.0] * (m - 1)
         return solution.loglik, np.concatenate([of_noise, scale.slopes(x[m:], slopes)])
 
     begin = np.concatenate([
