@@ -17,9 +17,6 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, Waves, per_turn
 
-CANCELLED = 1.1
-"""Size of one wave, as a multiple of the size of all together, above which waves cancel each other."""
-
 
 def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     """Amplitude in deg/s and words of a shape that is the same in all runs. The amplitude is that of a sine of equal power."""
@@ -35,7 +32,7 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     if isinstance(shape, Waves):
         sizes = np.hypot(coefficients[::2], coefficients[1::2])
         k = int(np.argmax(sizes))
-        if sizes[k] > CANCELLED * amplitude:  # the table turned by less than a turn, in which the waves cancel each other
+        if sizes[k] > POLICY.cancelled * amplitude:  # in less than a turn, waves cancel each other
             return amplitude, f"{size}, of the same phase in each run"
         wave = f"a wave of {mdps(min(sizes[k], amplitude))} {per_turn(shape.orders[k])}"
         return amplitude, f"{size}; most, {wave}, of the same phase in each run"

@@ -3,7 +3,7 @@
 Each step starts from the diagnosis of the model so far. The first candidate with decision ``add`` leads. Effects whose signals
 overlap with its signal, including those that an earlier step added, are compared as sets (:mod:`gyrocal.diagnosis.sets`). What
 every equally good set contains is added. What only some of them contain stays open, with the measurement that decides. A step
-is taken back if it does not decrease the held-out excess of its axes.
+is taken back if it decreases neither the held-out excess of all axes nor the held-out error of one of its own.
 """
 
 from __future__ import annotations
@@ -246,6 +246,8 @@ def _taken(
     following = diagnose(session, richer, progress=progress)
     before, after = with_floor_of(last.comparison, following.comparison), following.comparison
     falls = [within for within in (False, True) if _falls(before, after, within)]
+    if not falls and any(_removed_power(before, after, axis) > 0 for axis in axes):
+        falls = [False]  # so small that it drowns in the noise of the other axes
     if not falls:
         refused.add(key)
         return None

@@ -10,6 +10,7 @@ import numpy as np
 
 from gyrocal.diagnosis.angles import measured_angle_noise_deg
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.hump import hump
 from gyrocal.diagnosis.levels import Remainder
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
@@ -90,6 +91,13 @@ def _not_white(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Fi
     return too_much_power(fitted.axes[axis], axis, alarm)
 
 
+def _hump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
+    """Test for more power about one frequency than noise has."""
+    if _of_angles(fitted):
+        return None
+    return hump(fitted.axes[axis], axis, alarm)
+
+
 def _code(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a bit of the reading that does not toggle."""
     steps_dps = (fault.step_dps(values) for fault, values in fitted.model.faults(axis))
@@ -102,7 +110,7 @@ def _outliers(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Fin
     return None if known else single_readings(fitted.session, axis, alarm)
 
 
-BEYOND_NOISE = (_line, _order, _bump, _not_white, _code, _outliers)
+BEYOND_NOISE = (_line, _order, _bump, _not_white, _hump, _code, _outliers)
 """The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 

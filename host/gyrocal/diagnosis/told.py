@@ -82,8 +82,6 @@ def without_echoes(
 
 WIDE = 1.5
 """Ratio of the ends of a band above which it is no line."""
-MORE = 1.2
-"""Ratio of energies from which on a line is at one frequency in more runs than at one number per turn."""
 
 
 def _with_curve(current: AxisFit, shapes: list[Shape]) -> list[Shape]:
@@ -121,7 +119,7 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) 
 
     def more_as_line(line: Finding, wave: Finding) -> bool:
         """True if a line, seen in all runs, has more energy than the wave that is seen in those that turn."""
-        return line.amplitude_dps**2 * every_s > MORE * wave.amplitude_dps**2 * turned_s
+        return line.amplitude_dps**2 * every_s > POLICY.more_as_line * wave.amplitude_dps**2 * turned_s
 
     def in_means(line: Finding, low_hz: float, high_hz: float) -> bool:
         hz = line.band_hz[0] if line.band_hz else 0.0

@@ -31,9 +31,11 @@ HARMONIC = 0.3
 
 def turned_turn(run: Run) -> Array:
     """The table's angle without jumps from one turn to the next, shape [n], turns."""
-    return np.unwrap(table_angle_rad(run)) / (2 * np.pi)
+    angle_rad = table_angle_rad(run)
+    return (angle_rad if run.column("table_angle_deg") is None else np.unwrap(angle_rad)) / (2 * np.pi)
 
 
+@once
 def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
     """The spectrum over the table's angle of measured minus true rate on one axis, each run without its offset and slope."""
     turning = [r for r in runs if _turns(r)]

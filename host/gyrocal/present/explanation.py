@@ -82,7 +82,8 @@ def conclusion(e: Explanation) -> str:
         steps = "1 step" if len(e.steps) == 1 else f"{len(e.steps)} steps"
         if e.limited:
             return f"Stopped after {steps}, as many as were allowed; {best} is still missing."
-        return f"What is left over is no mere noise. It resembles {best}, but the error of held-out data does not fall with it."
+        left = "What is left over is not noise alone."
+        return f"{left} It resembles {best}, but the error of held-out data does not fall with it."
     if e.verdict == "adequate" and not e.steps:
         return "Nothing is missing: what is left over is noise."
     if e.verdict == "adequate":

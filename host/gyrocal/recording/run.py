@@ -209,6 +209,10 @@ class Run:
         """The run without the reference of some samples [n]."""
         return self._sharing((name for name in OF_FILE if name != "measured_rates"), lost=samples)
 
+    def turning(self, *, table_rate_dps: float | None = None, turn_deg: float | None = None) -> Run:
+        """The run with another known rate of the table, deg/s, or another net turn, deg."""
+        return self._sharing(OF_FILE, table_rate_dps=table_rate_dps, turn_deg=turn_deg)
+
     def _sharing(self, names: Iterable[str], **changes: Any) -> Run:
         """A changed run that keeps what this one has read or computed under these names."""
         out = replace(self, **changes)
