@@ -64,11 +64,10 @@ def recorded(
 
 
 def first_on_z(made: Recorded) -> Finding:
-    """The strongest finding, which must be on the only axis with a misfit."""
-    found = measure(made.session)
-    assert found.where
-    assert {f.axis for f in found.where} == {"z"}
-    return found.where[0]
+    """The strongest finding. There is no other on another axis or against another variable, as there is one cause."""
+    found = measure(made.session).where
+    assert {(f.axis, f.against) for f in found} == {("z", found[0].against)}
+    return found[0]
 
 
 def number(note: str, pattern: str) -> float:

@@ -183,7 +183,9 @@ def test_the_pages_show_what_the_commands_print(
             assert numbers[0] == pytest.approx(numbers[1], rel=0.05, abs=1.0)
             shown += 1
     assert shown > 0
-    assert "<h2>What remains</h2>" in (tmp_path / "chamber.html").read_text(encoding="utf-8")
+    html = (tmp_path / "chamber.html").read_text(encoding="utf-8")
+    assert html.count("shows it against temperature: ") == 2  # each step against the variable of its effects
+    assert "<h2>What remains</h2>" in html
 
 
 def test_nilspod_on_the_host(nilspod: Session) -> None:

@@ -9,6 +9,7 @@ from itertools import chain
 import numpy as np
 
 from gyrocal.diagnosis.angles import measured_angle_noise_deg
+from gyrocal.diagnosis.drawn import mdps
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.hump import hump
 from gyrocal.diagnosis.levels import Remainder
@@ -42,7 +43,7 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
         return None  # the steps of an encoder make lines, whose angle is below its noise
     noise_dps = float(np.sqrt(np.median(spectrum.level) * fitted.session.sample_rate_hz / 2))
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
-    note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps at {peak.frequency_hz:.4g} Hz"
+    note = f"a line of {mdps(peak.amplitude_dps)} at {peak.frequency_hz:.4g} Hz"
     line_hz = peak.frequency_hz
     return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
 
@@ -64,7 +65,7 @@ def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
         return None
     noise_dps = fitted.axes[axis].noise.white_sd_dps
     strength = peak.amplitude_dps / max(noise_dps, LEAST_WHITE_DPS) * float(np.sqrt(sum(map(len, turning)) / 2))
-    note = f"a line of {peak.amplitude_dps * 1e3:.3g} mdps, {peak.words()}"
+    note = f"a line of {mdps(peak.amplitude_dps)}, {peak.words()}"
     return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 
@@ -80,7 +81,7 @@ def _bump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
     bump = remainder.spectrum.bump()
     if bump is None or bump.chance >= alarm:
         return None
-    note = f"{bump.amplitude_dps * 1e3:.3g} mdps that wander between {bump.low_hz:.3g} and {bump.high_hz:.3g} Hz"
+    note = f"{mdps(bump.amplitude_dps)} that wander between {bump.low_hz:.3g} and {bump.high_hz:.3g} Hz"
     return Finding(axis, Frequency.name, bump.sigma, bump.chance, bump.amplitude_dps, note)
 
 
@@ -110,7 +111,9 @@ def _outliers(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Fin
     return None if known else single_readings(fitted.session, axis, alarm)
 
 
-BEYOND_NOISE = (_line, _order, _bump, _not_white, _hump, _code, _outliers)
+OF_FREQUENCY = (_line, _bump, _not_white, _hump)
+"""The tests against the frequency."""
+BEYOND_NOISE = (*OF_FREQUENCY, _order, _code, _outliers)
 """The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
@@ -119,9 +122,6 @@ def _carry(fitted: Fit, axis: str) -> list[Finding]:
     known = any(isinstance(term.effect, ByteFault) for term in fitted.axes[axis].terms)
     found = None if known else dropped_carry(fitted.session, axis)
     return [] if found is None else [found]
-
-
-OF_FREQUENCY = (_line, _bump, _not_white)
 
 
 def of_frequency(fitted: Fit, axis: str, by_run: dict[int, Array], share: float) -> list[Finding]:

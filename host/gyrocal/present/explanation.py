@@ -12,9 +12,11 @@ from gyrocal.diagnosis.drawn import described, most_visible_of
 from gyrocal.diagnosis.explain import Explanation, Open, Step
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import of_session
+from gyrocal.inference import heldout
+from gyrocal.inference.fit import Fit
 from gyrocal.present import page, report
 from gyrocal.present.output import mdps, stdout, table
-from gyrocal.recording.session import AXES
+from gyrocal.recording.session import AXES, Array
 from gyrocal.variables.base import variables
 
 if TYPE_CHECKING:
@@ -156,23 +158,26 @@ def shown(finding: Finding | None) -> str:
 
 def removed(step: Step) -> Finding | None:
     """What a step removed from the residual as it is drawn, on its axis with most of it; without a variable, as a finding."""
-    old, new = step.before.fit.axes, step.after.fit.axes
-    taken = {
-        axis: np.concatenate([
-            old[axis].block_residuals(i) - new[axis].block_residuals(i) for i in range(len(old[axis].design.blocks))
-        ])
-        for axis in step.axes if axis in old and axis in new
-    }  # fmt: skip
+    old, new = step.before.fit, step.after.fit
+    taken = {axis: _difference(old.on(axis), new.on(axis)) for axis in step.axes if axis in old.axes and axis in new.axes}
     if not taken:
         return removed_finding(step)
     axis = max(taken, key=lambda a: float(np.var(taken[a])))
     on_axis = of_session(step.before.fit.session, AXES.index(axis))
-    followed = most_visible_of(old[axis], taken[axis], [(against, shape) for against, shapes in on_axis for shape in shapes])
+    shapes = [(against, shape) for against, some in on_axis for shape in some]
+    followed = most_visible_of(old.axes[axis], taken[axis], shapes)
     if followed is None:
         return removed_finding(step)
     against, shape = followed
-    amplitude_dps, note = described(old[axis], shape)
+    amplitude_dps, note = described(old.axes[axis], shape)
     return Finding(axis, against, 0.0, 1.0, amplitude_dps, note, shape)
+
+
+def _difference(old: Fit, new: Fit) -> Array:
+    """What two fits of one axis predict differently, in the blocks of the first; a delay gives the second other blocks."""
+    before, after = ({p.run.index: p.modelled_dps for p in heldout.fitted(fit, net=True)} for fit in (old, new))
+    (axis,) = old.axes.values()
+    return np.concatenate([b.mean((after[b.run.index] - before[b.run.index])[:, None])[:, 0] for b in axis.design.blocks])
 
 
 def removed_finding(step: Step) -> Finding | None:
