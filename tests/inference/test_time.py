@@ -10,11 +10,13 @@ from scipy.optimize import least_squares
 from gyrocal.benchmark import _module
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
 from gyrocal.inference.heldout import fitted as in_sample
-from gyrocal.inference.timing import with_timing
+from gyrocal.inference.timing import started, with_timing
 from gyrocal.recording.session import Session
+from gyrocal.recording.timing import SYNCHRONOUS
 from make_runs import make_run, make_session
 from study import study
 
@@ -45,6 +47,21 @@ def test_smoothing_a_noisy_reference_moves_no_clock() -> None:
     found = model.term("clock_error", "z")
     assert found is not None
     assert abs(found.values["e"] - e) < 3 * found.se["e"]
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_low_pass_that_leaves_little_of_the_run_is_not_tried(seed: int) -> None:
+    """A slow low-pass forgets an unknown past late. What is left then fits anything, and no part of it can be held out."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(0, 26, 1 / 160)
+    reference = 20 * np.exp(-t_s / 6) * np.sin(2 * np.pi * 0.9 * t_s) + rng.normal(0, 0.01, t_s.size)
+    gyro = rng.normal(0, 0.05, (t_s.size, 3))
+    gyro[:, 2] += rng.normal(0, 4, t_s.size) * np.exp(-t_s / 3)
+    run = make_run(t_s, gyro, rate_ref_dps=reference)
+    (term,) = started([Term("lag", "z")], [run], 2)
+    assert isinstance(term.effect, TimingEffect)
+    assert run.motion is not None
+    assert np.mean(run.motion.reached(t_s, term.effect.set(SYNCHRONOUS, term.values))) > 0.45
 
 
 def with_lag_and_clock(session: Session, *effect_ids: str) -> Model:

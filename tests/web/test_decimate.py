@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from gyrocal.web.charts import LIGHT
 from gyrocal.web.decimate import FACTOR, Pyramid, binned, by_octave
-from gyrocal.web.plots import STRETCHES, Timeline
+from gyrocal.web.plots import STRETCHES, Timeline, curves
 from gyrocal.web.traces import Traces
-from gyrocal.web.views import ModelView, RunView, SessionView
+from gyrocal.web.views import Curve, ModelView, RunView, SessionView
 
 
 def written(folder: Path, values: np.ndarray) -> Pyramid:
@@ -149,7 +149,7 @@ def test_nothing_is_drawn_between_two_recordings(tmp_path: Path) -> None:
 
 
 def model(folder: Path) -> ModelView:
-    return ModelView("", {}, "", [], [], folder, [], None, [], {}, {}, {}, {})
+    return ModelView("", {}, "", [], [], [], folder, [], None, [], {}, {}, {}, {})
 
 
 def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:
@@ -184,3 +184,12 @@ def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:
     steps = np.diff([x for x, _ in finest])
     assert np.median(steps) == pytest.approx(1 / rate_hz, abs=2e-4)  # single samples
     assert np.median(np.diff([y for _, y in finest])) == pytest.approx(1.0, abs=0.02)  # mdps, the ramp's own
+
+
+def test_the_part_of_a_spectrum_that_is_shown_lies_on_its_axis() -> None:
+    """A line of 38.68 Hz at a sampling rate of 100 Hz: four times the frequency is not on the axis."""
+    x = np.linspace(0.01, 50.0, 500).tolist()
+    words = ("z", "left over, mdps/√Hz", "noise alone", "frequency, Hz")
+    drawn = curves(LIGHT, {"z": Curve(x, x, x)}, *words, [(38.68, 38.68, "a line")], (38.68 / 4, 38.68 * 4))
+    zoom = drawn["dataZoom"][0]
+    assert 0.01 < zoom["startValue"] < 38.68 < zoom["endValue"] == 50.0

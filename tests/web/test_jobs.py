@@ -12,6 +12,7 @@ import pytest
 from gyrocal.errors import GyrocalError
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.jobs import Cancelled, Jobs
+from gyrocal.web.state import Workbench
 from gyrocal.web.views import Recording
 
 from .loop import finish
@@ -102,5 +103,23 @@ def test_a_job_that_was_sent_ahead_is_done_once_and_gives_way_to_another(tmp_pat
             assert (await jobs.run("open", "open", folder)).rows == 2 * 725
         finally:
             jobs.close()
+
+    finish(story())
+
+
+def test_a_session_that_was_read_ahead_is_shown(tmp_path: Path) -> None:
+    simulate(tmp_path / "s", scenarios=1, seconds=5)
+
+    async def story() -> None:
+        bench = Workbench([tmp_path], lambda topic: None)
+        try:
+            bench.jobs.prepare("open", bench.places.session(tmp_path / "s"))
+            while not list(bench.scratch.glob("*/measured/samples.npy")):  # it is done before it is asked for
+                await asyncio.sleep(0.05)
+            await bench.open(tmp_path / "s")
+            assert not bench.message
+            assert bench.step is not None
+        finally:
+            bench.close()
 
     finish(story())

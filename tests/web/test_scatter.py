@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.web.scatter import Scatter, meanings, picture, sentences
+from gyrocal.web.words import method
 
 
 def estimates(bias_mdps: list[float], error_mdps: float, flags: tuple[str, ...] = ()) -> list[dict[str, Any]]:
@@ -42,6 +43,11 @@ def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
     drawn = picture(found, "z", ("#111", "#222", "#333"))
     assert drawn.count('r="3.5" fill="none"') == 1
     assert drawn.count("<line") == 4
+    assert "first 6 s" in drawn
+
+
+def test_the_table_names_the_methods_as_the_chart_and_the_command_line_do() -> None:
+    assert [method(name) for name in ("model", "cnn", "baseline")] == ["model", "network (cnn)", "plain average (baseline)"]
 
 
 def test_too_few_answers_have_no_scatter() -> None:

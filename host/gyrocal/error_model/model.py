@@ -16,14 +16,17 @@ from gyrocal.effects import base
 from gyrocal.effects.base import Effect, Role, Values
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.error_model.formula import FormulaEffect, effect_or_formula
+from gyrocal.error_model.term import Line, Term
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.files import read_toml, replace_text
 from gyrocal.noise.axis import COMPONENTS, AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
 from gyrocal.parameter import NOT_NEGATIVE, Described
-from gyrocal.recording.session import AXES, Run
+from gyrocal.recording.session import AXES
 from gyrocal.shown import Shown
+
+__all__ = ["FORMAT", "Line", "Model", "Term"]
 
 FORMAT = "gyrocal-model/1"
 
@@ -32,74 +35,6 @@ HEADER = """\
 # `calibrate` and `export` use the values; `compare`, `diagnose` and `add` fit them anew to their session.
 # Values are as fitted, NAME_se their standard errors, NAME_sd their spread from run to run or power cycle to power cycle.
 """
-
-
-@dataclass(frozen=True)
-class Term:
-    """One effect on one axis. ``values`` holds its parameters (empty before a fit), ``se`` their standard errors."""
-
-    effect_id: str
-    axis: str
-    values: Values = field(default_factory=dict)
-    se: Values = field(default_factory=dict)
-    own: Effect | None = field(default=None, repr=False, compare=False)
-    """An effect that is not in the library: a user's own, or a probe of the comparison."""
-    of_run: Mapping[int, Values] = field(default_factory=dict, repr=False)
-    """Nonlinear parameters that differ from run to run, by the run's index."""
-
-    @staticmethod
-    def of(kind: Effect, axis: str, values: Values | None = None) -> Term:
-        """A term of an effect, which may be a user's own."""
-        own = None if base.effects().get(kind.id) is kind else kind
-        return Term(kind.id, axis, {} if values is None else values, own=own)
-
-    @property
-    def effect(self) -> Effect:
-        """The effect of the term: its own, or that of the library."""
-        return self.own or base.effect(self.effect_id)
-
-    @property
-    def fault(self) -> ReadingFault | None:
-        """The fault of the reading that the values describe; None if they describe a term of the reading."""
-        return self.effect.fault_of(self.values)
-
-    def values_in(self, run: Run) -> Values:
-        """The values in one run."""
-        return {**self.values, **self.of_run.get(run.index, {})}
-
-    @property
-    def spreadable(self) -> str | None:
-        """The nonlinear parameter that may differ from run to run: only an effect of each run with one column has one."""
-        kind = self.effect
-        if kind.scope != "run" or len(kind.groups(self.values)) != 1:
-            return None
-        return next((name for name in kind.nonlinear if name in self.values), None)
-
-
-@dataclass(frozen=True)
-class Line:
-    """An effect or a noise on one axis, as the model file and the commands list it."""
-
-    kind: Described
-    axis: str
-    values: Values
-    se: Values
-
-    @property
-    def id(self) -> str:
-        """Id of the effect or noise component."""
-        return self.kind.id
-
-    @property
-    def formula(self) -> str:
-        """The formula that the file gives the effect by; empty where its id names it, from the library or a user's folder."""
-        known = base.effects().get(self.id) is self.kind
-        return self.kind.equation if isinstance(self.kind, FormulaEffect) and not known else ""
-
-    @property
-    def inherent(self) -> bool:
-        """True if every sensor has it. Scale, bias and noise are reported but never called missing."""
-        return not isinstance(self.kind, Effect) or self.kind.role is not None
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,7 +54,10 @@ class Model(Shown):
         """
         noises = {"paper": AxisNoise(), "default": AxisNoise(drift=Drift(), turn_on_bias=TurnOnBias())}
         if name not in noises:
-            raise InputError(f"model {name}: neither a file nor one of {', '.join(noises)}{did_you_mean(name, noises)}")
+            near = did_you_mean(name, noises)
+            raise InputError(
+                f"model {name}: neither a file nor one of {', '.join(noises)}{near}; `gyrocal explain` makes a file"
+            )
         ids = [base.with_role(role).id for role in Role]
         return Model(name, tuple(Term(i, axis) for i in ids for axis in AXES), dict.fromkeys(AXES, noises[name]))
 
@@ -136,7 +74,7 @@ class Model(Shown):
         if path.suffix != ".toml" and not path.is_file():
             return Model.builtin(str(source))
         missing = "no such model; `gyrocal add` makes one, `default` and `paper` are built in"
-        return _parse(read_toml(path, missing), path)
+        return _parse(read_toml(path, missing, "a model, as `gyrocal add` writes it"), path)
 
     @property
     def ids(self) -> list[str]:
@@ -182,7 +120,7 @@ class Model(Shown):
         """The line of a term; that of the scale also gives its spread over power cycles."""
         spread = self.noise_on(term.axis).turn_on_scale
         if term.effect.role is not Role.SCALE or spread is None:
-            return Line(term.effect, term.axis, term.values, term.se)
+            return Line(term.effect, term.axis, term.values, term.se, term.held)
         name = _turn_on_scale_name(term.effect)
         se = {} if spread.se is None else {name: spread.se}
         return Line(term.effect, term.axis, {**term.values, name: spread.sd}, {**term.se, **se})
@@ -206,6 +144,24 @@ class Model(Shown):
             return replace(self, name=self._name(add=term.effect_id), terms=(*self.terms, term))
         same = (term.effect_id, term.axis)
         return replace(self, terms=tuple(term if (t.effect_id, t.axis) == same else t for t in self.terms))
+
+    def holding(self, effect_id: str, axis: str, name: str, value: float | None) -> Model:
+        """The model with a parameter of an effect held at a value, or fitted again if ``value`` is None.
+
+        Raises InputError if the model lacks the effect on this axis, or if a fit cannot hold the parameter or the value.
+        """
+        term = self.term(effect_id, axis)
+        if term is None:
+            raise InputError(f"the model has no {effect_id} on {axis}; add it first")
+        if name not in term.holdable:
+            raise InputError(f"{name} of {effect_id} cannot be held{did_you_mean(name, term.holdable)}")
+        refusal = None if value is None else term.effect.parameter(name).refusal(value)
+        if refusal is not None:
+            raise InputError(f"{effect_id}: {refusal}")
+        held = tuple(n for n in term.holdable if n in term.held and n != name)
+        if value is not None:
+            term, held = replace(term, values={**term.values, name: value}), (*held, name)
+        return self.with_term(replace(term, held=held))
 
     def add(self, effect_id: str, axis: str = "z") -> Model:
         """The model with an effect, a formula or a noise component on one axis; ``compare`` and ``fit`` determine its size.
@@ -272,6 +228,8 @@ class Model(Shown):
                 if line.formula:
                     parts.append(f"formula = {_quoted(line.formula)}")
                 parts += [f"{name} = {_number(value)}" for name, value in numbers.items()]
+                if line.held:
+                    parts.append(f"held = [{', '.join(map(_quoted, line.held))}]")
                 lines.append("  { " + ", ".join(parts) + " },")
         return "\n".join([*lines, "]", ""])
 
@@ -335,7 +293,7 @@ def _term(kind: Effect, line: Line) -> tuple[Term, TurnOnScale | None]:
     name = _turn_on_scale_name(kind) if kind.role is Role.SCALE else ""
     values, se = ({n: v for n, v in given.items() if n != name} for given in (line.values, line.se))
     spread = TurnOnScale(line.values[name], line.se.get(name)) if name in line.values else None
-    return replace(Term.of(kind, line.axis, values), se=se), spread
+    return replace(Term.of(kind, line.axis, values), se=se, held=line.held), spread
 
 
 def _turn_on_scale_name(kind: Effect) -> str:
@@ -356,7 +314,7 @@ def _parse_line(entry: Mapping[str, Any], where: str) -> Line:
         raise InputError(f"{where} ({kind.id}): axis is {axis!r}, not x, y or z")
     values: Values = {}
     se: Values = {}
-    numbers = {key: value for key, value in entry.items() if key not in ("id", "axis", "formula")}
+    numbers = {key: value for key, value in entry.items() if key not in ("id", "axis", "formula", "held")}
     spreads = (replace(p, name=f"{p.name}_sd", bounds=NOT_NEGATIVE) for p in kind.parameters)
     known = {p.name: p for p in (*kind.parameters, *spreads)}
     for key, value in numbers.items():
@@ -374,4 +332,15 @@ def _parse_line(entry: Mapping[str, Any], where: str) -> Line:
             raise InputError(f"{where} ({kind.id}): no parameter {key!r}{near}; it has {', '.join(sorted(known))}")
         if refusal is not None:
             raise InputError(f"{where} ({kind.id}): {refusal}")
-    return Line(kind, axis, values, se)
+    return Line(kind, axis, values, se, _parse_held(entry, kind, axis, values, where))
+
+
+def _parse_held(entry: Mapping[str, Any], kind: Described, axis: str, values: Values, where: str) -> tuple[str, ...]:
+    """The names that an entry holds."""
+    held = entry.get("held", [])
+    can = Term.of(kind, axis, values).holdable if isinstance(kind, Effect) else ()
+    strange = next((name for name in held if name not in can), None) if isinstance(held, list) else held
+    if strange is not None:
+        which = ", ".join(can) or "none"
+        raise InputError(f"{where} ({kind.id}): held names {strange!r}; of the parameters with a value it may name {which}")
+    return tuple(held)

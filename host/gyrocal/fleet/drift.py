@@ -42,8 +42,8 @@ class FleetDrift:
 
 
     @property
-    def near(self) -> tuple[FleetDrift, FleetDrift, FleetDrift]:
-        """The drift between a smaller and a larger one."""
+    def near(self) -> tuple[FleetDrift, ...]:
+        """A smaller drift, this one, and a larger one."""
         return replace(self, size=self.size / STEP), self, replace(self, size=self.size * STEP)
 
     def refined(self, loglik: Array) -> tuple[FleetDrift, Array]:

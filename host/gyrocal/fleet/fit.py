@@ -118,7 +118,7 @@ def _summaries(results: Path, fitted: Sequence[Done], equations: bool = True) ->
 def drift_weights(
     boards: Sequence[Summary], drifts: dict[str, FleetDrift]
 ) -> tuple[dict[str, FleetDrift], dict[str, Array]]:  # fmt: skip
-    """The drift of each axis from all boards, and the weights of their equations at the drifts near the first one."""
+    """The drift of each axis from all boards, and the weights [3] of their equations at the drifts near the first one."""
     refined, weights = dict(drifts), {axis: np.ones(1) for axis in AXES}
     for axis, drift in drifts.items():
         said = [b.axes[axis].drift_loglik for b in boards if axis in b.axes]

@@ -33,7 +33,7 @@ class CycleSpreads:
     unit: dict[Kind, list[Array]] = field(default_factory=dict)
 
     def add(self, one: AxisSummary, weights: Array) -> None:
-        """Add the power cycles of one session on one axis, at the drift that ``weights`` say."""
+        """Add the power cycles of one session on one axis, at the drift that ``weights`` [3] say."""
         if one.random:
             p, cycles = 1 + len(one.columns), one.at_drift(weights)
             self.cycles.setdefault((kind_of(one), len(cycles)), []).append(cycles[:, :p, :p])

@@ -24,7 +24,8 @@ def fit(
 ) -> Fit:  # fmt: skip
     """Fit a model's terms and noise to a session; the model returned carries values and standard errors.
 
-    ``about``: linear parameters that the session does not show stay at the model's values instead of zero.
+    ``about``: linear parameters that the session does not show stay at the model's values instead of zero. Parameters that a
+    term holds always do.
     """
     if blocks is None:
         session = refined(session, model)
@@ -35,7 +36,8 @@ def fit(
         if progress is not None:
             progress(f"fitting {axis}")
         terms = model.on(axis)
-        return fit_axis(seen[axis], AXES.index(axis), terms, model.noise_on(axis), linear_values(terms) if about else None)
+        known = linear_values(terms if about else [t for t in terms if t.held])
+        return fit_axis(seen[axis], AXES.index(axis), terms, model.noise_on(axis), known)
 
     covered = [axis for axis in axes if axis in model.axes]
     fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))

@@ -173,7 +173,7 @@ def joint(current: AxisFit) -> Joint:
     nonlinear = tuple(
         (i, name)
         for i, term in enumerate(current.design.terms) if not term.of_run
-        for name in term.effect.nonlinear if name in term.values
+        for name in term.effect.nonlinear if name in term.values and name not in term.held
     )  # fmt: skip
     likelihood = _Likelihood(current, nonlinear)
     at = likelihood(np.zeros(len(nonlinear)))

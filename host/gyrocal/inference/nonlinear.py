@@ -26,7 +26,7 @@ def refine(current: AxisFit) -> AxisFit:
     """
     moved = False
     for i, term in enumerate(current.design.terms):
-        names = [n for n in term.effect.nonlinear if n in term.values]
+        names = [n for n in term.effect.nonlinear if n in term.values and n not in term.held]
         if not names or term.of_run:
             continue
         base = current

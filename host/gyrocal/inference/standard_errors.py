@@ -52,6 +52,7 @@ def finish(current: AxisFit, reported: bool = False) -> AxisFit:
             values.update(kind.named_spread(current.spreads.run[groups], term.values))
             se.update(kind.named_spread(run_se[groups], term.values))
         se.update(_nonlinear_errors(current, i, together))
+        values.update({name: term.values[name] for name in term.held})
         terms.append(replace(term, values=values, se=se))
     return replace(current, terms=tuple(terms), noise_model=_fitted_noise(current, scenario_se))
 

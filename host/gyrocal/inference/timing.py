@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
-from gyrocal.effects.base import Effect, Values
+from gyrocal.effects.base import Effect, Mask, Values
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
@@ -25,7 +26,7 @@ SETTLED = 0.02
 """A value has settled if a step moves it by less than this fraction of its standard error."""
 ROUNDS = 20
 REACHED = 0.5
-"""A step after which fewer of the blocks lie within the reference goes farther than the slope of the rate can tell."""
+"""Values at which fewer of the samples or blocks lie within the reference are not tried: too little would be compared."""
 FIRST_S = 20.0
 """The search for a clock's error begins with so much of each run, s, and doubles it until it has all of it."""
 LATEST_S = 0.5
@@ -94,6 +95,11 @@ class _Reading:
     t_s: Array
     y_dps: Array
     motion: Motion
+
+    @cached_property
+    def recorded(self) -> Mask:
+        """True for the samples [n] at whose own times the reference was recorded."""
+        return np.asarray(self.motion.reached(self.t_s, SYNCHRONOUS))
 
     @staticmethod
     def of(run: Run, axis: int, every: int) -> _Reading:
@@ -167,11 +173,14 @@ class _Search:
         return np.concatenate(ys), np.concatenate(columns)
 
     def _squares(self, shape: Sequence[Values], x: Array, span_s: float) -> float:
-        """Mean square of what the true rate leaves of the readings, dps^2."""
+        """Mean square of what the true rate leaves of the readings, dps^2; infinite where few lie within the reference."""
         y, columns = self._equations(self._timing(shape, x), span_s, slopes=False)
+        recorded = sum(int(np.count_nonzero(r.recorded & (r.t_s <= r.t_s[0] + span_s))) for r in self.runs)
+        if y.size < max(1.0, REACHED * recorded):
+            return np.inf
         rate = columns[:, 0]
         left = y - rate * (rate @ y) / max(float(rate @ rate), 1e-300)
-        return float(np.mean(left**2)) if y.size else np.inf
+        return float(np.mean(left**2))
 
     def _refined(self, shape: Sequence[Values], x: Array, span_s: float) -> Array:
         """Gauss-Newton steps over the first ``span_s`` of each run, halved until the mean square falls."""

@@ -22,6 +22,7 @@ from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
+from gyrocal.web.budget import of_answers
 from gyrocal.web.doubt import doubts
 from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
@@ -35,6 +36,7 @@ from gyrocal.web.views import (
     Card,
     DiagnosisView,
     ExportView,
+    Holdable,
     ModelView,
     Picture,
     Recording,
@@ -115,6 +117,13 @@ class Bench:
         without = self._model(model).without(effect)
         return self._view(recording, compare(self.opened.session(recording), without, progress=progress), progress)
 
+    def hold(
+        self, recording: Recording, model: str, effect: str, axis: str, name: str, value: float | None, progress: Progress
+    ) -> ModelView:
+        """Hold a parameter of an effect at a value, or fit it again if ``value`` is None."""
+        other = self._model(model).holding(effect, axis, name, value)
+        return self._view(recording, compare(self.opened.session(recording), other, progress=progress), progress)
+
     def calibrate(self, recording: Recording, models: dict[str, str], progress: Progress) -> CalibrationView:
         """Scale and bias from the first seconds by baseline, network and each model (name: TOML); the last is the best."""
         session = self.opened.session(recording)
@@ -123,8 +132,11 @@ class Bench:
             (min(a.duration_s, b.duration_s) for _, runs in session.by_scenario() for a, b in pairs(runs)), default=None
         )
         if longest_s is None:
-            found = calibrate(session, None, None, self._model(list(models.values())[-1]))
-            return CalibrationView(_estimates(found), {}, UNPAIRED)
+            try:
+                found = calibrate(session, None, None, self._model(list(models.values())[-1]))
+            except InputError as error:
+                return CalibrationView([], {}, f"No answer: {str(error).removeprefix(f'{session.path}: ')}.")
+            return CalibrationView(_estimates(found), {}, UNPAIRED, of_answers(found))
         spans = [s for s in DEFAULT_SECONDS if s < 0.9 * longest_s]
         best = self._model(list(models.values())[-1])
         warnings = check(session, best)
@@ -138,7 +150,7 @@ class Bench:
         for name, toml in models.items():
             by_method[name] = calibrate(session, spans, ["model"], self._model(toml), warnings)
         errors = {name: _errors(found, whole) for name, found in by_method.items() if found}
-        return CalibrationView(_estimates(answers), errors)
+        return CalibrationView(_estimates(answers), errors, budget=of_answers(answers))
 
     def verify(self, network: Path | None, progress: Progress) -> dict[str, Any]:
         """Verify the C network of an export's folder, or the shipped one, against onnxruntime."""
@@ -190,8 +202,9 @@ class Bench:
         levels = None
         if found.angles is None:
             levels = Levels(found.squares, found.floors, found.cycles, len(compared["parameters"]))
+        model = found.fit.model
         return ModelView(
-            found.fit.model.toml(), compared, report.headline(found), report.level_rows(found), _effects(found.fit.model),
+            model.toml(), compared, report.headline(found), report.level_rows(found), _effects(model), _holdable(model),
             traces, against, levels, residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
             residuals.allan(),
         )  # fmt: skip
@@ -201,6 +214,17 @@ def _effects(model: Model) -> list[tuple[str, str, bool]]:
     own = {t.effect_id for t in model.terms if t.own}  # a formula's name is its id
     listed = {line.id: (line.id, line.id if line.id in own else line.kind.title, not line.inherent) for line in model.lines()}
     return list(listed.values())
+
+
+def _holdable(model: Model) -> list[Holdable]:
+    own = {t.effect_id for t in model.terms if t.own}
+    return [
+        Holdable(
+            t.effect_id, t.effect_id if t.effect_id in own else t.effect.title, t.axis, name, t.values[name], t.se.get(name),
+            t.effect.parameter(name).unit, name in t.held,
+        )
+        for t in model.terms for name in t.holdable
+    ]  # fmt: skip
 
 
 def _diagnosis_view(found: Diagnosis) -> DiagnosisView:

@@ -10,6 +10,7 @@ from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
 from gyrocal.web.tables import number, plain
+from gyrocal.web.words import METHODS, method
 
 if TYPE_CHECKING:
     from gyrocal.web.live import Live
@@ -21,9 +22,6 @@ NEEDED_S = 6.0
 STATES = {"idle": "waiting", "recording": "measuring", "flip": "waiting for the flip", "done": "done"}
 """The device's states in words. Only a session that is written to disk is called a recording."""
 RICHEST = ("model", "cnn", "baseline", "turn", "rest")
-METHODS = {
-    "model": "the model", "cnn": "the network", "baseline": "the plain average", "turn": "the known turn", "rest": "the rest",
-}  # fmt: skip
 BEEP = """(() => { const audio = window.coachAudio ??= new AudioContext(), tone = audio.createOscillator();
     tone.frequency.value = %d; tone.connect(audio.destination); tone.start(); tone.stop(audio.currentTime + 0.25); })()"""
 FLIP_HZ, ANSWER_HZ = 880, 1320
@@ -237,7 +235,7 @@ def table(found: Sequence[Result]) -> str:
     found = sorted(found, key=lambda r: (str(r.get("axis")), str(r.get("seconds")), str(r.get("method"))))
     rows = [
         [
-            str(r.get("axis", "")), str(r.get("method", "")), number(r.get("seconds"), "g"),
+            str(r.get("axis", "")), method(str(r.get("method", ""))), number(r.get("seconds"), "g"),
             number(r.get("scale"), ".4f", 100), number(r.get("scale_se"), ".4f", 100),
             number(r.get("bias_dps"), ".1f", 1e3), number(r.get("bias_se_dps"), ".1f", 1e3), number(r.get("misfit"), ".2f"),
             str(r.get("flags") or "").replace("+", ", "),

@@ -126,6 +126,7 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     x, y, s = (np.asarray(v[use], dtype=float) for v in (x, y, signal))
     if run is not None:  # the offset of a run is not the effect's
         y, s = y - y.mean(), s - s.mean()
+    s = s + (y - s).mean()  # adding the effect moves the bias
     edges = _edges(x, panel)
     place = _places(x, edges)
     count = np.bincount(place, minlength=edges.size - 1)

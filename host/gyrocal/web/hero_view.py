@@ -52,10 +52,14 @@ class HeroView:
         self.draw()
 
     def draw(self) -> None:
-        """Draw the chosen card, else the best one, else the effect that was added last."""
+        """Draw the chosen card, else the first one, else the effect that was added last.
+
+        A first card without a picture, as a tone has none, leaves the place empty: another effect's would stand for it.
+        """
         diagnosis, step = self.bench.diagnosis, self.bench.step
-        cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.picture is not None]
+        cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
         card = self._chosen if self._chosen in cards else next(iter(cards), None)
+        card = card if card is not None and card.picture is not None else None
         added = step is not None and step.picture is not None and not cards
         self.frame.set_visibility(card is not None or added)
         if added:
@@ -67,7 +71,8 @@ class HeroView:
             self._show(step.picture, left_now(step.picture, self.bench.traces.points), flat, words)
         elif card is not None:
             assert card.picture is not None
-            words = self._words(card.title, card.picture, card.equation, added=False)
+            hint = " (a hint, not enough to be sure)" if card.judged["decision"] == "suggest" else ""
+            words = self._words(f"{card.title}{hint}", card.picture, card.equation, added=False)
             self._show(card.picture, card.picture.left, card.picture.curve, words)
 
     def _words(self, title: str, shown: Picture, equation: str, *, added: bool) -> list[str]:

@@ -33,6 +33,8 @@ class Recipe:
     """The formula of an effect that is not in the library."""
     doubts: tuple[str, ...] = ()
     """Why the effect was not proven when it was added, as phrases; empty if it was."""
+    held: str = ""
+    """The parameter that was held at a value or freed, in words; empty for any other change."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Step:
     @property
     def label(self) -> str:
         """The name of its bar."""
-        return f"without {self.title}" if self.removed else self.title
+        return f"without {self.title}" if self.removed else self.recipe.held or self.title
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def read_models(session: Path) -> Models:
 def _recipe(raw: dict[str, Any]) -> Recipe:
     return Recipe(
         str(raw["source"]), str(raw["effect"]), str(raw["title"]), bool(raw["removed"]), str(raw["formula"]),
-        tuple(map(str, raw["doubts"])),
+        tuple(map(str, raw["doubts"])), str(raw.get("held", "")),
     )  # fmt: skip
 
 

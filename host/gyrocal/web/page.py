@@ -26,6 +26,9 @@ UNDRAWN = """import("%s").then(({default: chart}) => {
     chart.beforeUnmount = function () { this.chart?.dispose(); };
 }, () => {})"""
 """NiceGUI's chart is made shortly after its element, and cannot be removed in between without this."""
+SCHEME = """matchMedia("(prefers-color-scheme: dark)").addEventListener(
+    "change", () => setTimeout(() => emitEvent("scheme"), 50))"""
+"""The system has changed between light and dark; the class of the body follows at once."""
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
 _hunts: list[Hunt] = []
@@ -86,6 +89,8 @@ class Tab:
         changed.subscribe(self._hear)
         ui.timer(0.5, lambda: self._hear("job"))
         ui.timer(0.05, self._ask_dark, once=True)
+        ui.on("scheme", self._ask_dark)
+        ui.run_javascript(SCHEME)
 
     def go(self, view: str, *, push: bool = True) -> None:
         """Show a panel."""
@@ -144,9 +149,11 @@ class Tab:
                 ui.button("Show the truth", on_click=self.hunt.tell, color=None).props("flat dense no-caps")
 
     async def _ask_dark(self) -> None:
+        """Draw the charts for the mode of the page, which follows the system until the user chooses one."""
         with contextlib.suppress(TimeoutError):  # the tab was closed meanwhile
-            if await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5.0):
-                self._set_dark(True)
+            dark = bool(await ui.run_javascript("document.body.classList.contains('body--dark')", timeout=5.0))
+            if dark != self.dark:
+                self._set_dark(dark)
 
     def _toggle_dark(self) -> None:
         self._mode.value = not self.dark

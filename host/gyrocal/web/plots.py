@@ -246,8 +246,8 @@ def curves(
         series[0]["markArea"] = {"silent": True, "animation": False, "itemStyle": shade, "data": areas}
     highest = max(ys, default=1.0)
     zoom = _zoom(1)
-    if seen is not None:
-        zoom[0].update(startValue=seen[0], endValue=seen[1])
+    if seen is not None and xs:  # the chart ignores a part that reaches beyond its axis
+        zoom[0].update(startValue=max(seen[0], min(xs)), endValue=min(seen[1], max(xs)))
     unit, x_unit = what.rsplit(", ", 1)[1], x_name.rsplit(", ", 1)[1]
     return charts.base(
         p,

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from gyrocal.present.output import plus_minus
+from gyrocal.web.words import METHODS
 
 Estimate = dict[str, Any]
 
 ORDER = ("model", "cnn", "baseline")
-NAMES = {"model": "the model", "cnn": "the network", "baseline": "the plain average"}
 BEYOND = 2.0
 """The scatter exceeds the errors where it is so many times their root mean square."""
 FEWEST = 3
@@ -60,7 +60,7 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
         method, answers = next(iter(by.items()))
         bias = Scatter.of(answers, "bias_dps", "bias_se_dps", 1e3)
         scale = Scatter.of(answers, "scale", "scale_se", 1e2)
-        head = f"Axis {axis}, by {NAMES[method]} from the first {answers[0]['seconds']:g} s"
+        head = f"Axis {axis}, by {METHODS[method]} from the first {answers[0]['seconds']:g} s"
         if bias is not None and scale is not None:
             told.append(
                 f"{head}: over {bias.cycles} power cycles the bias scatters by {bias.sd:.2g} mdps about {bias.mean:.1f}, each "
@@ -99,6 +99,7 @@ def meanings(found: Sequence[Estimate]) -> list[str]:
 def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str:
     """The biases of all power cycles with their errors as SVG, by method; hollow where not trusted."""
     by = longest(found, axis)
+    seconds = next((answers[0]["seconds"] for answers in by.values()), 0.0)
     cycles = list(dict.fromkeys(e["scenario"] for answers in by.values() for e in answers))
     points = [
         (cycles.index(e["scenario"]) + 0.22 * (k - 1), 1e3 * e["bias_dps"], 1e3 * (e["bias_se_dps"] or 0.0), e, k)
@@ -125,7 +126,9 @@ def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str
         )
     for value in (low, high):
         drawn.append(f'<text x="{LEFT - 8:.0f}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.0f}</text>')
-    drawn.append(f'<text x="0" y="{y((low + high) / 2) + 4:.1f}">bias, mdps</text>')
+    middle = y((low + high) / 2)
+    drawn.append(f'<text x="0" y="{middle - 4:.1f}">bias, mdps,</text>')
+    drawn.append(f'<text x="0" y="{middle + 12:.1f}">first {seconds:g} s</text>')
     if len(cycles) <= 12:
         drawn += [
             f'<text x="{x(i):.1f}" y="{HEIGHT - 20:.0f}" text-anchor="middle">{html.escape(name)}</text>'
@@ -134,7 +137,7 @@ def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str
     for k, method in enumerate(by):
         at = LEFT + 150 * k
         drawn.append(f'<circle cx="{at:.0f}" cy="{HEIGHT - 6:.0f}" r="3.5" fill="{colours[k]}"/>')
-        drawn.append(f'<text x="{at + 9:.0f}" y="{HEIGHT - 2:.0f}">{NAMES[method]}</text>')
+        drawn.append(f'<text x="{at + 9:.0f}" y="{HEIGHT - 2:.0f}">{METHODS[method]}</text>')
     drawn.append(f'<text x="{WIDTH - 8:.0f}" y="{HEIGHT - 2:.0f}" text-anchor="end">hollow: not trusted</text>')
     return (
         f'<svg class="scatter" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="bias of each power cycle in mdps">'

@@ -32,9 +32,9 @@ def side_by_side(bench: Workbench) -> None:
         return
     rows = []
     for name, view in views.items():
-        added = ", ".join(r.title for r in bench.models.of[name] if r.effect and not r.removed) or "–"
+        added = ", ".join(r.title for r in bench.models.of[name] if r.effect and not r.removed and not r.held) or "–"
         if name == bench.models.current:
-            added = ", ".join(s.title for s in bench.steps if s.effect and not s.removed) or "–"
+            added = ", ".join(s.title for s in bench.steps if s.effect and not s.removed and not s.recipe.held) or "–"
         figures = ["open it to see"] + [""] * 4 if view is None else view.rows[-1][1:]
         rows.append([name, added, *figures])
     ui.html(plain(COLUMNS, rows), sanitize=False)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gyrocal.errors import GyrocalError
-from gyrocal.web.jobs import Cancelled, Jobs
+from gyrocal.web.jobs import Jobs
 from gyrocal.web.live import Live
 from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write_models
 from gyrocal.web.places import Places
@@ -96,7 +96,7 @@ class Workbench:
     @property
     def searching(self) -> bool:
         """True while the model is diagnosed or changed. A request made now would concern the previous model."""
-        return self.jobs.current is not None and self.jobs.current.method in ("diagnose", "add", "keep", "without")
+        return self.jobs.current is not None and self.jobs.current.method in ("diagnose", "add", "keep", "without", "hold")
 
     def network(self, axis: str) -> TrainedView | None:
         """The network that was trained for the current model."""
@@ -174,7 +174,7 @@ class Workbench:
             self.before = before
             doubts = cards[0].doubts if cards else (BY_HAND,)
             shown = next((card.picture for card in cards if card.picture is not None), None)
-            await self._take(Step(Recipe(view.toml, effect, title, formula=formula, doubts=tuple(doubts)), view, shown))
+            await self.take(Step(Recipe(view.toml, effect, title, formula=formula, doubts=tuple(doubts)), view, shown))
 
     def _cards(self, effect: str) -> list[Card]:
         """What the diagnosis of the current model says of an effect, best first, where it names or suggests it."""
@@ -187,7 +187,7 @@ class Workbench:
             if self.session is None or self.step is None:
                 return
             formula, view = await self.jobs.run("Looking for a formula", "keep", self.recording, self.step.source, name)
-            await self._take(Step(Recipe(view.toml, name, name, formula=formula), view))
+            await self.take(Step(Recipe(view.toml, name, name, formula=formula), view))
 
     async def remove(self, effect: str, title: str) -> None:
         """Remove an effect from the model. The result may be an earlier model, or one that must be fitted."""
@@ -202,7 +202,7 @@ class Workbench:
                 name = f"Removing {title.lower()}"
                 view = await self.jobs.run(name, "without", self.recording, self.step.source, effect)
                 source = view.toml
-            await self._take(Step(Recipe(source, effect, title, removed=True), view))
+            await self.take(Step(Recipe(source, effect, title, removed=True), view))
 
     async def train(self, name: str, axis: str, epochs: int) -> None:
         """Train a network for the current model in a new folder. Fits may run at the same time."""
@@ -246,18 +246,18 @@ class Workbench:
         return None
 
     async def undo(self) -> None:
-        with self._telling():
-            if len(self.steps) > 1:
-                self.undone.append(self.steps.pop())
-                self._remember()
-                await self._show_model()
+        if len(self.steps) > 1:
+            await self._move(self.steps, self.undone)
 
     async def redo(self) -> None:
+        if self.undone:
+            await self._move(self.undone, self.steps)
+
+    async def _move(self, source: list[Step], to: list[Step]) -> None:
         with self._telling():
-            if self.undone:
-                self.steps.append(self.undone.pop())
-                self._remember()
-                await self._show_model()
+            to.append(source.pop())
+            self._remember()
+            await self._show_model()
 
     async def include(self, file: str, included: bool) -> None:
         """Leave a run out of every fit, or take it in again, and fit the models of the current sequence anew."""
@@ -332,11 +332,12 @@ class Workbench:
     # How it comes about.
 
     def _forget(self) -> None:
+        rooms = [] if self.session is None else [*self.scratch.glob("[0-9]*")]  # traces of the last session
         self.session = self.traces = self.gravity = self.diagnosed = self.before = self.exported = None
         self._diagnoses, self._calibrations = {}, {}
         self.steps, self.undone, self._views = [], [], {}
         self.excluded, self.models = frozenset(), Models()
-        for room in self.scratch.glob("[0-9]*"):  # traces of the last session
+        for room in rooms:
             shutil.rmtree(room, ignore_errors=True)
         self.changed("session")
 
@@ -353,12 +354,14 @@ class Workbench:
         self.undone.clear()
         await self._show_model()
 
-    async def _take(self, step: Step) -> None:
-        self.steps.append(step)
-        self.undone.clear()
-        self._views[step.source] = step.view
-        self._remember()
-        await self._show_model()
+    async def take(self, step: Step) -> None:
+        """Go on with a new model."""
+        with self._telling():
+            self.steps.append(step)
+            self.undone.clear()
+            self._views[step.source] = step.view
+            self._remember()
+            await self._show_model()
 
     def _recipes(self) -> tuple[Recipe, ...]:
         return tuple(step.recipe for step in self.steps)
@@ -374,7 +377,6 @@ class Workbench:
 
     async def _show_model(self) -> None:
         """Show the last step as the current model. Its calibration follows when the worker has computed it."""
-        assert self.session is not None
         assert self.traces is not None
         step = self.steps[-1]
         self.traces.take(step.view)
@@ -392,9 +394,7 @@ class Workbench:
     def _telling(self) -> Any:
         try:
             yield
-        except Cancelled as stopped:
-            if str(stopped):
-                self.say(str(stopped))
         except GyrocalError as error:
-            self.say(str(error))
+            if str(error):  # a job that waited and was cancelled says nothing
+                self.say(str(error))
         self.changed("job")

@@ -11,22 +11,33 @@ from nicegui import ui
 from gyrocal.web.views import RunView
 
 
-def strip(runs: Sequence[RunView], left: Mapping[str, float], excluded: frozenset[str], act: Callable[[str], Any]) -> None:
+def strip(
+    runs: Sequence[RunView], left: Mapping[str, float], floor: float, excluded: frozenset[str], act: Callable[[str], Any]
+) -> None:
     """A button for each run. ``left`` is the excess by file, mdps; ``act`` is called with the file of the pressed run."""
     worst = max(left.values(), default=0.0)
     with ui.element("section").classes("face strip").props('aria-label="runs"'):
-        told = f"coloured by excess error, up to {worst:.3g} mdps" if left else "excess error not known yet"
+        told = f"coloured by excess error, at most {worst:.3g} mdps; full colour is {max(worst, floor):.3g} mdps"
+        told = told if left else "excess error not known yet"
         out = f"; {len(excluded)} left out" if excluded else ""
-        ui.label(f"{len(runs)} runs, {told}{out}. Press one to leave it out of the fit.").classes("dim small")
+        plural = "s" if len(runs) > 1 else ""
+        ui.label(f"{len(runs)} run{plural}, {told}{out}. Press one to leave it out of the fit.").classes("dim small")
         with ui.element("div").classes("cells"):
             for run in runs:
-                with _cell(run, left.get(run.file), worst, run.file in excluded).on("click", lambda r=run: act(r.file)):
+                excess = left.get(run.file)
+                cell = _cell(run, excess, share(excess, worst, floor), run.file in excluded)
+                with cell.on("click", lambda r=run: act(r.file)):
                     ui.label("▲" if run.face == "up" else "▼").props('aria-hidden="true"')
 
 
-def _cell(run: RunView, excess: float | None, worst: float, out: bool) -> ui.element:
+def _cell(run: RunView, excess: float | None, part: int, out: bool) -> ui.element:
     told = "left out" if out else "excess not known" if excess is None else f"excess {excess:.3g} mdps"
     words = html.escape(f"{run.file}, {run.scenario}, face {run.face}: {told}", quote=True)
-    share = 0 if excess is None or worst <= 0 else round(100 * excess / worst)
-    cell = ui.element("button").classes("cell out" if out else "cell").style(f"--share: {share}%")
+    cell = ui.element("button").classes("cell out" if out else "cell").style(f"--share: {part}%")
     return cell.props(f'type="button" title="{words}" aria-label="{words}" aria-pressed="{str(out).lower()}"')
+
+
+def share(excess: float | None, worst: float, floor: float) -> int:
+    """Per cent of the full colour. An excess of the size of the noise floor has all of it, so that noise alone stays pale."""
+    full = max(worst, floor)
+    return 0 if excess is None or full <= 0 else round(100 * excess / full)

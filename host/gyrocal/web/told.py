@@ -20,9 +20,13 @@ class Change:
     formula: str
     doubts: tuple[str, ...]
     card: Card | None
+    held: str = ""
+    """The parameter that was held at a value or freed, in words."""
 
     def command(self, session: str) -> str:
         """The command line that repeats the step on the file ``model.toml``."""
+        if self.held:
+            return f"# in model.toml: {self.held} (the list `held` names the parameters of a line that are not fitted)"
         if self.removed:
             return f"# take the lines of {self.effect} out of model.toml"
         if self.formula:
@@ -35,8 +39,9 @@ def story(steps: Sequence[Step], diagnoses: Mapping[str, DiagnosisView]) -> list
     changes = []
     for before, step in pairwise(steps):
         found = diagnoses.get(before.source)
-        cards = [] if found is None or step.removed else found.cards
+        cards = [] if found is None or step.removed or step.recipe.held else found.cards
         named = [c for c in cards if c.judged["decision"] in ("add", "suggest")]
         card = next((c for c in named if c.judged["effect"] == step.effect), None)
-        changes.append(Change(step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), card))
+        made = (step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), card, step.recipe.held)
+        changes.append(Change(*made))
     return changes

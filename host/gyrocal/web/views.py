@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gyrocal.web.budget import Budget
     from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
@@ -78,6 +79,20 @@ class Place:
 
 
 @dataclass(frozen=True)
+class Holdable:
+    """A parameter of an effect that a fit can leave at its value; ``se`` is None if it does."""
+
+    effect: str
+    title: str
+    axis: str
+    name: str
+    value: float
+    se: float | None
+    unit: str
+    held: bool
+
+
+@dataclass(frozen=True)
 class ModelView:
     """A model compared with the session. ``traces`` holds the pyramids ``modelled``, ``residual`` and ``points.npz``."""
 
@@ -89,6 +104,7 @@ class ModelView:
     """Axis, rms, floor, excess, its error, excess within power cycles, as the command line prints them; last all axes."""
     effects: list[tuple[str, str, bool]]
     """(id, title, may be removed)."""
+    holdable: list[Holdable]
     traces: Path
     against: list[str]
     levels: Levels | None
@@ -175,6 +191,7 @@ class CalibrationView:
     errors: dict[str, dict[float, tuple[float, float]]]
     """{method: {seconds: (scale, bias_dps)}}: mean absolute difference over the power cycles."""
     note: str = ""
+    budget: Budget | None = None
 
 
 @dataclass(frozen=True)

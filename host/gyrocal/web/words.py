@@ -1,13 +1,26 @@
-"""Texts about the evidence of a diagnosis."""
+"""Texts about the evidence of a diagnosis, and about what is not there yet."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gyrocal.present.output import plus_minus
 from gyrocal.web.views import Card
 
+if TYPE_CHECKING:
+    from gyrocal.web.state import Workbench
+
 TINY_Q = 1e-9
+METHODS = {
+    "model": "the model", "cnn": "the network", "baseline": "the plain average", "turn": "the known turn", "rest": "the rest",
+}  # fmt: skip
+"""The methods of `gyrocal calibrate` and of the device, in words."""
+
+
+def method(name: str) -> str:
+    """A method for a table: its word, and the name that the command line gives it where that is another."""
+    word = METHODS.get(name, name).removeprefix("the ")
+    return word if word == name else f"{word} ({name})"
 
 
 def evidence(card: Card) -> list[tuple[str, str]]:
@@ -38,3 +51,10 @@ def explains(part: float, axis: str, *, within: bool) -> str:
     if part <= 0:
         return f"nothing of the excess error {where}"
     return f"{part:.0%} of the squared excess error {where}; its rms falls by {1 - max(0.0, 1 - part) ** 0.5:.0%}"
+
+
+def not_yet(bench: Workbench) -> str:
+    """Why there is no model to show."""
+    if bench.session is not None:
+        return "Comparing the model with the recordings…" if bench.jobs.current else "The model was not compared."
+    return "Reading the session…" if bench.opening else "Open a session first."

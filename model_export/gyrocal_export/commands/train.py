@@ -41,8 +41,7 @@ def run(
     ahead = workers is not None or scheduler is not None or draws is not None
     if ahead and (sessions or net == "gyrocal"):
         raise InputError(
-            "--workers, --scheduler and --draws serve the simulated scenarios of network paper; sessions are not drawn, and "
-            "network gyrocal draws its faces between its steps"
+            "--workers, --scheduler and --draws serve simulated scenarios of network paper; network gyrocal draws as it trains"
         )
     try:
         from gyrocal_export.train import Config, train
@@ -53,8 +52,7 @@ def run(
     from rich.progress import Progress, TextColumn
 
     folder = out or Path("runs") / f"{net}-{seed}"
-    columns = (*Progress.get_default_columns(), TextColumn("{task.fields[note]}"))
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with Progress(*Progress.get_default_columns(), TextColumn("{task.fields[note]}"), console=Console(stderr=True)) as progress:
         task = progress.add_task(f"train {net}", total=epochs, note="")
 
         def report(epoch: int, trained: float, checked: float) -> None:

@@ -14,6 +14,7 @@ from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
 from gyrocal.web.training import Training, missing
+from gyrocal.web.words import method, not_yet
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -34,6 +35,7 @@ class CalibratePanel:
                 self.network = ui.element("section").classes("face column tight").props('aria-label="network"')
                 self.device = ui.element("section").classes("face column tight").props('aria-label="to the device"')
                 self.files = ui.element("section").classes("face column tight").props('aria-label="files"')
+                self.budget = ui.element("section").classes("face column tight").props('aria-label="error budget"')
         self.hear("session")
         ui.timer(1.0, self._told)
 
@@ -42,6 +44,7 @@ class CalibratePanel:
             self.axis = "" if self.bench.session is None else self.bench.session.axis
         if topic in ("session", "model", "calibration"):
             self._answers()
+            self._budget()
         if topic == "training" and self.training is not None and self.training is self.bench.training:
             self._told()
             return
@@ -58,11 +61,15 @@ class CalibratePanel:
         with self.answers:
             ui.html("<h2>Scale and bias from the first seconds</h2>", sanitize=False)
             if self.bench.step is None:
-                ui.label("Open a session first.").classes("dim")
-                ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
+                ui.label(not_yet(self.bench)).classes("dim")
+                if self.bench.session is None and not self.bench.opening:
+                    ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "This session gives no answer.").classes("dim")
+                return
+            if not found.estimates:
+                ui.label(found.note).classes("dim")
                 return
             for told in scatter.sentences(found.estimates, self.axis):
                 ui.label(told)
@@ -78,6 +85,17 @@ class CalibratePanel:
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
             for meaning in scatter.meanings(found.estimates):
                 ui.label(meaning).classes("dim small")
+
+    def _budget(self) -> None:
+        """Where the error of the best answer comes from, and what would have to be better next."""
+        budget = None if self.bench.calibration is None else self.bench.calibration.budget
+        self.budget.clear()
+        self.budget.set_visibility(budget is not None)
+        if budget is not None:
+            with self.budget:
+                ui.html(f"<h2>Where the error comes from: {html.escape(budget.of)}</h2>", sanitize=False)
+                ui.label(budget.headline).classes("small")
+                ui.html(budget.table(), sanitize=False).classes("sideways")
 
     def _network(self) -> None:
         """The section about a network for the model: its training, its progress and its errors."""
@@ -214,13 +232,13 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("scenario:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
+COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
 
 
 def _table(estimates: list[dict[str, Any]]) -> str:
     rows = [
         [
-            e["scenario"], e["axis"], e["method"], number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
+            e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
             number(e["scale_se"], ".4f", 100), number(e["bias_dps"], ".1f", 1e3), number(e["bias_se_dps"], ".1f", 1e3),
             number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]

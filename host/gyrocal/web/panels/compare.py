@@ -85,7 +85,8 @@ class ComparePanel:
                 return
             left = {} if self.bench.step is None else self.bench.step.view.left
             with ui.element("div").classes("beside"):
-                strip(self.bench.session.runs, left, self.bench.excluded, self._include)
+                floor = None if self.bench.step is None else self.bench.step.view.compared.get("floor_dps")
+                strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), self.bench.excluded, self._include)
                 runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
                 select = ui.select(runs, multiple=True, value=self.chosen, label="show runs", on_change=self._runs_chosen)
                 select.props("outlined dense options-dense clearable").style("width: 150px")

@@ -12,12 +12,13 @@ from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
 from gyrocal.web import charts, warned
+from gyrocal.web.held import parameters
 from gyrocal.web.hero_view import HeroView
 from gyrocal.web.models import Step
 from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
 from gyrocal.web.views import Card, DiagnosisView, Picture
-from gyrocal.web.words import evidence
+from gyrocal.web.words import evidence, not_yet
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -28,6 +29,7 @@ class DiagnosePanel:
         self.tab, self.bench = tab, tab.bench
         self.acts: list[ui.button] = []
         """The buttons that start a search; they are disabled during one."""
+        self.acts_on_model: list[ui.button] = []
         with ui.element("div").classes("two fill"):
             self.cards = ui.element("section").classes("scroll").props('aria-label="what is missing" tabindex=0')
             with ui.element("section").classes("scroll").props('aria-label="the model and its error" tabindex=0'):
@@ -51,7 +53,7 @@ class DiagnosePanel:
             self._calibration()
 
     def _allow(self) -> None:
-        for button in self.acts:
+        for button in (*self.acts, *self.acts_on_model):
             button.set_enabled(not self.bench.searching)
 
     # Cards.
@@ -67,8 +69,9 @@ class DiagnosePanel:
             found = self.bench.diagnosis
             if self.bench.step is None:
                 with ui.element("div").classes("face"):
-                    ui.label("Open a session first.").classes("big")
-                    ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
+                    ui.label(not_yet(self.bench)).classes("big")
+                    if self.bench.session is None and not self.bench.opening:
+                        ui.button("Open one", on_click=lambda: self.tab.go("start"), color=None).props("flat no-caps")
                 return
             warned.show(self.bench.step.view.compared["warnings"], self.bench)
             if found is None:
@@ -117,7 +120,7 @@ class DiagnosePanel:
     def _added(self) -> None:
         """The candidate that was added last, as the diagnosis found it."""
         step, found = self.bench.step, self.bench.diagnosed
-        if step is None or step.removed or not step.effect:
+        if step is None or step.removed or not step.effect or step.recipe.held:
             return
         cards = [] if found is None else found.cards
         cards = [c for c in cards if c.judged["effect"] == step.effect and c.judged["decision"] in ("add", "suggest")]
@@ -208,7 +211,6 @@ class DiagnosePanel:
                 for name, text in (
                     ("it shows against", u["against"].replace("_", " ")),
                     ("shape", u["shape"]),
-                    ("size", f"{u['amplitude_dps'] * 1e3:.3g} mdps"),
                 ):
                     ui.html(f"<dt>{name}</dt>", sanitize=False)
                     ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
@@ -298,7 +300,9 @@ class DiagnosePanel:
                 redo = ui.button("Redo", icon="redo", on_click=self.bench.redo, color=None).props("flat dense no-caps")
                 redo.set_enabled(bool(self.bench.undone))
         with self.model:
+            self.acts_on_model = parameters(self.bench)
             side_by_side(self.bench)
+        self._allow()
 
     def _fall(self) -> None:
         self.fall.clear()

@@ -1,0 +1,43 @@
+"""A parameter held at a value by hand, in the browser: the value stays, the step is told, undone, and restored."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gyrocal.simulation.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Any:
+    folder = tmp_path_factory.mktemp("held")
+    simulate(folder / "warm", "paper", ["warmup:A_dps=0.3,tau_s=20"], 3, scenarios=2, seconds=15.0)
+    return serve(folder, "warm")
+
+
+def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}diagnose")
+    page.get_by_role("combobox", name="effect").click()
+    page.get_by_role("option", name="Warm", exact=False).first.click()
+    page.get_by_role("button", name="Try it").click()
+    folded = page.locator("summary", has_text="Parameters, all 1 fitted")
+    folded.click()
+    value = page.get_by_label(re.compile("^value of tau_s of .* on z"))
+    value.fill("20")
+    page.get_by_role("button", name=re.compile("^hold tau_s")).click()
+    page.locator("summary", has_text="Parameters, 1 of 1 held").click()
+    page.get_by_text(re.compile(r"tau_s of .* on z: 20 held s")).wait_for()
+    page.get_by_text("not proven", exact=False).first.wait_for()  # holding a parameter proves nothing
+    label = page.locator('[aria-label^="excess error, mdps:"]')
+    assert len(str(label.get_attribute("aria-label")).split(": ")[1].split()) == 3
+    page.get_by_role("button", name="Undo").click()
+    page.locator("summary", has_text="Parameters, all 1 fitted").wait_for()
+    page.get_by_role("button", name="Redo").click()
+    page.locator("summary", has_text="Parameters, 1 of 1 held").click()
+    page.get_by_role("button", name=re.compile("^free tau_s")).click()
+    page.locator("summary", has_text="Parameters, all 1 fitted").wait_for()
+    assert '"held"' in (Path(served.folder) / "warm" / "workbench.json").read_text()

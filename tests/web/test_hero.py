@@ -1,0 +1,34 @@
+"""The large picture of an effect: its curve lies through the residual, and it stands for the effect that is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gyrocal.web.against import panels
+from gyrocal.web.hero import picture
+from gyrocal.web.strip import share
+
+
+def points(n: int) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(1)
+    there = {panel.key(axis): np.full(n, np.nan) for panel in panels() for axis in "xyz"}
+    temp_c = np.linspace(-20.0, 70.0, n)
+    residual = 0.02 * (temp_c - 25) + rng.normal(0, 0.01, n)
+    return {**there, "temperature": temp_c, "run": np.zeros(n, int), "x": residual, "y": residual, "z": residual}
+
+
+@pytest.mark.parametrize("offset_dps", [0.0, 0.4, -3.0])
+def test_the_curve_lies_through_the_means_whatever_the_bias_does(offset_dps: float) -> None:
+    """The effect is stated at 25 degC and the bias moves when it is added: the two differ by a constant that is nobody's."""
+    of = points(4000)
+    shown = picture("z", of["z"] + offset_dps, of, {0: "000_up.csv"})
+    assert shown is not None
+    assert shown.view == "temperature"
+    assert np.abs(np.array(shown.left) - np.array(shown.curve)).max() < 1e-6
+
+
+def test_an_excess_that_is_small_beside_the_noise_stays_pale() -> None:
+    assert share(5.1, worst=5.1, floor=45.0) == pytest.approx(11, abs=1)
+    assert share(51.0, worst=51.0, floor=45.0) == 100
+    assert share(0.0, worst=0.0, floor=0.0) == 0
