@@ -101,3 +101,11 @@ def test_values_without_errors_on_two_rigs_have_a_population() -> None:
     assert found.mean == pytest.approx(0.05, abs=1e-4)
     assert found.sd == pytest.approx(1e-4, rel=0.3)
     assert found.rig_sd == pytest.approx(0.01 / np.sqrt(2), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [7, 11, 48, 51])
+def test_two_rigs_that_do_not_differ_have_no_spread_beside_values_without_errors(seed: int) -> None:
+    found = pool(np.random.default_rng(seed).normal(0.045, 1e-4, 41), np.zeros(41), None, np.arange(41) % 2)
+    assert found is not None
+    assert found.rig_sd is not None
+    assert found.rig_sd < 1e-4
