@@ -118,9 +118,9 @@ def drawn(boards: Boards, size: int, rng: np.random.Generator) -> list[Evidence]
     return out
 
 
-def planted(boards: Boards, which: Index, name: str, sizes: Array) -> list[Evidence]:
-    """A fleet of the boards ``which`` with an effect whose ``sizes`` [n] are in standard errors of each board."""
-    out = boards.some(which)
+def planted(fleet: list[Evidence], name: str, sizes: Array) -> list[Evidence]:
+    """The fleet with an effect whose ``sizes`` [n] are in standard errors of each board."""
+    out = list(fleet)
     for i, e in enumerate(out):
         if name in e.names:
             j = e.names.index(name)
@@ -130,7 +130,10 @@ def planted(boards: Boards, which: Index, name: str, sizes: Array) -> list[Evide
 
 
 def power(boards: Boards, name: str, kind: str, n: int, fleets: int, rng: np.random.Generator) -> dict[str, Any]:
-    """In how many fleets of ``n`` boards a planted effect is named, by itself or in a group, and is shown by one board."""
+    """In how many fleets of ``n`` boards a planted effect is named, by itself or in a group, and by how many boards alone.
+
+    A fleet with more boards than there are is drawn from their likelihood.
+    """
     effect, axis = name.split(".")[:2]
     named = grouped = others = alone = 0
     for _ in range(fleets):
@@ -139,7 +142,8 @@ def power(boards: Boards, name: str, kind: str, n: int, fleets: int, rng: np.ran
             "zero mean": lambda: rng.normal(0.0, SPREAD, n),
             "share": lambda: np.where(rng.random(n) < SHARE, SHARED_SIZE, 0.0),
         }[kind]()
-        found = find(planted(boards, rng.permutation(boards.n)[:n], name, sizes))
+        fleet = boards.some(rng.permutation(boards.n)[:n]) if n <= boards.n else drawn(boards, n, rng)
+        found = find(planted(fleet, name, sizes))
         mine = [m for m in found if m.axis == axis and effect in (m.effect, *m.group)]
         named += any(m.effect == effect for m in mine)
         grouped += bool(mine)
@@ -168,7 +172,7 @@ def main() -> None:
     print(json.dumps({"null_fleets": 1, "boards": boards.n, "named": [f"{m.effect}.{m.axis}" for m in whole]}), flush=True)
     for name in PLANTED:
         for kind, sizes in (("common", COMMON), ("zero mean", ZERO_MEAN), ("share", SHARED)):
-            for n in (s for s in sizes if s <= boards.n):
+            for n in sizes:
                 print(json.dumps(power(boards, name, kind, n, given.fleets, rng)), flush=True)
     alarms = sum(bool(find(drawn(boards, FLEET, rng))) for _ in range(given.drawn))
     print(json.dumps({"drawn_null_fleets": given.drawn, "boards": FLEET, "alarms": alarms}))

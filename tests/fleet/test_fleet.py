@@ -166,3 +166,19 @@ def test_a_board_is_fitted_with_the_drift_of_the_fleet(folder: Path) -> None:
     for one in plain_fit(session, of_fleet(Model.open(), dict.fromkeys("xyz", drift))).values():
         assert one.noise.ou_sd_dps == pytest.approx(0.05 * one.noise.white_sd_dps)
         assert one.noise.ou_tau_s == 30.0
+
+
+@pytest.mark.usefixtures("fitted")
+def test_the_docs_commands_lead_to_priors_on_the_device(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As they stand on the page, in one process, on the boards above and a new one."""
+    shutil.copytree(folder, tmp_path / "boards")
+    shutil.copytree(folder.parent / "out", tmp_path / "boards.fleet")
+    Production(seconds=2.0).board(77).save(tmp_path / "new-board")
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8")
+    part = page.split("## From sessions to priors on the device")[1].split("\n## ")[0]
+    commands = [line.split("#")[0].split()[1:] for line in part.splitlines() if line.startswith("    gyrocal ")]
+    assert [words[0] for words in commands] == ["fleet", "calibrate", "export"]
+    for words in commands:
+        assert main([*words, *(["--workers", "0"] if words[0] == "fleet" else [])]) == 0, words
+    assert "gyrocal_prior_mean" in (tmp_path / "headers" / "calibration.h").read_text(encoding="utf-8")

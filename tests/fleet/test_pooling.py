@@ -91,3 +91,21 @@ def test_no_spread_has_an_error_of_the_size_that_could_hide() -> None:
 def test_the_order_does_not_matter_when_sorted_and_few_boards_are_no_population() -> None:
     assert pool(np.array([1.0, 2.0]), np.ones(2)) is None
     assert pool(np.array([1.0, 2.0, 3.0]), np.ones(3), np.array([0, 0, 1])) is None
+
+
+def test_values_without_errors_on_two_rigs_have_a_population() -> None:
+    """The level of the noise is such a quantity. The spread over rigs of two rigs is half of their distance times root two."""
+    values = np.random.default_rng(9).normal(0.045, 1e-4, 40) + np.where(np.arange(40) % 2, 0.01, 0.0)
+    found = pool(values, np.zeros(40), None, np.arange(40) % 2)
+    assert found is not None
+    assert found.mean == pytest.approx(0.05, abs=1e-4)
+    assert found.sd == pytest.approx(1e-4, rel=0.3)
+    assert found.rig_sd == pytest.approx(0.01 / np.sqrt(2), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [7, 11, 48, 51])
+def test_two_rigs_that_do_not_differ_have_no_spread_beside_values_without_errors(seed: int) -> None:
+    found = pool(np.random.default_rng(seed).normal(0.045, 1e-4, 41), np.zeros(41), None, np.arange(41) % 2)
+    assert found is not None
+    assert found.rig_sd is not None
+    assert found.rig_sd < 1e-4

@@ -202,10 +202,10 @@ class _Sums:
         inner = np.eye(b.size) + r**2 * a
         logdet += float(np.linalg.slogdet(inner)[1])
         ones = (self.of_rig * left[:, None]).sum(axis=0)
-        solved = np.linalg.solve(inner, np.column_stack([ones, b]))
-        information = float(ones.sum() - r**2 * ones @ solved[:, 0])
-        mean = float(b.sum() - r**2 * ones @ solved[:, 1]) / information
-        offset = r**2 * (solved[:, 1] - mean * solved[:, 0])
+        solved = np.linalg.solve(inner, np.column_stack([np.ones(b.size), b]))
+        information = float(ones @ solved[:, 0])  # ones = a·1, so that nothing cancels here either
+        mean = float(solved[:, 1].sum()) / information
+        offset = r**2 * solved[:, 1] - mean * (1 - solved[:, 0])
         chi2 = square - r**2 * float(b @ solved[:, 1]) - information * mean**2
         loglik = -0.5 * (logdet + np.log(information) + chi2 + (self.n - 1) * np.log(2 * np.pi))
         return _AtSpreads(float(loglik), mean, information**-0.5, offset)
