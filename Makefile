@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 FUZZ_SECONDS ?= 600
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test docs coverage fuzz lowest clean
+.PHONY: demo test docs coverage fuzz lowest wheel clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gyrocal demo
@@ -34,6 +34,14 @@ lowest:
 	$(VENV)/bin/pip install --quiet -c $(VENV)/lowest.txt -e '.[import,ros,fleet]' pytest hypothesis mypy pandas pyyaml
 	$(VENV)/bin/pytest tests/recording tests/error_model tests/noise tests/calibration tests/present tests/test_cli.py tests/test_api.py
 
+# the tutorials, the notebook and the recordings of docs/ in an environment that holds the wheel and nothing of this folder
+wheel: $(VENV)/.installed-dev
+	rm -rf dist .venv-wheel
+	$(PIP) wheel --quiet --no-deps --wheel-dir dist .
+	$(PYTHON) -m venv .venv-wheel
+	.venv-wheel/bin/pip install --quiet -c constraints.txt dist/gyrocal-*.whl
+	GYROCAL_PYTHON=$(CURDIR)/.venv-wheel/bin/python $(BIN)/pytest tests/test_docs.py tests/test_recordings.py -k 'tutorial or notebook or recording'
+
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("gyrocal needs Python 3.11 or newer; set PYTHON=/path/to/python3.11") if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv $(VENV)
@@ -47,4 +55,4 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	touch $@ $(VENV)/.installed
 
 clean:
-	rm -rf $(VENV) .venv-lowest build dist demo-out runs .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) .venv-lowest .venv-wheel build dist demo-out runs .pytest_cache .mypy_cache .ruff_cache

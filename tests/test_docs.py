@@ -14,6 +14,8 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+PYTHON = os.environ.get("GYROCAL_PYTHON") or sys.executable
+"""The Python of another environment, in which tutorials and notebook then run: ``make wheel`` names it."""
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
@@ -27,10 +29,10 @@ def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
     try:
         for language, block in BLOCK.findall(page.read_text(encoding="utf-8")):
             if language == "python":
-                said += _done([sys.executable, "-c", block], tmp_path)
+                said += _done([PYTHON, "-c", block], tmp_path)
                 continue
             for line in block.splitlines():
-                words = [sys.executable, "-m", "gyrocal", *line.rstrip("& ").split()[1:]]
+                words = [PYTHON, "-m", "gyrocal", *line.rstrip("& ").split()[1:]]
                 if line.endswith("&"):
                     started.append(subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.DEVNULL))
                     _wait_for(tmp_path / "PORT")
@@ -67,7 +69,7 @@ def test_the_notebook_runs_and_its_error_falls(tmp_path: Path, monkeypatch: pyte
         shutil.copy(chamber, tmp_path)
     cells = json.loads((ROOT / "docs" / "notebooks" / "story.ipynb").read_text(encoding="utf-8"))["cells"]
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
-    said = _done([sys.executable, "-c", code], tmp_path)
+    said = _done([PYTHON, "-c", code], tmp_path)
     excess = re.search(r"scale_asymmetry: excess (\S+) mdps before, (\S+) after", said)
     assert excess is not None, said
     assert float(excess[2]) < 0.2 * float(excess[1])

@@ -288,3 +288,11 @@ def test_a_stated_rate_with_times_makes_a_session_that_calibrate_takes(
         assert [w["code"] for w in found["warnings"]] == ["sample_rate"] * told
     assert main(["calibrate", out, "--method", "baseline,model", "--json"]) == 0
     assert all(abs(e["scale"] - 0.004) < 1e-3 for e in json.loads(capsys.readouterr().out)["estimates"])
+
+
+def test_a_reference_in_the_same_file_may_have_its_own_clock(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,z,w\n" + "".join(f"{k / 100},{k % 7},{k % 5}\n" for k in range(50)))
+    for clock in ("same", "own"):
+        words = ["--map", "t_s=t", "--map", "gz_dps=z", "--map", "rate_ref_dps=w", "--ref-clock", clock]
+        assert main(["import", str(tmp_path / "a.csv"), str(tmp_path / clock), *words]) == 0
+        assert Session.open(tmp_path / clock).reference.clock == clock

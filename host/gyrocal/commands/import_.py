@@ -104,7 +104,7 @@ def run(
     found = _read(src, out, append, Options(
         maps or (), _cuts(runs, sections), run_meta or (), _facts(given), axis, Scaling(rate_hz, lsb_dps, lsb_g),
         [c.strip() for c in columns.split(",")] if columns else None, skip, topic, form, sensor, full_scale_dps,
-        _second(reference, ref_maps, ref_clock, ref_topic), resample_hz, gravity,
+        _second(reference, ref_maps, ref_clock, ref_topic), resample_hz, gravity, ref_clock,
     ))  # fmt: skip
     _preview(found, preview)
     if found.guessed and not as_json:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import polars as pl
 
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Model, Term
+from gyrocal.errors import InputError
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.design import Design, Mask
 from gyrocal.inference.reml import Equations, Solution, Spreads, fit_spreads
@@ -122,3 +124,21 @@ class Fit:
     def on(self, axis: str, fitted: AxisFit | None = None) -> Fit:
         """One axis alone, as it is or ``fitted`` otherwise."""
         return replace(self, axes={axis: fitted or self.axes[axis]})
+
+    def correlations(self, axis: str) -> pl.DataFrame:
+        """How much an axis's linear parameters are confused: a row and a column for each, 1 on the diagonal.
+
+        The noise and the nonlinear parameters are taken as fitted. Raises InputError if the model does not cover the axis.
+        """
+        if axis not in self.axes:
+            raise InputError(f"axis {axis}: the fit covers {', '.join(self.axes)}")
+        design, cov = self.axes[axis].design, self.axes[axis].solution.cov
+        sd = np.sqrt(np.diag(cov))
+        names = [f"{design.terms[i].effect_id}.{_column_name(design.terms[i], j)}" for i, j in design.layout.fixed]
+        return pl.DataFrame({"parameter": names, **dict(zip(names, cov / np.outer(sd, sd), strict=True))})
+
+
+def _column_name(term: Term, column: int) -> str:
+    """The linear parameter of a column; its number where several columns make one parameter, as a cosine and a sine do."""
+    used = term.effect.used(term.values)
+    return used[column] if len(used) == len(term.effect.groups(term.values)) else str(column)

@@ -42,7 +42,8 @@ class Options:
     runs to take; without any, a file is one. ``run_meta``: ``PATTERN:key=value,...`` for the runs whose names fit.
     ``defaults``: keys of ``[[run]]`` for all of them. ``axis``: the session's; None is the only one mapped, or z. ``form``: a
     name of ``FORMATS``, whose mappings come before ``maps``. ``resample_hz``: the rate that faster runs are brought to.
-    ``gravity``: the sensor was turned by hand between rests, so gravity is the reference and no run has a true rate.
+    ``gravity``: the sensor was turned by hand between rests, so gravity is the reference and no run has a true rate. ``clock``:
+    whether the reference has the clock of the sensor (``same``) or its ``own``.
     """
 
     maps: Sequence[str] = ()
@@ -60,6 +61,7 @@ class Options:
     second: SecondFile | None = None
     resample_hz: float | None = None
     gravity: bool = False
+    clock: str = "same"
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,8 @@ def _with_gravity(options: Options, existing: Session | None) -> Options:
 def _reference(options: Options) -> Reference:
     if options.gravity:
         return Reference(kind="gravity")
-    return Reference.model_validate({"clock": "own"} if options.second and options.second.clock == "own" else {})
+    own = "own" in (options.clock, options.second and options.second.clock)
+    return Reference.model_validate({"clock": "own"} if own else {})
 
 
 def _data_file(path: Path) -> Path:

@@ -284,7 +284,7 @@ class _Search:
             y = np.column_stack([np.interp(even_s, r.t_s, r.y_dps[:, i]) for i in range(r.y_dps.shape[1])])
             w = np.where(r.recorded(even_s)[:, None], r.rates(even_s), 0.0)
             y, w = y - y.mean(axis=0), w - w.mean(axis=0)
-            size = 2 ** int(np.ceil(np.log2(even_s.size + most + 1)))
+            size = 2 ** int(np.ceil(np.log2(max(even_s.size, most) + most + 1)))
             of_y, of_w = np.fft.rfft(y, size, axis=0), np.fft.rfft(w, size, axis=0)
             both = np.fft.irfft(of_y[:, :, None] * of_w.conj()[:, None, :], size, axis=0)
             cross = cross + np.roll(both, most, axis=0)[: 2 * most + 1]
