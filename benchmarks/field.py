@@ -107,6 +107,7 @@ def judge(job: tuple[str, int]) -> dict[str, Any]:
         "where": [[f.axis, f.against, f.note, f.chance] for f in compared.where],
         "names": [[c.effect.id, c.axis, [*c.group]] for c in found.candidates if c.decision == "add"],
         "floor_over_rms": level.floor_dps / level.rms_dps if level.rms_dps else None,
+        "excess_over_floor": max((of.excess_within_dps or 0.0) / of.floor_dps for of in last.per_axis.values()),
     }  # fmt: skip
 
 
@@ -137,7 +138,7 @@ def _exists(path: Path | None) -> bool:
 
 
 def _each(jobs: Sequence[tuple[str, int]], workers: int) -> Iterator[dict[str, Any]]:
-    if workers == 1:
+    if workers <= 1:
         yield from map(judge, jobs)
     else:
         with ProcessPoolExecutor(workers) as pool:
@@ -162,12 +163,13 @@ def _line(kind: str, words: str, rows: Sequence[dict[str, Any]]) -> dict[str, An
     nulls_alarmed = sum(r["effect"] is None and (r["compare"], r["diagnose"]) != ("adequate", "adequate") for r in rows)
     apart = sum((r["compare"] == "adequate") != (r["diagnose"] == "adequate") for r in rows)
     ratios = [r["floor_over_rms"] for r in rows if r["floor_over_rms"]]
+    excesses = [r["excess_over_floor"] for r in rows if "excess_over_floor" in r]
     planted_z = [v for r in rows for name, v in r["z"].items() if name != "scale"]
     scale_z = [r["z"]["scale"] for r in rows if "scale" in r["z"]]
     return {
         "kind": kind, "words": words, "sessions": len(rows), "false_names": false, "named": named, "alarms": nulls_alarmed,
         "contradictions": apart, "bounds": [bounds(n, len(rows)) for n in (false, nulls_alarmed)],
-        "floor_over_rms": [min(ratios), max(ratios)] if ratios else None,
+        "floor_over_rms": [min(ratios), max(ratios)] if ratios else None, "excess_over_floor": max(excesses, default=None),
         "z": _spread(planted_z), "scale_z": _spread(scale_z),
     }  # fmt: skip
 

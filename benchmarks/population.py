@@ -6,18 +6,22 @@ evenly in the logarithm from its typical range: ripple of orders 1 and 2, spin-u
 bias. Truth is the scale and bias that the mean of each face would show without ripple, spin-up, tone, noise and drift: what
 changes more slowly than a run belongs to the bias at its time, and so does a jump, by the part of the run that it lasts.
 
-    gyrocal benchmark population
+    gyrocal benchmark population --workers 2 --results population.jsonl
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import beta
 
+import gyrocal
 from gyrocal.calibration.estimator import Answer, Calibration
 from gyrocal.calibration.limit import PROTOCOL
 from gyrocal.calibration.network import FaceNetwork
@@ -35,6 +39,7 @@ from gyrocal.calibration.uncertainty import (
     white_variance,
 )
 from gyrocal.effects import base
+from gyrocal.fleet.engine import engine
 from gyrocal.noise.drift import ou_noise
 from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
@@ -195,20 +200,50 @@ def upper_bound(count: int, n: int) -> float:
     return float(beta.ppf(0.95, count + 1, n - count)) if count < n else 1.0
 
 
-def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Return what ``gyrocal benchmark population --json`` prints: a row for each kind of sensor, time and method."""
+def rows_of(job: tuple[int, bool, float]) -> list[dict[str, Any]]:
+    """A row for each method: so many sensors, with or without effects, after so many seconds."""
+    n, effects, seconds = job
+    population = Population.draw(n, effects, SEED + effects)
+    u, v = population.u_dps[seconds]
+    truth = (u - v) / (2 * TABLE_RATE_DPS), (u + v) / 2
+    found = judged(population, seconds)
+    return [{"effects": effects, "seconds": seconds, "method": m, **figures(*found[m], truth)} for m in METHODS]
+
+
+def run(
+    sample: bool, progress: Callable[[int, int], None], workers: int | None = 0, scheduler: str | None = None,
+    results: Path | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return what ``gyrocal benchmark population --json`` prints: a row for each kind of sensor, time and method.
+
+    ``results`` is a JSONL file of finished rows, which are not computed again by the same code.
+    """
     n = SAMPLE_SENSORS if sample else SENSORS
-    rows = []
-    for i, effects in enumerate((False, True)):
-        population = Population.draw(n, effects, SEED + i)
-        for seconds in SECONDS:
-            u, v = population.u_dps[seconds]
-            truth = (u - v) / (2 * TABLE_RATE_DPS), (u + v) / 2
-            found = judged(population, seconds)
-            for method in METHODS:
-                rows.append({"effects": effects, "seconds": seconds, "method": method, **figures(*found[method], truth)})
-        progress(i + 1, 2)
-    return {"sensors": n, "rows": rows}
+    jobs = [(n, effects, seconds) for effects in (False, True) for seconds in SECONDS]
+    state = code_digest().hex()
+    known = results.read_text(encoding="utf-8").splitlines() if results is not None and results.is_file() else []
+    done = {tuple(line["job"]): line["rows"] for line in map(json.loads, known) if line["state"] == state}
+    left = [job for job in jobs if job not in done]
+    with engine(workers if scheduler is None else None, scheduler) as where:
+        for job, rows in where.run(_with_job, left):
+            done[job] = rows
+            if results is not None:
+                with results.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"state": state, "job": job, "rows": rows}) + "\n")
+            progress(len(done), len(jobs))
+    return {"sensors": n, "rows": [row for job in jobs for row in done[job]]}
+
+
+def _with_job(job: tuple[int, bool, float]) -> tuple[tuple[int, bool, float], list[dict[str, Any]]]:
+    return job, rows_of(job)
+
+
+def code_digest() -> bytes:
+    """A digest of the tool's and this file's source: results of other code are not comparable."""
+    digest = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=8)
+    for path in sorted(Path(gyrocal.__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.digest()
 
 
 def show(found: dict[str, Any]) -> None:

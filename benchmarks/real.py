@@ -13,13 +13,18 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.real_facts import Fact, close, named_on, said, saved, saved_runs, value, words
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.explain import Explanation, explain
@@ -29,73 +34,6 @@ from gyrocal.recording.session import AXES, Array, Session
 
 REALDATA = Path(os.environ.get("GYROCAL_REALDATA") or Path(__file__).parents[2] / "shared" / "realdata")
 G_M_S2 = 9.80665
-
-
-@dataclass(frozen=True)
-class Fact:
-    """What gyrocal says of a recording, and what is true. ``source`` states where the truth comes from."""
-
-    recording: str
-    what: str
-    ours: str
-    truth: str
-    source: str
-    ok: bool
-
-
-def close(recording: str, what: str, ours: float | None, truth: float, within: float, source: str) -> Fact:
-    """A number that must agree within a tolerance."""
-    ok = ours is not None and abs(ours - truth) <= within
-    told = "-" if ours is None else f"{ours:.4g}"
-    return Fact(recording, what, told, f"{truth:.4g} ± {within:.2g}", source, ok)
-
-
-def said(recording: str, what: str, ours: str, truth: str, source: str, ok: bool) -> Fact:
-    """A statement that must be true."""
-    return Fact(recording, what, ours, truth, source, ok)
-
-
-def named_on(found: Explanation, axis: str) -> list[str]:
-    """The effects that gyrocal added or left open on an axis."""
-    added = [t.effect_id for t in found.model.on(axis) if t.effect.role is None]
-    return [*added, *(i for one in found.left if one.axis == axis for i in one.group)]
-
-
-def value(found: Explanation, effect: str, axis: str, name: str) -> float | None:
-    """A fitted parameter; None if the model does not have it."""
-    line = found.model.line(effect, axis)
-    return None if line is None else line.values.get(name)
-
-
-def words(items: list[str]) -> str:
-    return ", ".join(items) or "nothing"
-
-
-def saved(work: Path, t_s: Array, gyro_dps: Array, facts: dict[str, Any], **columns: Array) -> Session:
-    """One run as a session folder, as a user would write it: a CSV file and session.toml."""
-    lsb_dps = facts.pop("lsb_dps", None)
-    return saved_runs(work, t_s, gyro_dps, [("run", slice(None), facts)], lsb_dps=lsb_dps, **columns)
-
-
-def saved_runs(
-    work: Path, t_s: Array, gyro_dps: Array, runs: list[tuple[str, slice, dict[str, Any]]], *, lsb_dps: float | None = None,
-    **columns: Array,
-) -> Session:  # fmt: skip
-    """Runs cut from one recording, each with the facts of its entry in session.toml."""
-    work.mkdir(parents=True, exist_ok=True)
-    axis = runs[0][2].get("axis", "z") if len(runs) == 1 else "z"
-    step_s = (t_s[-1] - t_s[0]) / (t_s.size - 1)
-    lines = ['format = "gyrocal-session/1"', f'axis = "{axis}"', f"sample_rate_hz = {1 / step_s:.6f}"]
-    lines += [] if lsb_dps is None else [f"lsb_dps = {lsb_dps}"]
-    for name, rows, facts in runs:
-        table_of_run = {"t_s": t_s[rows] - t_s[rows][0], **{f"g{a}_dps": gyro_dps[rows, i] for i, a in enumerate(AXES)}}
-        table_of_run |= {key: column[rows] for key, column in columns.items()}
-        pl.DataFrame(table_of_run).write_csv(work / f"{name}.csv")
-        facts = {"face": "up", "scenario": "s000", **facts}
-        lines += ["[[run]]", f'file = "{name}.csv"']
-        lines += [f"{k} = {json.dumps(v)}" for k, v in facts.items()]
-    (work / "session.toml").write_text("\n".join(lines) + "\n")
-    return Session.open(work)
 
 
 def chamber(folder: Path, work: Path) -> Iterator[Fact]:
@@ -203,33 +141,43 @@ def mpu_static(folder: Path, work: Path) -> Iterator[Fact]:
         truth = float(gyro[:, i].mean())
         yield close("MPU-6050 at rest", f"bias of {a}, dps", value(found, "bias", a, "bias_dps"), truth, 0.01, "mean in numpy")
     for i, a in enumerate(AXES):
-        lines = strongest_lines_hz(gyro[:, i], 100.0)
-        effects = named_on(found, a)
-        spoken = [value(found, "vibration_tone", a, "f_hz")] if "vibration_tone" in effects else []
-        unknown = found.last.unknown or {}
-        told = bool(spoken) or "order_tone" in effects or (unknown.get("axis") == a and unknown.get("against") == "frequency")
-        other = [i for i in effects if i not in ("vibration_tone", "drift", "warmup")]
+        lines = lines_hz(gyro[:, i], 100.0)
+        told = told_lines_hz(found, a)
+        same = len(told) == len(lines) and all(min(abs(f - t) for t in told) < 0.05 for f in lines)
         yield said(
-            "MPU-6050 at rest", f"lines in the spectrum of {a}", words(effects),
-            f"lines at {', '.join(f'{f:.2f}' for f in lines)} Hz" if lines else "no line",
-            "periodogram in numpy", not other and (told or not spoken) and (bool(lines) or not spoken),
-        )  # fmt: skip
+            "MPU-6050 at rest", f"lines in the spectrum of {a}, Hz", spoken(told), spoken(lines), "periodogram in numpy", same
+        )
+    other = sorted({i for a in AXES for i in named_on(found, a)} - {"vibration_tone", "drift", "warmup", "colored_noise"})
+    yield said("MPU-6050 at rest", "no effect of a turntable or of the reading", words(other), "nothing", "at rest", not other)
 
 
-def strongest_lines_hz(reading: Array, rate_hz: float, least_ratio: float = 40.0) -> list[float]:
-    """Up to three frequencies whose power exceeds the median around them by ``least_ratio``."""
-    size = 1 << 13
-    pieces = [reading[k : k + size] for k in range(0, reading.size - size + 1, size)]
-    window = np.hanning(size)
-    power = np.mean([np.abs(np.fft.rfft((p - p.mean()) * window)) ** 2 for p in pieces], axis=0)
-    frequency = np.fft.rfftfreq(size, 1 / rate_hz)
-    level = np.array([np.median(power[max(0, k - 100) : k + 101]) for k in range(power.size)])
-    ratio = np.where((frequency > 1.0) & (frequency < 0.49 * rate_hz), power / level, 0.0)
+def told_lines_hz(found: Explanation, axis: str) -> list[float]:
+    """Frequencies of the tones that gyrocal added on an axis, and of the lines that it finds with the final model."""
+    tones = [t.values["f_hz"] for t in found.model.on(axis) if t.effect_id == "vibration_tone"]
+    bands = [f.band_hz for f in found.last.comparison.where if f.axis == axis and f.band_hz is not None]
+    return sorted([*tones, *(low for low, high in bands if low == high)])
+
+
+def spoken(lines: list[float]) -> str:
+    return ", ".join(f"{f:.2f}" for f in lines) or "none"
+
+
+def lines_hz(reading: Array, rate_hz: float, chance: float = 1e-3) -> list[float]:
+    """Frequencies from 1 Hz on whose power over the median around them noise reaches with a probability below ``chance``.
+
+    The periodogram is that of the whole recording with a Hann window. Of neighbours within 0.1 Hz the strongest counts.
+    """
+    power = np.abs(np.fft.rfft((reading - reading.mean()) * np.hanning(reading.size))) ** 2
+    frequency = np.fft.rfftfreq(reading.size, 1 / rate_hz)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, 200, mode="reflect"), 401)
+    ratio = np.where(frequency > 1.0, power / (np.median(around, axis=1) / np.log(2)), 0.0)
     lines: list[float] = []
-    for k in np.argsort(-ratio)[:60]:
-        if ratio[k] > least_ratio and all(abs(frequency[k] - f) > 0.2 for f in lines) and len(lines) < 3:
+    for k in np.argsort(-ratio):
+        if ratio[k] < np.log(power.size / chance):
+            break
+        if all(abs(frequency[k] - f) > 0.1 for f in lines):
             lines.append(float(frequency[k]))
-    return lines
+    return sorted(lines)
 
 
 def stepper(folder: Path, work: Path) -> Iterator[Fact]:
@@ -306,6 +254,56 @@ def broad(folder: Path, work: Path) -> Iterator[Fact]:
     yield close("motion capture", "delay of z, s", value(found, "lag", "z", "tau_s"), 0.0042, 0.001, "own fit, published")
     wrong = sorted({i for a in AXES for i in named_on(found, a)} & {"bias_jumps", "byte_fault", "saturation", "table_ripple"})
     yield said("motion capture", "no jump, no fault of the reading", words(wrong), "nothing", "hand motion", not wrong)
+    yield from three_axes(raw, work / "three")
+
+
+def three_axes(raw: Any, work: Path) -> Iterator[Fact]:
+    """A minute of the same recording with the whole orientation as reference, which has a clock of its own."""
+    name, rate_hz, rows = "motion capture, three axes", float(raw["fs"]), slice(17000, 34000)
+    gyro, quaternion = np.rad2deg(raw["gyr_rad_s"][rows]), raw["opt_quat"][rows]
+    t_s = np.arange(len(gyro)) / rate_hz
+    work.mkdir(parents=True)
+    columns = {"t_s": t_s, **{f"g{a}_dps": gyro[:, i] for i, a in enumerate(AXES)}}
+    columns |= {f"ref_q{a}": quaternion[:, i] for i, a in enumerate("wxyz")}
+    pl.DataFrame(columns).fill_nan(None).write_csv(work / "run.csv")
+    head = f'format = "gyrocal-session/1"\naxis = "z"\nsample_rate_hz = {rate_hz:.6f}\n[reference]\nclock = "own"\n'
+    (work / "session.toml").write_text(f'{head}[[run]]\nfile = "run.csv"\nface = "up"\nscenario = "s000"\n')
+    ref, half = body_rate_dps(quaternion, rate_hz), len(t_s) // 2
+    offset_s, matrix = map_fit(t_s, gyro, ref)
+    halves = [scales(map_fit(t_s[:half], gyro[p], ref[p])[1]) for p in (slice(0, half), slice(half, 2 * half))]
+    within = float(np.abs(halves[0] - halves[1]).max())
+    found = explain(Session.open(work), most_steps=4)
+    for i, a in enumerate(AXES):
+        ours = value(found, "scale", a, "scale")
+        yield close(name, f"scale of {a}", ours, float(scales(matrix)[i]), within, "least squares in numpy and its halves")
+    ours = found.last.comparison.fit.session.runs[0].registration.offset_s
+    yield close(name, "offset of the clocks, s", ours, offset_s, 0.0005, "least squares in numpy")
+
+
+def scales(matrix: Array) -> Array:
+    """Scale errors [3] of a map that is a symmetric matrix times a rotation."""
+    values, vectors = np.linalg.eigh(matrix @ matrix.T)
+    return np.asarray(np.diag((vectors * np.sqrt(values)) @ vectors.T) - 1)
+
+
+def map_fit(t_s: Array, gyro_dps: Array, ref_dps: Array) -> tuple[float, Array]:
+    """Offset (s) and map [3, 3] from the reference's rates to the readings, by least squares on means over 0.1 s."""
+    good = np.isfinite(ref_dps).all(axis=1)
+    size = round(0.1 / float(t_s[1]))
+    count = len(t_s) // size * size
+    whole = np.convolve(~good, np.ones(2 * size + 1), "same")[:count].reshape(-1, size).max(axis=1) < 0.5
+
+    def means(of: Array) -> Array:
+        return np.asarray(of[:count].reshape(-1, size, 3).mean(axis=1)[whole])
+
+    best = (np.inf, 0.0, np.eye(3))
+    for offset_s in np.arange(0.0, 0.009, 0.00025):
+        shifted = np.column_stack([np.interp(t_s - offset_s, t_s[good], ref_dps[good, i]) for i in range(3)])
+        columns = np.column_stack([means(shifted), np.ones(whole.sum())])
+        solved, squares, *_ = np.linalg.lstsq(columns, means(gyro_dps), rcond=None)
+        if squares.sum() < best[0]:
+            best = (float(squares.sum()), float(offset_s), solved[:3].T)
+    return best[1:]
 
 
 def body_rate_dps(quaternion: Array, rate_hz: float) -> Array:

@@ -13,16 +13,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from device.damage import Lines
 from gyrocal.calibration import header
+from gyrocal.device import wire
+from gyrocal.device.port import Link
+from gyrocal.device.record import Recorder, Report
 from gyrocal.error_model.model import Model
 from gyrocal.errors import GyrocalError
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.recording.importer import import_recording
 from gyrocal.recording.session import Session
+from gyrocal_export.files import write_all
 from make_runs import make_run, make_session
 
-FULL_DISK_STEP = {"model": 7, "header": 61, "session": 5, "import": 5}
-"""Bytes between two limits. The header is the longest file."""
 KILLED_AT = (0, 1, 50, 150)
 Write = Callable[[Path], object]
 
@@ -53,9 +56,13 @@ def write_import(path: Path) -> None:
     import_recording(source, path, maps, defaults={"table_rate_dps": 78.0, "face": "up"})
 
 
+def write_export(path: Path) -> None:
+    write_all(path, {"imu.yaml": bytes(range(97, 123)) * 3, "notes.txt": b"notes" * 10})
+
+
 WRITES: dict[str, tuple[str, Write]] = {
     "model": ("model.toml", write_model), "header": ("calibration.h", write_header),
-    "session": ("s", write_session), "import": ("s", write_import),
+    "session": ("s", write_session), "import": ("s", write_import), "export": ("e", write_export),
 }  # fmt: skip
 
 
@@ -86,12 +93,14 @@ def test_a_full_disk_at_any_byte(what: str, tmp_path: Path) -> None:
     assert whole is not None
     longest = max(map(len, whole.values()))
     failed = 0
-    for limit in range(0, longest, FULL_DISK_STEP[what]):
+    for limit in range(longest):
         folder = tmp_path / str(limit)
         folder.mkdir()
         target = folder / name
         if what in ("model", "header"):
             target.write_text("what was there")
+        if what == "export":
+            write_all(target, {"imu.yaml": b"what was there", "mine.txt": b"mine"})
         if what == "import":
             (folder / "source.csv").write_bytes((tmp_path / "whole/source.csv").read_bytes())
         before, beside = content(target), {p.name for p in folder.iterdir()}
@@ -102,7 +111,7 @@ def test_a_full_disk_at_any_byte(what: str, tmp_path: Path) -> None:
                 failed += 1
         assert content(target) == before
         assert {p.name for p in folder.iterdir()} == beside
-    assert failed == len(range(0, longest, FULL_DISK_STEP[what]))
+    assert failed == longest
 
 
 KILLED = """
@@ -131,3 +140,35 @@ def test_a_killed_process_leaves_the_file_or_nothing(what: str, size: int, tmp_p
     if what == "session":
         write(target)
         assert len(Session.open(target).runs) == 2
+
+
+def recorded(path: Path) -> Report:
+    """Record a run of twelve samples, each in a write of its own."""
+    hello = {
+        "proto": 1, "sensor": "LSM6DSO", "rate_hz": 100.0, "full_scale_dps": 250.0, "lsb_dps": 0.00875, "lsb_g": 6.1e-05,
+        "lsb_c": 0.00390625, "zero_c": 25.0, "axis": "z", "table_dps": 78.0, "turn_deg": 0.0,
+    }  # fmt: skip
+    run = {"face": "up", "axis": "z", "table_dps": 78.0, "turn_deg": 0.0}
+    said = [("ACK", {"cmd": "hello"}), ("HEL", hello), ("ACK", {"cmd": "stream"}), ("RUN", {"state": "start", **run, "n": 0})]
+    said += [("RAW", [n, 1, -2, 8914 + n, 0, 0, 16393, 256]) for n in range(12)]  # type: ignore[list-item]
+    said += [("RUN", {"state": "end", **run, "n": 12})]
+    lines = [wire.encode(tag, k, 10_000 * k, 0, fields)[:-1] for k, (tag, fields) in enumerate(said)]
+    with Link("lines", opener=lambda name, baud: Lines(lines, at_once=1)) as link:
+        return Recorder(link, path, wanted=None).record()
+
+
+def test_a_recording_on_a_full_disk_at_any_byte_keeps_whole_rows(tmp_path: Path) -> None:
+    recorded(tmp_path / "whole")
+    whole = (tmp_path / "whole" / "000_up.csv").read_bytes()
+    header = (tmp_path / "whole" / "session.toml").read_bytes()
+    for limit in range(len(whole)):
+        out = tmp_path / str(limit)
+        with no_file_beyond(limit), pytest.raises(GyrocalError, match=r"make room|cannot be written"):
+            recorded(out)
+        kept = (out / "000_up.csv").read_bytes() if (out / "000_up.csv").exists() else b""
+        assert whole.startswith(kept)
+        assert kept.endswith(b"\n") or not kept
+        assert len(kept) <= limit < len(kept) + 80 or limit < len(header)
+        if (out / "session.toml").exists():
+            assert (out / "session.toml").read_bytes() == header
+            assert len(Session.open(out).runs[0]) == kept.count(b"\n") - 1

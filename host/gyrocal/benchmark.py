@@ -19,8 +19,9 @@ BENCHMARKS = dict.fromkeys(FROM_A_FOLDER, ROOT / "benchmarks") | {
 }
 
 PARTS = {
-    "blind": {"cases_of", "kinds", "limit", "skip", "workers", "results"}, "soak": {"hours", "seed"},
+    "blind": {"cases_of", "kinds", "limit", "skip", "workers", "scheduler", "results"}, "soak": {"hours", "seed"},
     "field": {"kinds", "limit", "workers", "results", "seed"}, "references": {"kinds", "limit", "results", "seed"},
+    "fleet": {"limit", "workers", "scheduler", "results"}, "population": {"workers", "scheduler", "results"},
 }  # fmt: skip
 
 Runner = Callable[[bool, Callable[[int, int], None]], dict[str, Any]]
@@ -75,9 +76,10 @@ def _runner(name: str, part: dict[str, Any]) -> Runner:
     module = _module(name)
     if not part.keys() <= PARTS.get(name, frozenset()):
         raise InputError(
-            f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers and --results "
-            "with blind, --kind, --limit, --workers, --results and --seed with field (references: not --workers), --hours and "
-            "--seed with soak"
+            f"benchmark {name} has no parts like these: use --cases, --kind, --limit, --skip, --workers, --scheduler and "
+            "--results with blind, --limit, --workers, --scheduler and --results with fleet, the last three with population, "
+            "--kind, --limit, --workers, --results and --seed with field (references: not --workers), --hours and --seed "
+            "with soak"
         )
     return partial(module.benchmark if name == "blind" else module.run, **part)
 

@@ -72,7 +72,8 @@ class LazyGroup(TyperGroup):
         """The command that the words name. An unknown name fails with the nearest one."""
         modules = command_modules()
         if args[0] not in modules:
-            ctx.fail(f"no command {args[0]!r}{did_you_mean(args[0], modules)}; there are {', '.join(modules)}.")
+            near = did_you_mean(args[0], [*modules, "--help"])
+            ctx.fail(f"no command {args[0]!r}{near}; there are {', '.join(modules)}.")
         found = super().resolve_command(ctx, args)
         LazyGroup.started()
         return found

@@ -25,7 +25,8 @@ def did_you_mean(word: str, names: Iterable[str]) -> str:
     """The nearest name in words, " (did you mean x?)"; empty where none is near."""
     from difflib import get_close_matches
 
-    near = get_close_matches(word, list(names), 1)
+    known = list(names)
+    near = get_close_matches(word, known, 1) or [name for name in known if len(word) > 1 and name.startswith(word)]
     return f" (did you mean {near[0]}?)" if near else ""
 
 

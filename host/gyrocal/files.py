@@ -74,11 +74,15 @@ def _allowed(mode: int) -> int:
     return mode & ~mask
 
 
-def read_toml(path: Path, missing: str) -> dict[str, Any]:
-    """A TOML file as a dictionary; InputError if it cannot be read, which says ``missing`` if it is not there."""
+def read_toml(path: Path, missing: str, expected: str) -> dict[str, Any]:
+    """A TOML file as a dictionary.
+
+    Raises InputError if it cannot be read; ``missing`` is said of an absent file, ``expected`` of one that is no TOML.
+    """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: {missing}") from None
     except UNREADABLE as error:
-        raise InputError(f"{path}: {why_unreadable(error)}") from None
+        expectation = f"not {expected}: " if isinstance(error, ValueError) else ""
+        raise InputError(f"{path}: {expectation}{why_unreadable(error)}") from None

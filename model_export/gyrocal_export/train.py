@@ -12,8 +12,10 @@ import torch
 from torch import Tensor
 
 from gyrocal.errors import InputError
+from gyrocal.fleet.engine import Engine
 from gyrocal_export import run_folder
 from gyrocal_export.data import Pairs, Windows, recorded, simulated, split
+from gyrocal_export.draws import Draw, Draws
 from gyrocal_export.files import two_digits_up
 from gyrocal_export.nets.paper import PaperNet, Shape, loss
 from gyrocal_export.run_folder import Report, Training
@@ -38,13 +40,16 @@ class Config(Training):
     shape: Shape = field(default_factory=Shape)
 
 
-def train(config: Config, out: Path, report: Report) -> dict[str, Any]:
+def train(
+    config: Config, out: Path, report: Report, engine: Engine | None = None, draws: Path | None = None
+) -> dict[str, Any]:  # fmt: skip
     """Train a network and write its run folder.
 
     Args:
         config: the settings of the training.
         out: the run folder, which must not exist.
         report: a function that is called after each epoch with its number, training loss and validation loss.
+        engine: draws the scenarios of the epochs ahead of the training, into the folder ``draws``, which keeps them.
 
     Returns:
         The metrics, as in metrics.json.
@@ -63,7 +68,9 @@ def train(config: Config, out: Path, report: Report) -> dict[str, Any]:
             simulated(n, s, window, config.model, config.axis)
             for n, s in ((config.scenarios, seeds[0]), (config.validation_scenarios, seeds[1]))
         )
-        epoch_data = lambda epoch: simulated(config.scenarios, seeds[2 + epoch], window, config.model, config.axis)  # noqa: E731
+        epochs = [Draw(config.scenarios, seed, window, config.model, config.axis) for seed in seeds[2:]]
+        ahead = Draws(engine, draws, epochs) if engine is not None and draws is not None else None
+        epoch_data = lambda epoch: epochs[epoch].made() if ahead is None else ahead[epoch]  # noqa: E731
     sd = fixed.label.std(0, correction=0).clamp(min=1e-6)
     net = PaperNet(config.shape, two_digits_up(fixed.largest_dps()), fixed.label.mean(0), sd)
 

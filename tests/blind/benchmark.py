@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ from scipy.stats import beta
 
 import gyrocal
 from gyrocal.errors import InputError
+from gyrocal.fleet.engine import engine
 
 from . import cases, drawn
 from .drawn import Draw
@@ -44,11 +43,12 @@ def benchmark(
     kinds: Sequence[str] = (),
     limit: int | None = None,
     skip: int = 0,
-    workers: int = PROCESSES,
+    workers: int | None = None,
+    scheduler: str | None = None,
     results: Path | None = None,
 ) -> dict[str, Any]:
     """The report on a set of cases, or on a part of it: `kinds` alone, and of each `limit` cases after the first `skip`."""
-    return report(run(chosen(sample, cases_of, kinds, limit, skip), progress, workers, results))
+    return report(run(chosen(sample, cases_of, kinds, limit, skip), progress, workers, results, scheduler))
 
 
 def chosen(sample: bool, cases_of: str, kinds: Sequence[str], limit: int | None, skip: int = 0) -> list[Case | Draw]:
@@ -76,21 +76,25 @@ def chosen(sample: bool, cases_of: str, kinds: Sequence[str], limit: int | None,
 
 
 def run(
-    planned: Sequence[Case | Draw], progress: Progress | None = None, processes: int = PROCESSES, results: Path | None = None
-) -> list[Outcome]:
+    planned: Sequence[Case | Draw], progress: Progress | None = None, workers: int | None = None, results: Path | None = None,
+    scheduler: str | None = None,
+) -> list[Outcome]:  # fmt: skip
     """Every case, in the order given; `progress` hears how many are done, and of how many.
 
-    `results` is a JSONL file that gains a line as each case ends. Cases that it holds of the same code are not run again.
+    The cases run on `workers` processes of this machine (0 = this process), or on a Dask scheduler. `results` is a JSONL
+    file that gains a line as each case ends. Cases that it holds of the same code are not run again.
     """
     outcomes = _finished(results)
     left = [case for case in planned if case.name not in outcomes]
+    if not left:
+        return [outcomes[case.name] for case in planned]
     threads = ("OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS")
     before = {name: os.environ.get(name) for name in threads}
     os.environ.update(dict.fromkeys(threads, "1"))  # read by the processes as they start
     try:
-        with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-            for done in as_completed([pool.submit(judge, case) for case in left]):
-                outcome = done.result()
+        processes = PROCESSES if workers is None and scheduler is None else workers
+        with engine(processes, scheduler) as where:
+            for outcome in where.run(judge, left):
                 outcomes[outcome.case.name] = outcome
                 if results is not None:
                     with results.open("a", encoding="utf-8") as file:

@@ -13,7 +13,7 @@ from .outcome import Outcome
 
 @pytest.fixture(scope="module")
 def outcomes() -> list[Outcome]:
-    return benchmark.run(SAMPLE, processes=1)  # other tests run beside it
+    return benchmark.run(SAMPLE, workers=0)  # other tests run beside it
 
 
 @pytest.fixture(scope="module")

@@ -117,12 +117,25 @@ def test_a_fitted_model_splits_noise_as_its_parts_do() -> None:
     assert (drift.source, drift.scale) == ("drift", pytest.approx(answer.scale_se, rel=1e-3))
 
 
-@pytest.mark.parametrize(("latitude_deg", "part"), [(None, 1.0), (90.0, 1.0), (-30.0, 0.5), (0.0, 0.0)])
-def test_latitude_changes_the_earths_row(latitude_deg: float | None, part: float) -> None:
-    found = rows(at_6_s(session(latitude_deg=latitude_deg)))["Earth's rate"]
-    assert found.scale == pytest.approx(part * 15.041067 / 3600 / TABLE_DPS, abs=1e-12), "its sign follows the face as w does"
+def test_without_a_latitude_the_earths_row_is_the_bound_of_all_places_and_says_how_to_correct_it() -> None:
+    found = rows(at_6_s(session()))["Earth's rate"]
+    assert found.scale == pytest.approx(15.041067 / 3600 / TABLE_DPS, abs=1e-12), "its sign follows the face as w does"
     assert found.bias_dps == pytest.approx(0.0, abs=1e-9)
     assert not found.in_se
+    assert "latitude_deg" in found.advice
+
+
+@pytest.mark.parametrize(("method", "model"), [("baseline", None), ("cnn", None), ("model", None), ("model", CAMPAIGN)])
+@pytest.mark.parametrize("latitude_deg", [90.0, -30.0])
+def test_a_latitude_corrects_every_answer_and_leaves_no_row(method: str, model: Path | None, latitude_deg: float) -> None:
+    """The rate of the Earth is part of the true rate: a scale is smaller by it over the table's rate."""
+    plain, corrected = (at_6_s(session(latitude_deg=x), method, model) for x in (None, latitude_deg))
+    assert "Earth's rate" not in rows(corrected)
+    assert plain.scale is not None
+    assert corrected.scale is not None
+    share = 15.041067 / 3600 * np.sin(np.deg2rad(latitude_deg)) / TABLE_DPS
+    assert corrected.scale - plain.scale == pytest.approx(-share, rel=0.1)
+    assert corrected.bias_dps == pytest.approx(plain.bias_dps, abs=2e-4)
 
 
 def test_both_directions_on_each_face_cancel_the_earths_rate() -> None:

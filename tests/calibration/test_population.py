@@ -1,10 +1,11 @@
 """300 sensors of `gyrocal benchmark population`: errors are honest and sound sensors trusted."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from gyrocal.benchmark import benchmark
+from gyrocal.benchmark import _module, benchmark
 
 Row = dict[str, Any]
 
@@ -36,3 +37,11 @@ def test_effects_of_typical_size_are_in_the_errors_of_every_method(rows: list[Ro
         assert 0.4 <= r["bias_sd"] <= 1.3, r["seconds"]
         assert r["scale_95"] >= 0.85
         assert r["bias_95"] >= 0.85
+
+
+def test_finished_rows_are_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = _module("population")
+    monkeypatch.setattr(module, "SENSORS", 20)
+    first = benchmark("population", quiet=True, results=tmp_path / "rows.jsonl")
+    monkeypatch.setattr(module, "rows_of", None)
+    assert benchmark("population", quiet=True, results=tmp_path / "rows.jsonl") == first

@@ -9,6 +9,7 @@
  *     fault NAME on|off          nack, short, wrong_id, stale, stuck_bit, stuck_reset, bad_tags; brownout happens once
  *     drop N                     the next N sentences find no room
  *     store on|off|fails
+ *     cut N PERCENT              the power fails in the Nth store from now, after so much of it; then nothing until `power`
  *     line on                    INT1 is wired
  *     busy SECONDS               the board does something else
  *     clock FACTOR               the chip's clock, from the next power-on
@@ -19,6 +20,7 @@
 #include "gc_lsm6dso.h"
 #include "weights.h"
 
+#include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,6 +33,9 @@ static double noise;
 static int drop;
 static bool short_reads;
 static char store_mode = 'o';
+static int cut, cut_percent;
+static bool is_off;
+static jmp_buf power_lost;
 static struct {
     char key[16];
     char data[4096];
@@ -100,9 +105,14 @@ static int store(void *context, const char *key, const void *data, size_t n) {
     (void)context;
     for (size_t i = 0; i < sizeof kept / sizeof kept[0]; i++) {
         if (store_mode != 'f' && n <= sizeof kept[i].data && (kept[i].n == 0 || strcmp(kept[i].key, key) == 0)) {
+            const bool fails = cut > 0 && --cut == 0;
+            const size_t written = fails ? n * (size_t)cut_percent / 100u : n;
             strcpy(kept[i].key, key);
-            memcpy(kept[i].data, data, n);
-            kept[i].n = n;
+            memcpy(kept[i].data, data, written);
+            kept[i].n = written > kept[i].n ? written : kept[i].n;
+            if (fails) {
+                longjmp(power_lost, 1);
+            }
             printf("# store %s\n", key);
             return 0;
         }
@@ -240,6 +250,9 @@ static bool obey(char *line) {
     if (sscanf(line, "clock %lf", &chip_clock) == 1) {
         return true;
     }
+    if (sscanf(line, "cut %d %d", &cut, &cut_percent) == 2) {
+        return true;
+    }
     if (sscanf(line, "store %7s", word) == 1) {
         store_mode = word[0];
         return true;
@@ -251,17 +264,20 @@ static bool obey(char *line) {
     if (sscanf(line, "fault %31s %7s", word, flag) == 2) {
         return set_fault(word, strcmp(flag, "on") == 0);
     }
-    if (strncmp(line, "power", 5) == 0) {
-        power_on();
-        return true;
-    }
     return false;
 }
 
 int main(void) {
     char line[4096];
     while (fgets(line, sizeof line, stdin) != NULL) {
-        if (!obey(line)) {
+        if (setjmp(power_lost) != 0) {
+            is_off = true;
+            continue;
+        }
+        if (strncmp(line, "power", 5) == 0) {
+            is_off = false;
+            power_on();
+        } else if (!is_off && !obey(line)) {
             fprintf(stderr, "bench: cannot read: %s", line);
             return 2;
         }

@@ -44,7 +44,7 @@ EXPECTED = {
     "busy": Expected("net_gap", "missed"),
     "stuck_bus": Expected("config_lost", "missed"),
     "short_read": Expected("bus_short", "missed"),
-    "frozen": Expected("", "constant_reading"),
+    "frozen": Expected("repeated", "constant_reading"),
     "repeated": Expected("repeated"),
     "spikes": Expected("net_range", "misfit"),
     "clipping": Expected("clipped", "clipped"),
@@ -173,12 +173,12 @@ def test_a_table_that_is_off_by_more_than_3_percent_is_named(sim: Sim, tmp_path:
     assert [s["name"] for s in said if s.tag == "ERR" and not s["name"].startswith("net_")] == told
 
 
-@pytest.mark.parametrize("when", ["@0:0.9", "@2:4", "@5:1"])
-def test_repeated_samples_are_named_from_a_twentieth_of_the_run_on(sim: Sim, planted: dict[bool, Planted], when: str) -> None:
+@pytest.mark.parametrize("fault", ["repeated@0:0.4", "repeated@2:4", "repeated@5:1", "frozen@3:0.2"])
+def test_repeated_samples_are_named(sim: Sim, planted: dict[bool, Planted], fault: str) -> None:
     for fifo in (False, True):
-        said = play(sim, planted, f"repeated{when}", fifo=fifo)
+        said = play(sim, planted, fault, fifo=fifo)
         assert "repeated" in {s["name"] for s in said if s.tag == "ERR"}
-        check(planted[fifo], said, when)
+        check(planted[fifo], said, fault)
 
 
 def test_a_full_output_loses_whole_sentences_and_their_numbers_tell_how_many(sim: Sim, planted: dict[bool, Planted]) -> None:

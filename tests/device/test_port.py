@@ -32,7 +32,7 @@ def listen_forever(link: Link) -> None:
         ("socket://:5000", "socket://HOST:PORT"),
         ("socket://127.0.0.1:99999", "socket://HOST:PORT"),
         ("socket://127.0.0.1:{free}", "is `gyrocal device"),
-        ("{file}", "cannot be opened as a serial port"),
+        ("{file}", "a file and no port; give a serial device"),
         ("{file}/sub", "cannot be opened|no such port"),
         ("nonsense://x", "cannot be opened"),
         ("", "no such port|cannot be opened"),

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gyrocal.diagnosis.comparison import _strongest_first
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.drawn import described, most_visible
 from gyrocal.diagnosis.explain import explain
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned
 from gyrocal.diagnosis.probes import of_session
+from gyrocal.diagnosis.told import strongest_first
 from gyrocal.effects.thermal_hysteresis import play_c
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
@@ -57,14 +57,15 @@ def test_an_error_over_temperature_is_told_against_temperature_and_as_large_as_d
     drawn = Cleaned.of(fitted, "y").by_run[chamber.runs[0].index]
     assert amplitude_dps == pytest.approx(np.sqrt(2) * np.std(drawn), rel=0.2)
     assert "temperature" not in words  # the finding names the variable itself
-    assert "(rms times √2); most, " in words
+    assert words.startswith(f"rms {1e3 * amplitude_dps / np.sqrt(2):.0f} mdps; most, ")
+    assert words.endswith(("°C", "°C up"))
 
 
 def test_an_excess_that_the_others_hardly_describe_comes_before_them_on_its_axis() -> None:
     band = Finding("x", "frequency", 8.0, 0.0, 0.01, "a band")
     excess = Finding("x", "time", 7.0, 0.0, 0.3, "the excess")
     other = Finding("y", "rate", 7.5, 0.0, 0.1, "another axis")
-    assert _strongest_first([band, other], [excess]) == [other, excess, band]
+    assert strongest_first([excess, band, other]) == [other, excess, band]
 
 
 def test_a_leak_that_one_turn_of_each_axis_shows_is_left_with_what_to_record() -> None:

@@ -70,9 +70,18 @@ def test_the_number_of_steps_can_be_limited(two_effects: Session) -> None:
     found = explain(two_effects, most_steps=1)
     assert len(found.steps) == 1
     assert found.verdict == "add"
-    assert conclusion(found).startswith("Stopped after 1 steps")
+    assert conclusion(found).startswith("Stopped after 1 step, as many as were allowed")
     with pytest.raises(InputError, match="--max"):
         explain(two_effects, most_steps=-1)
+
+
+def test_what_does_not_lower_the_error_is_not_added_and_is_told(two_effects: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gyrocal.diagnosis.explain._falls", lambda before, after, within: False)
+    found = explain(two_effects)
+    assert (found.steps, found.verdict) == ([], "add")
+    assert found.last.best is not None
+    assert (found.last.best.effect.id,) in {one.group for one in found.left}
+    assert "does not fall with it" in conclusion(found)
 
 
 def test_effects_of_one_shape_stay_open() -> None:

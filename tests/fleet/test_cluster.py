@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.fleet.board import Done
-from gyrocal.fleet.engine import InProcess, engine
+from gyrocal.fleet.engine import InProcess, engine, refuse
 from gyrocal.fleet.fit import fit_fleet
 from gyrocal.simulation.production import Production
 
@@ -45,8 +46,8 @@ class Killing:
     dashboard: str | None = None
     killed: list[int] = field(default_factory=list)
 
-    def run(self, task: Callable[[str], Done], paths: Sequence[str]) -> Iterator[Done]:
-        for done in self.on.run(partial(slowly, task=task), paths):  # type: ignore[attr-defined]
+    def run(self, task: Any, jobs: Sequence[Any], given_up: Any = refuse) -> Iterator[Any]:
+        for done in self.on.run(partial(slowly, task=task), jobs, given_up):  # type: ignore[attr-defined]
             if not self.killed:
                 pids = self.on.client.run(pid_of_worker)  # type: ignore[attr-defined]
                 self.killed.append(pids[sorted(pids)[0]])

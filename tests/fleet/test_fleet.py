@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ from gyrocal.calibration.header import render
 from gyrocal.cli import main
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.fleet.board import plain_fit
+from gyrocal.fleet.board import of_fleet, plain_fit
+from gyrocal.fleet.drift import FleetDrift
 from gyrocal.fleet.engine import InProcess
 from gyrocal.fleet.fit import fit_fleet
 from gyrocal.fleet.listing import sessions
@@ -145,3 +147,22 @@ def test_a_url_is_read_by_fsspec(folder: Path) -> None:
 
     with at_hand(path) as local:
         assert Session.open(local).board == "B000001"
+
+
+class Backwards(InProcess):
+    """An engine that finishes the last session first."""
+
+    def run(self, task: Any, jobs: Sequence[Any], given_up: Any = None) -> Iterator[Any]:
+        yield from map(task, reversed(jobs))
+
+
+def test_the_order_of_the_sessions_does_not_matter(folder: Path, fitted: dict[str, Any]) -> None:
+    again = fit_fleet(str(folder), Model.open(), Backwards(), folder.parent / "out").to_json()
+    assert {**again, "sessions_per_s": None} == {**fitted, "sessions_per_s": None}
+
+
+def test_a_board_is_fitted_with_the_drift_of_the_fleet(folder: Path) -> None:
+    session, drift = Session.open(folder / "board000001"), FleetDrift(0.05, 30.0)
+    for one in plain_fit(session, of_fleet(Model.open(), dict.fromkeys("xyz", drift))).values():
+        assert one.noise.ou_sd_dps == pytest.approx(0.05 * one.noise.white_sd_dps)
+        assert one.noise.ou_tau_s == 30.0

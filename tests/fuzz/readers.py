@@ -337,10 +337,18 @@ def guided(name: str, seconds: int, found: Path) -> None:
     corpus.mkdir()
     for k, data in enumerate([*READERS[name][1], *(mutated(name, rng) for _ in range(200))]):
         (corpus / f"{k:04d}").write_bytes(data)
-    atheris.instrument_all()
     limits = [f"-max_total_time={seconds}", f"-max_len={LONGEST}", "-rss_limit_mb=0", "-print_final_stats=1"]
     atheris.Setup([sys.argv[0], *limits, f"-artifact_prefix={found}/", str(corpus)], lambda data: check(name, data))
     atheris.Fuzz()
+
+
+GUIDED = """
+import sys, atheris
+sys.path.insert(0, sys.argv[1])
+with atheris.instrument_imports(include=["gyrocal", "tomllib"]):
+    import readers
+readers.guided(sys.argv[2], int(sys.argv[3]), readers.Path(sys.argv[4]))
+"""
 
 
 def _run(name: str, seconds: int, found: Path) -> tuple[int, str]:
@@ -350,7 +358,7 @@ def _run(name: str, seconds: int, found: Path) -> tuple[int, str]:
         if data is not None:
             (found / "input").write_bytes(data)
         return executions, why
-    command = [sys.executable, __file__, name, "--seconds", str(seconds), "--guided", str(found)]
+    command = [sys.executable, "-c", GUIDED, str(Path(__file__).parent), name, str(seconds), str(found)]
     done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
     said = done.stderr.decode(errors="replace")
     counts = re.findall(r"stat::number_of_executed_units:\s+(\d+)|^#(\d+)\t", said, re.MULTILINE)
@@ -362,10 +370,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("readers", nargs="*", default=list(READERS), metavar="READER", help=", ".join(READERS))
     parser.add_argument("--seconds", type=int, default=600)
-    parser.add_argument("--guided", type=Path, help=argparse.SUPPRESS)
     chosen = parser.parse_args()
-    if chosen.guided is not None:
-        guided(chosen.readers[0], chosen.seconds, chosen.guided)
     print("| Reader | Executions | Found |\n|---|---:|---|")
     failed = False
     for name in chosen.readers:

@@ -20,6 +20,12 @@ FOUND = [
     ("estimates", b'{"estimates": [1]}'),
     ("estimates", b"[" * 100_000),
     ("listing", b"[" * 100_000),
+    ("formula", b"k*" + b"9" * 400),
+    ("formula", b"k*1e999"),
+    ("formula", b"+".join(b"k%d*t" % k for k in range(1500))),
+    ("formula", b"k*" + b"-" * 900 + b"t"),
+    ("formula", b"k*9**9**9**9*t"),
+    ("formula", b"k*t/0"),
 ]
 
 

@@ -143,6 +143,26 @@ def test_one_seed_gives_one_net(tmp_path: Path) -> None:
     assert not torch.equal(nets[0], nets[2])
 
 
+def test_draws_that_workers_made_give_the_same_net_and_are_not_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    import torch
+
+    from gyrocal.fleet.engine import InProcess
+    from gyrocal_export import draws
+    from gyrocal_export.train import Config, load, train
+
+    config = Config(seed=3, epochs=2, scenarios=64, validation_scenarios=32)
+    train(config, tmp_path / "alone", lambda *_: None)
+    train(config, tmp_path / "ahead", lambda *_: None, InProcess(), tmp_path / "draws")
+    monkeypatch.setattr(draws.Draw, "made", None)
+    train(config, tmp_path / "again", lambda *_: None, InProcess(), tmp_path / "draws")
+    alone, ahead, again = (load(tmp_path / name)[0].fc1.weight for name in ("alone", "ahead", "again"))
+    assert torch.equal(alone, ahead)
+    assert torch.equal(alone, again)
+    assert len(list((tmp_path / "draws").glob("*.npz"))) == 2
+
+
 def test_training_stops_when_validation_no_longer_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import torch
 

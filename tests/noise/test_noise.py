@@ -35,6 +35,19 @@ def test_normal_equations_are_those_of_the_dense_covariance(noise: Noise, gap: b
         np.testing.assert_allclose(got, c @ np.linalg.solve(v, c.T), rtol=1e-9)
     assert logdet == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-8)
 
+@pytest.mark.parametrize(("size", "rate"), [(1.0002, 1.0), (1.0, 1.0002), (1.0001, 0.9997)])
+def test_normal_equations_beside_a_noise_are_those_of_the_other_noise_to_first_order(size: float, rate: float) -> None:
+    rng = np.random.default_rng(5)
+    t_s, n = np.cumsum(rng.uniform(0.05, 0.15, 300)), rng.integers(1, 15, 300).astype(float)
+    columns = rng.normal(size=(3, 4, 300)) + np.array([50.0, 1.0, 0.0, 78.0])[None, :, None]
+    columns[:, 1] = 1.0
+    summed = Summed.of(list(columns), t_s, n, cell_s=0.3)
+    here, there = Noise(0.04, 0.002, 30.0), Noise(0.04, 0.002 * size, 30.0 / rate)
+    (grams, near), logdets = summed.near(here, [there])
+    exact, logdet = summed.normal_equations(there)
+    assert near == pytest.approx(exact, abs=1e-3 * float(np.abs(exact - grams).max()))
+    assert logdets[1] == pytest.approx(logdet, rel=1e-14)
+
 
 @pytest.mark.parametrize("gap", [False, True])
 def test_color_is_the_covariance_of_an_autoregression(gap: bool) -> None:

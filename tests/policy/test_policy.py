@@ -32,6 +32,8 @@ NO_THRESHOLDS = {
     "STILLEST", "TRIM_S", "CHUNK_S", "BLOCK_S", "(TREMBLES, SHRUNK)",  # by which the noise at rest is estimated
     "TURNS_DEG", "STEP_DEG",  # a grid of movements, and of the integral over one
     "AHEAD", "PATIENCE_S", "RESUBMITTED",  # of tasks on several computers
+    "CELLS", "(CENTRES, WIDTHS)", "KNEES_HZ", "STEP", "FURTHEST",  # grids over which a likelihood is computed
+    "LARGEST_CONDITION", "ROBUST", "NEIGHBOURS",  # of the numbers' digits, of the normal distribution, of a window
     "TOLD",  # how many times a sentence lists
 }
 """Numbers of the layers that judge that are no thresholds."""

@@ -152,3 +152,40 @@ def test_an_orientation_that_no_tracker_measured_is_no_reference() -> None:
     table = columns(["t", *xyz("gyr_"), *xyz("acc_")], 300, 1.0, 1)
     own = table.with_columns(pl.lit(float(i == 0)).alias(f"orientation.{part}") for i, part in enumerate("wxyz"))
     assert not any(g.map.startswith("ref_") for g in guess(Source("a.csv", own), Scaling()))
+
+
+SECONDS = [f"2024-05-01 10:00:{i / 100:09.6f}" for i in range(N)]
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "time", "factor", "expected"),
+    [
+        ("phone/Gyroscope.csv", "time,z,y,x", [10**18 + 10**7 * i for i in range(N)], 0.01745, "t_s=time:ns gx_dps=x:rad/s"),
+        ("dates.csv", "Timestamp,Gyro_Z,Gyro_Y,Gyro_X", SECONDS, 1, "t_s=Timestamp gx_dps=Gyro_X:dps"),
+        ("times.csv", "time,gz,gy,gx", [s[11:] for s in SECONDS], 1, "t_s=time gx_dps=gx:dps"),
+        ("zoned.csv", "time,gz,gy,gx", [s.replace(" ", "T") + "+02:00" for s in SECONDS], 1, "t_s=time gx_dps=gx:dps"),
+        ("dot.csv", "SampleTimeFine,Gyr_Z,Gyr_Y,Gyr_X", range(0, 10000 * N, 10000), 1, "t_s=SampleTimeFine:us"),
+        ("mtw.csv", "SampleTimeFine,Gyr_Z,Gyr_Y,Gyr_X", range(0, 100 * N, 100), 1, "t_s=SampleTimeFine*0.0001"),
+        ("log.csv", "time (us),gyroADC[2],gyroADC[1],gyroADC[0]", range(0, 10000 * N, 10000), 1, "gx_dps=gyroADC[0]:dps"),
+        ("shimmer.csv", "S_Timestamp_Unix_CAL,S_Gyro_Z_CAL,S_Gyro_Y_CAL,S_Gyro_X_CAL", range(0, 10 * N, 10), 1,
+         "t_s=S_Timestamp_Unix_CAL:ms gx_dps=S_Gyro_X_CAL:dps"),
+        ("deutsch.csv", "Zeit [s],Drehrate Z [°/s],Drehrate Y [°/s],Drehrate X [°/s]", [i / 100 for i in range(N)], 1,
+         "gx_dps=Drehrate X [°/s]:dps"),
+    ],
+)  # fmt: skip
+def test_the_habits_of_loggers(
+    tmp_path: Path, name: str, head: str, time: list[object], factor: float, expected: str
+) -> None:
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    rates = factor * (np.array([78.0, 0.2, 0.1]) + np.random.default_rng(1).normal(0, 0.1, (N, 3)))
+    rows = (f"{t},{','.join(f'{v:.6f}' for v in row)}" for t, row in zip(time, rates, strict=True))
+    path.write_text("\n".join([head, *rows]))
+    source = read(path)
+    guessed = guess(source, Scaling())
+    assert {g.map for g in guessed} >= set(re.split(r" (?=[a-z]+_[a-z]+=)", expected))
+    import_recording(path, tmp_path / "out", [g.map for g in guessed], defaults={"table_rate_dps": 78.0})
+    run = Session.open(tmp_path / "out").runs[0]
+    assert len(run) == N
+    assert run.duration_s == pytest.approx(N / 100, rel=1e-3)
+    assert float(np.mean(run.gyro_dps[:, 2])) == pytest.approx(78, rel=0.01)

@@ -3,6 +3,8 @@
 They lie in `shared/realdata` beside the repository (`GYROCAL_REALDATA` names another place); where not, this skips.
 """
 
+import re
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,8 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.cli import main
 from gyrocal.device import simulated
-from gyrocal.diagnosis.add import add
-from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.explain import Explanation, explain
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
@@ -28,6 +29,8 @@ from gyrocal.recording.stamps import regression
 from gyrocal.recording.timing import smoothing_spline
 from make_runs import make_run, make_session
 from real_recordings import recording
+
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def maps(*mappings: str) -> list[str]:
@@ -132,23 +135,55 @@ def test_mpu6050_at_rest_contradicts_nothing(tmp_path: Path, file: str) -> None:
     assert check(Session.open(out)) == []
 
 
-def test_thermal_chamber_is_diagnosed(chamber: Session) -> None:
+@pytest.fixture(scope="module")
+def explained(chamber: Session) -> Explanation:
+    return explain(chamber)
+
+
+def test_thermal_chamber_is_explained(explained: Explanation) -> None:
     """y follows a curve over temperature; on x a curve and a loop are certain only together."""
-    model: Model | None = None
-    named: list[tuple[str, str]] = []
-    for _ in range(4):
-        found = diagnose(chamber, model)
-        if found.best is None:
-            break
-        named.append((found.best.effect.id, found.best.axis))
-        before, after, model = add(chamber, model, found.best.effect.id)
-        if named[-1] == ("bias_temperature", "y"):
-            old, new = before.per_axis["y"], after.per_axis["y"]
-            assert new.rms_dps < 0.2 * old.rms_dps
-            assert new.excess_dps < 0.2 * old.excess_dps
+    named = {(effect, axis) for step in explained.steps for effect in step.effects for axis in step.axes}
     assert ("bias_temperature", "y") in named
     assert {effect for effect, axis in named if axis == "x"} <= {"bias_temperature", "thermal_hysteresis"}
-    assert (found.verdict, found.unknown["axis"]) == ("unknown", "x")
+    old, new = (d.comparison.per_axis["y"] for d in (explained.first, explained.last))
+    assert new.rms_dps < 0.2 * old.rms_dps
+    assert new.excess_dps < 0.2 * old.excess_dps
+    assert (explained.last.verdict, explained.last.unknown["axis"]) == ("unknown", "x")
+
+
+PAGES = {"walkthrough.md": "## The same on a real recording", "explain.md": "## On a real recording"}
+WORD = re.compile(r"[A-Za-z_°]+|[+-]?\d+(?:\.\d+)?")
+
+
+def commands(page: str) -> list[tuple[list[str], str]]:
+    """The words of each command of a page about the chamber, with the output that the page shows below it."""
+    text = (DOCS / page).read_text(encoding="utf-8").split(PAGES[page])[1].split("\n## ")[0]
+    found = re.findall(r"^    (gyrocal [^\n]*(?:(?<=\\)\n[^\n]*)*)|^```\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    shown = [output for _, output in found[1:]] + [""]
+    return [(c.replace("\\\n", " ").split()[1:], out) for (c, _), out in zip(found, shown, strict=True) if c]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_pages_show_what_the_commands_print(
+    page: str, explained: Explanation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:  # fmt: skip
+    """Word for word, and each number within a twentieth or 1 of its unit. The session is explained once for all pages."""
+    shutil.copy(recording("thermal_chamber_imu", "imu_raw_data.tsv"), tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("gyrocal.diagnosis.explain.explain", lambda *_, **__: explained)
+    monkeypatch.setattr("gyrocal.diagnosis.compare.compare", lambda *_, **__: explained.first.comparison)
+    shown = 0
+    for words, theirs in commands(page):
+        assert main(words) == 0
+        told = WORD.findall(capsys.readouterr().out)
+        if theirs:
+            page_told = WORD.findall(theirs)
+            assert [w for w in told if w.isalpha()] == [w for w in page_told if w.isalpha()]
+            numbers = [[float(w) for w in words if w[-1].isdigit()] for words in (told, page_told)]
+            assert numbers[0] == pytest.approx(numbers[1], rel=0.05, abs=1.0)
+            shown += 1
+    assert shown > 0
+    assert "<h2>What remains</h2>" in (tmp_path / "chamber.html").read_text(encoding="utf-8")
 
 
 def test_nilspod_on_the_host(nilspod: Session) -> None:

@@ -151,6 +151,9 @@ def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
     told = [w for w in check(with_reference(gyro, Reference(), **rates(wrong))) if w.code == "reference_jumps"]
     assert len(told) == 1
     assert "at 5.0 s" in told[0].text
+    run = registered(with_reference(gyro, Reference(), **rates(wrong))).runs[0]
+    assert not run.reached[lost].any()
+    assert np.mean(run.reached) > 0.95
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 120.0, 180.0])

@@ -28,5 +28,8 @@ def test_rests_and_comparison_are_those_of_the_command_line(
     assert shown == [f"{compared[name]:.4f}" for name in ("rms_deg", "floor_deg", "excess_deg")]
     assert page.locator("[aria-label='Rests'] tbody tr").count() == compared["rests"]
     assert page.locator("[aria-label='Movements between them'] tbody tr").count() == compared["movements"]
+    budgets = page.locator("[aria-label='error budget'] table")
+    assert budgets.count() == 3
+    assert "sample clock" in budgets.first.inner_text()
     assert page.locator(".preview img").evaluate("i => i.complete && i.naturalWidth > 100")
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
 from gyrocal.web import intake
 from gyrocal.web.intake import Asked
 
@@ -44,6 +45,16 @@ def test_an_unreadable_file_says_why(tmp_path: Path) -> None:
     assert intake.look(tmp_path / "x.csv", Asked()).problem
 
 
+def test_a_log_by_hand_becomes_a_session_by_gravity(tmp_path: Path) -> None:
+    session, _ = simulate(campaign="hands", seed=0, scenarios=6)
+    session.runs[0].table.write_csv(tmp_path / "log.csv")
+    assert "true rate" in intake.look(tmp_path / "log.csv", Asked()).problem
+    looked = intake.look(tmp_path / "log.csv", Asked(gravity=True))
+    assert (looked.problem, looked.warnings) == ("", [])
+    intake.take(tmp_path / "log.csv", Asked(gravity=True), tmp_path / "out")
+    assert Session.open(tmp_path / "out").reference.kind == "gravity"
+
+
 def test_the_wizard_writes_the_session_that_was_shown(
     foreign: Path, serve: Callable[..., Any], look: Callable[..., Any], chromium: Any
 ) -> None:
@@ -52,6 +63,11 @@ def test_the_wizard_writes_the_session_that_was_shown(
     page.locator("input[type=file]").set_input_files(foreign / "table.csv")
     becomes = page.locator("[aria-label='what it would become']")
     becomes.get_by_text("gyr_z:rad/s").wait_for()
+    becomes.get_by_text("its true rate is not known").wait_for()
+    page.get_by_role("radio", name="by hand between rests").click()
+    becomes.get_by_text("1 run, 2,000 samples at 100 Hz, 20.0 s").wait_for()
+    assert not page.get_by_label("table rate, deg/s").is_visible()
+    page.get_by_role("radio", name="on a table, or with").click()
     becomes.get_by_text("its true rate is not known").wait_for()
     page.get_by_label("table rate, deg/s").fill(str(RATE_DPS))
     page.get_by_role("button", name="Look again").click()

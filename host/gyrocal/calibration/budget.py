@@ -49,7 +49,7 @@ ADVICE = {
     TABLE: "measure the table's rate over many turns, and state table_rate_se_dps in session.toml",
     REFERENCE: "compare the reference with a known turn, because its own scale error is that of the answer",
     TILT: "align the sensor's axis with the table's, and record the accelerometer, which shows the tilt",
-    EARTH: "turn the table faster, or in both directions on each face; latitude_deg in session.toml makes the bound exact",
+    EARTH: "state latitude_deg in session.toml, which corrects a table's known rate, or turn in both directions on each face",
     CLOCK: "compare t_s with a better clock over an hour",
     TEMPERATURE: "calibrate at the temperature of use, or record temp_c and add the effects of temperature to the model",
 }

@@ -13,16 +13,17 @@ import numpy as np
 from gyrocal.calibration.budget import BudgetRow, beside, by_evidence, by_fit, by_network, by_posterior, temperature_spread_c
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
 from gyrocal.calibration.flags import ordered
+from gyrocal.calibration.network_answer import consecutive, network, network_prior, network_stage, suits_network
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
-from gyrocal.effects.earth_rate import EarthRate
+from gyrocal.effects.earth_rate import EarthRate, in_known_rate
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.noise.whitening import Noise
 from gyrocal.plausibility import check
 from gyrocal.recording.register import registered
-from gyrocal.recording.session import AXES, GAP_PERIODS, Run, Session
+from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.warning import Warning
 
 if TYPE_CHECKING:
@@ -97,13 +98,14 @@ def calibrate(
     both terms, for example runs at rest and known turns. If no power cycle does so by itself, it uses all of them together
     (scenario ``all``). Without ``methods``, those that the session allows are used: ``model`` if a model is given or there is
     no pair, ``cnn`` if the network suits a pair. Without ``warnings``, they are those of :func:`gyrocal.plausibility.check`.
-    An estimate that a blocking warning concerns is not trusted. Raises InputError if there is no answer at all.
+    With a latitude, the Earth's rate is part of the true rate. An estimate that a blocking warning concerns is not trusted.
+    Raises InputError if there is no answer at all.
     """
     session = registered(session)
     found_pairs = [pair for _, runs in session.by_scenario() for pair in pairs(runs)]
     paired = bool(found_pairs)
     if methods is None:
-        suits = any(all(map(_suits_network, pair)) for pair in found_pairs)
+        suits = any(all(map(suits_network, pair)) for pair in found_pairs)
         methods = ["baseline"] * paired + ["cnn"] * suits + ["model"] * (model is not None or not paired)
     methods = list(methods)
     for method in methods:
@@ -122,8 +124,9 @@ def calibrate(
         if span is not None and not 0 < span < np.inf:
             raise InputError(f"--seconds {span}: must be positive and finite")
         for scenario, runs in session.by_scenario():
+            true = [in_known_rate(run) for run in runs]
             for method in methods:
-                found += _estimates(task, scenario, runs, span, method)
+                found += _estimates(task, scenario, true, span, method)
         if "model" in methods and not any(e.method == "model" and e.seconds == (span or e.seconds) for e in found):
             found += _pooled(task, span)
     if not found:
@@ -232,6 +235,8 @@ def _estimate(task: _Task, scenario: str, method: str, seconds: float, found: Fo
     scale_se, bias_se_dps, misfit = (
         None if x is None or np.isnan(x) else x for x in (answer.scale_se, answer.bias_se_dps, answer.misfit)
     )
+    if all(run.latitude_deg is not None and run.reference_dps is None for run in used):  # by in_known_rate
+        modelled = [*modelled, EarthRate.id]
     rows = (*sources, *beside(used, axis, task.temperature_spread_c, modelled)) if sources else ()
     return Estimate(
         scenario, method, float(seconds), axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags),
@@ -256,7 +261,7 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
         if scale.values and "bias_dps" in bias.values:
             scale_se = with_table(scale.se["scale"], runs)
             answer = Answer(scale.values["scale"], scale_se, bias.values["bias_dps"], bias.se["bias_dps"], None)
-            modelled = [t.effect.id for t in fitted.terms] + [EarthRate.id] * (session.latitude_deg is not None)
+            modelled = [t.effect.id for t in fitted.terms] + [EarthRate.id] * (session.latitude_deg is not None)  # by the fit
             one = Found(axis, runs, answer, sources=by_fit(answer, runs), modelled=modelled)
             out.append(_estimate(task, POOLED, "model", seconds, one))
     return out
@@ -345,54 +350,3 @@ def _by_network(up: Run, down: Run, seconds: float, prior: Prior) -> list[Found]
     answer = replace(answer, misfit=evidence.misfit_of(answer), scale_se=with_table(answer.scale_se, used))
     sources = by_network(answer, used) if prior.is_known else by_evidence(evidence, answer, widened=True)
     return [Found(up.axis, used, answer, flags, sources)]
-
-
-def network_stage(up: Run, down: Run, seconds: float) -> int | None:
-    """0, 1 or 2: as much of the first 2, 4 or 6 s as ``seconds`` holds. None: too short for 2 s, or a sample is missing."""
-    from gyrocal.calibration.network import STAGES_S
-
-    stage = sum(s <= seconds + 1e-6 for s in STAGES_S) - 1
-    enough = stage >= 0 and all(consecutive(r) >= round(STAGES_S[stage] * r.sample_rate_hz) for r in (up, down))
-    return stage if enough else None
-
-
-def network(up: Run, down: Run, stage: int, prior: Prior | None = None) -> Answer | None:
-    """The shipped network `gyrocal` on the first 2, 4 or 6 s (``stage`` 0, 1 or 2), by default with flat priors.
-
-    None if the sample rate or the true rate is not that of its training, or if the readings less their mean exceed the range
-    of its training data.
-    """
-    from gyrocal.calibration.network import FLAT, FaceNetwork, merge
-
-    net = FaceNetwork.shipped()
-    n, runs = net.samples(stage), (up, down)
-    w_dps = [float(np.mean(r.rate_dps[:n])) for r in runs]
-    if not all(net.suits(r.sample_rate_hz, w) for r, w in zip(runs, w_dps, strict=True)):
-        return None
-    faces = [net.face(r.gyro_dps[:n, r.axis_index] - r.rate_dps[:n], stage, w) for r, w in zip(runs, w_dps, strict=True)]
-    scale, bias_dps, scale_sd, bias_sd_dps = map(float, merge(faces[0], faces[1], prior or FLAT)[0])
-    return Answer(scale, scale_sd, bias_dps, bias_sd_dps, None) if np.isfinite(scale) else None
-
-
-def network_prior(model: Model | str | Path | None, axis: str) -> Prior:
-    """The prior of scale and bias that a model gives; flat without a model."""
-    from gyrocal.calibration.network import FLAT, Prior
-
-    opened = None if model is None else Model.open(model)
-    if opened is None or not opened.on(axis):
-        return FLAT
-    known = calibration_of(opened, axis, white_sd_dps=1.0)  # the noise does not matter here
-    return Prior(known.scale, known.bias_dps)
-
-
-def consecutive(run: Run) -> int:
-    """Number of samples before the first missing one."""
-    late = np.flatnonzero(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS)
-    return int(late[0]) + 1 if late.size else len(run)
-
-
-def _suits_network(run: Run) -> bool:
-    """True if the run has the sample rate and the table rate for which the shipped network was trained."""
-    from gyrocal.calibration.network import FaceNetwork
-
-    return FaceNetwork.shipped().suits(run.sample_rate_hz, float(run.rate_dps[0]))

@@ -16,11 +16,12 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""
-    from gyrocal.diagnosis.add import add
+    from gyrocal.diagnosis.add import add, effect_named
     from gyrocal.present.output import emit, working
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session
 
+    effect_named(effect)  # first, because effect and session are easily given in the wrong order
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_add

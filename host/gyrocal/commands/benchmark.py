@@ -25,11 +25,19 @@ def run(
     kind: Annotated[
         list[str] | None, typer.Option(metavar="KIND", help="blind, field, references: this kind alone; may be repeated.")
     ] = None,
-    limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field, references: N of each kind.")] = None,
-    skip: Annotated[int, typer.Option(min=0, metavar="N", help="blind: without the first N cases of each kind.")] = 0,
-    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind, field: processes (2 and 1).")] = None,
+    limit: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="blind, field, references: N of each kind; fleet: N boards.")
+    ] = None,
+    skip: Annotated[int | None, typer.Option(min=1, metavar="N", help="blind: without the first N cases of each kind.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="blind, fleet, population, field: processes; 0: this one alone.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="blind, fleet, population: a Dask scheduler instead of --workers.")
+    ] = None,
     results: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="blind, field, references: finished cases (JSONL), not run again.")
+        Path | None,
+        typer.Option(metavar="FILE", help="blind, population, field, references: finished cases (JSONL); fleet: a folder."),
     ] = None,
     hours: Annotated[float | None, typer.Option(min=0.01, metavar="H", help="soak: hours of device time (24).")] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="soak, field, references: the first seed.")] = None,
@@ -40,10 +48,10 @@ def run(
     from gyrocal.present.output import emit
 
     part = {
-        "cases_of": cases, "kinds": kind, "limit": limit, "skip": skip, "workers": workers, "results": results, "hours": hours,
-        "seed": seed,
+        "cases_of": cases, "kinds": kind, "limit": limit, "skip": skip, "workers": workers, "scheduler": scheduler,
+        "results": results, "hours": hours, "seed": seed,
     }  # fmt: skip
-    given = {key: value for key, value in part.items() if value}
+    given = {key: value for key, value in part.items() if value not in (None, [])}
     found = benchmark(name, sample=sample, quiet=as_json, **given)
     if as_json:
         emit(found)

@@ -33,6 +33,8 @@ def run(
     for target in (html, pictures, residuals):
         if target is not None and not target.absolute().parent.is_dir():
             raise InputError(f"{target}: no such folder to write into")
+        if target is not None and target != pictures and target.is_dir():
+            raise InputError(f"{target}: a folder; give the name of a file in it")
     opened = Session.open(session)
     if opened.reference.kind == "gravity":
         from gyrocal.present.gravity import show_compare

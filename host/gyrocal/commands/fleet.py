@@ -33,10 +33,12 @@ def run(
     from gyrocal.error_model.model import Model
     from gyrocal.fleet.engine import engine
     from gyrocal.fleet.fit import fit_fleet
+    from gyrocal.fleet.listing import sessions
     from gyrocal.fleet.prior import population_model
     from gyrocal.present.fleet_page import print_fleet, write_page
     from gyrocal.present.output import emit, stderr, working
 
+    sessions(folder)  # refused before processes are started
     target = out or Path(f"{Path(folder.rstrip('/')).name}.fleet" if "://" in folder else f"{folder.rstrip('/')}.fleet")
     with working(as_json) as say, engine(workers, scheduler) as where:
         if where.dashboard and not as_json:

@@ -121,7 +121,11 @@ def _cuts(runs: list[str] | None, sections: Path | None) -> "list[Cut]":
 def _facts(given: dict[str, Any]) -> dict[str, Any]:
     from gyrocal.recording.cut import check_meta
 
-    return check_meta({key: value for key, value in given.items() if value is not None}, "options")
+    facts: dict[str, Any] = {}
+    for key, value in given.items():
+        if value is not None:
+            facts |= check_meta({key: value}, "--" + key.removeprefix("table_").removesuffix("_dps").replace("_", "-"))
+    return facts
 
 
 def _second(file: Path | None, maps: list[str] | None, clock: str, topic: str | None) -> "SecondFile | None":

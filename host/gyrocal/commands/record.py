@@ -56,7 +56,7 @@ def run(
     _check_told_once(plan, hands, follow, any(v is not None for v in (face, rate, seconds, turn_deg, axis)), day)
     wanted = None if follow or hands or plan is not None else record.wanted(face, rate, seconds, turn_deg, axis)
     planned = None if plan is None else PlannedRuns.open(plan)
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     report = record.Report(str(out))
     try:
         with Link(port, reconnect=plan is not None) as link, console.status(f"{port}: waiting for the device") as status:
@@ -68,7 +68,8 @@ def run(
     except InputError:
         raise
     except GyrocalError as failure:
-        if isinstance(failure, DeviceError) and not any(warning.code == "device_gone" for warning in report.warnings):
+        told = any(warning.code == "device_gone" for warning in report.warnings)
+        if as_json and isinstance(failure, DeviceError) and not told:  # a person reads the line of the failure itself
             report.warnings.append(Warning("device_gone", None, None, str(failure)))
         _finish(report, as_json)
         raise

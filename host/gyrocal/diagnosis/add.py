@@ -36,6 +36,11 @@ class Added(NamedTuple):
     model: Model
 
 
+def effect_named(effect_id: str) -> Effect | None:
+    """The effect or formula of this name; None for a component of the noise. Raises InputError if it is none of these."""
+    return None if effect_id in COMPONENTS else effect_or_formula(effect_id)
+
+
 @one_thread
 def add(
     session: Session, model: Model | str | Path | None, effect_id: str, *, only_day: int | None = None,
@@ -48,13 +53,13 @@ def add(
     ``before.note``. ``only_day`` restricts the held-out data to one day. Raises InputError for an unknown id, a formula that
     cannot be parsed, or a day that cannot be left out.
     """
+    effect = effect_named(effect_id)
     start = Model.open(model)
     before = compare(session, start, only_day=only_day, progress=progress)
-    if effect_id in COMPONENTS:
+    if effect is None:
         noisier = reduce(lambda grown, axis: grown.add(effect_id, axis), start.axes, start)
         after = compare(session, noisier, only_day=only_day, progress=progress)
         return Added(with_floor_of(before, after), after, after.fit.model)
-    effect = effect_or_formula(effect_id)
     axes = [
         a for a in before.fit.axes
         if start.term(effect.id, a) is None and effect.missing(session.about(a).runs, AXES.index(a)) is None

@@ -7,7 +7,7 @@ residual; :func:`gyrocal.diagnosis.compare.compare` adds what naming an effect f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,13 @@ import numpy as np
 
 from gyrocal import plausibility
 from gyrocal.diagnosis.angles import Angles, by_angle
-from gyrocal.diagnosis.drawn import described, most_visible
+from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
-from gyrocal.diagnosis.misfit import Misfit, find_misfit
+from gyrocal.diagnosis.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.probes import of_session
+from gyrocal.diagnosis.told import strongest_first, without_echoes
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
@@ -176,44 +177,46 @@ def measure(
     floors = dict(zip(fitted.axes, each(floor, fitted.axes, session.rows), strict=True))
     squares = {axis: m.squares for axis, m in on.items()}
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
-    where = _strongest_first(misfit.found, _left_over(fitted, misfit, squares, floors, judged))
+    where = _with_left_over(fitted, misfit, squares, floors, judged)
     return Comparison(
         fitted, pooled(squares.values(), floors.values()), per_axis, where, _held_out(session, folds), spectra, white, squares,
         floors, misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
     )  # fmt: skip
 
 
-def _left_over(
+def _with_left_over(
     fitted: Fit, misfit: Misfit, squares: dict[str, MeanSquares], floors: dict[str, Floor], judged: list[str]
 ) -> list[Finding]:
-    """An excess beyond that of noise, on axes where the other findings describe little of it."""
+    """The findings of all axes with an excess beyond that of noise, on axes where the others describe little of it."""
     out = []
-    for axis in judged:
-        told = sum(f.amplitude_dps**2 / 2 for f in misfit.found if f.axis == axis)
-        if not squares[axis].samples or axis not in misfit.nearest or of_angle(fitted.axes[axis]):
-            continue  # the rate of a measured angle has noise that no floor of rates describes
-        finding = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
-        large = finding.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within
-        if finding.chance < misfit.share and large and told <= POLICY.told * finding.amplitude_dps**2:
-            out.append(_as_drawn(fitted, finding))
-    return out
+    for axis in fitted.axes:
+        current, found = fitted.axes[axis], [f for f in misfit.found if f.axis == axis]
+        # the rate of a measured angle has noise that no floor of rates describes
+        if axis in judged and squares[axis].samples and axis in misfit.nearest and not of_angle(current):
+            excess = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
+            large = excess.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within
+            told = sum(drawn_power(current, f) for f in found)
+            if excess.chance < misfit.share and large and told <= POLICY.told * max(excess.amplitude_dps**2, variance(current)):
+                shown = _as_drawn(fitted, excess)
+                if told <= POLICY.told * max(excess.amplitude_dps**2, drawn_power(current, shown)):
+                    others = without_echoes(fitted, axis, [shown, *found], misfit.share, of_frequency)
+                    found = [shown, *(f for f in others if f is not shown)]
+        out += found
+    return strongest_first(out)
 
 
-def _strongest_first(found: Sequence[Finding], untold: Sequence[Finding]) -> list[Finding]:
-    """All findings, strongest first. On its axis, an excess that the others hardly describe comes before them."""
-    most = {f.axis: f.strength for f in untold}
-    return sorted([*untold, *found], key=lambda f: -min(f.strength, most.get(f.axis, f.strength)))
+def _as_drawn(fitted: Fit, excess: Finding) -> Finding:
+    """An excess as a finding against the variable that the residual follows, in the words of the picture.
 
-
-def _as_drawn(fitted: Fit, finding: Finding) -> Finding:
-    """An excess as a finding against the variable that the residual follows, in the words of the picture."""
-    shapes = [(against, s) for against, shapes in of_session(fitted.session, AXES.index(finding.axis)) for s in shapes]
-    current = fitted.axes[finding.axis]
+    It stays as it is if the residual follows none.
+    """
+    shapes = [(against, s) for against, shapes in of_session(fitted.session, AXES.index(excess.axis)) for s in shapes]
+    current = fitted.axes[excess.axis]
     seen = most_visible(current, shapes)
     if seen is None:
-        return finding
+        return excess
     amplitude_dps, note = described(current, seen[1])
-    return replace(finding, against=seen[0], shape=seen[1], amplitude_dps=amplitude_dps, note=note)
+    return replace(excess, against=seen[0], shape=seen[1], amplitude_dps=amplitude_dps, note=note)
 
 
 def of_excess(squares: MeanSquares, floor: Floor, nearest: Finding) -> Finding:

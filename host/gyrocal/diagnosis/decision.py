@@ -47,10 +47,12 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
 
 
 def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:
-    """True if a line is the candidate's own: it is in the term as well."""
+    """True if a line is in the term of the candidate, or in one that the model has: a filter changes its size and phase."""
     if finding.band_hz is None or finding.band_hz[0] != finding.band_hz[1]:
         return False
-    return c.effect.has_line(comparison.fit.session.runs, AXES.index(c.axis), c.values, finding.band_hz[0])
+    of = [(c.effect, c.values), *((t.effect, t.values) for t in comparison.fit.model.on(c.axis))]
+    runs, axis, line_hz = comparison.fit.session.runs, AXES.index(c.axis), finding.band_hz[0]
+    return any(effect.has_line(runs, axis, values, line_hz) for effect, values in of)
 
 
 def proven(c: Candidate, tested: int) -> bool:

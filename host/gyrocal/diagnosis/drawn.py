@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gyrocal.diagnosis.finding import Finding
 from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
@@ -31,12 +32,12 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     if isinstance(shape, Waves):
         sizes = np.hypot(coefficients[::2], coefficients[1::2])
         k = int(np.argmax(sizes))
-        if sizes[k] > amplitude:  # the table turned by less than a turn, in which the waves cancel each other
+        if sizes[k] > POLICY.cancelled * amplitude:  # in less than a turn, waves cancel each other
             return amplitude, f"{size}, of the same phase in each run"
-        wave = f"{sizes[k] * 1e3:.3g} mdps {per_turn(shape.orders[k])}"
+        wave = f"a wave of {mdps(min(sizes[k], amplitude))} {per_turn(shape.orders[k])}"
         return amplitude, f"{size}; most, {wave}, of the same phase in each run"
     words = shape.words if isinstance(shape, Columns) else ""
-    return amplitude, f"{size} {words}" if words else size
+    return amplitude, f"{size}, {words}" if words else size
 
 
 def most_visible(current: AxisFit, shapes: Sequence[tuple[str, Shape]]) -> tuple[str, Shape] | None:
@@ -65,6 +66,31 @@ def most_visible_of(current: AxisFit, residual: Array, shapes: Sequence[tuple[st
     return name, shape
 
 
+def variance(current: AxisFit) -> float:
+    """The mean square of the residual, as drawn, about its mean, dps^2."""
+    return float(np.var(np.concatenate([current.block_residuals(i) for i in range(len(current.design.blocks))])))
+
+
+def drawn_power(current: AxisFit, finding: Finding) -> float:
+    """The mean square of the residual, as drawn, that a finding describes, dps^2.
+
+    For a shape, it is what the shape describes beyond what as many columns describe of noise.
+    """
+    shape = finding.shape
+    if shape is None:
+        return finding.amplitude_dps**2 / 2
+    blocks, axis = current.design.blocks, current.design.axis
+    parts = [(current.block_residuals(i), b.mean(shape.columns(b.run, axis, {}))) for i, b in enumerate(blocks)]
+    residual = np.concatenate([y for y, _ in parts])
+    if not isinstance(shape, ShapeOfEachRun):
+        residual = residual - residual.mean()
+        columns = np.concatenate([c for _, c in parts])
+        parts = [(residual, np.column_stack([np.ones(residual.size), columns]))]
+    left = sum(float(np.sum((y - c @ np.linalg.lstsq(c, y, rcond=None)[0]) ** 2)) for y, c in parts)
+    free = max(residual.size - sum(c.shape[1] for _, c in parts), 1)
+    return max(0.0, float(np.mean(residual**2)) - left / free)
+
+
 def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float, str]:
     """Amplitude in deg/s and words of a shape with its own size in each run: the root mean square over the runs with it."""
     k = len(shape.linear)
@@ -73,7 +99,7 @@ def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float
     squares = np.sum(sizes**2, axis=1)
     shown = squares > 0
     amplitude = float(np.sqrt(np.mean(squares[shown]))) if shown.any() else 0.0
-    return amplitude, f"{amplitude * 1e3:.3g} mdps, {shape.words(sizes)}"
+    return amplitude, f"{mdps(amplitude)} {shape.words(sizes)}"
 
 
 def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[float, str]:
@@ -89,20 +115,30 @@ def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[floa
     centred = np.where(seen, values - float(np.average(values, weights=weight)), 0.0)
     amplitude = float(np.sqrt(2 * np.mean((centred[step] * base) ** 2)))
     k = int(np.argmax(weight * centred**2))
-    unit, scaled = ("1e-6 of the rate", 1e6) if shape.times_rate else ("mdps", 1e3)
-    most = f"{_size(amplitude)}; most, {centred[k] * scaled:+.3g} {unit}"
-    return amplitude, f"{most}, {_between(shape, k)}"
+    most = f"{plain(centred[k] * 1e6, '+')} ppm of the rate" if shape.times_rate else mdps(centred[k], "+")
+    return amplitude, f"{_size(amplitude)}; most, {most}, {_between(shape, k)}"
 
 
 def _size(amplitude_dps: float) -> str:
-    """The amplitude in words that tell it from the largest value of a shape that is no sine."""
-    return f"{amplitude_dps * 1e3:.3g} mdps (rms times √2)"
+    """The root mean square of a shape that is no sine, in words."""
+    return f"rms {mdps(amplitude_dps / np.sqrt(2))}"
+
+
+def mdps(value_dps: float, sign: str = "") -> str:
+    """A rate in mdps with three digits; a ``sign`` of "+" shows that of a positive value too."""
+    return f"{plain(value_dps * 1e3, sign)} mdps"
+
+
+def plain(value: float, sign: str = "") -> str:
+    """Three digits without an exponent."""
+    return f"{value:{sign}.0f}" if abs(value) >= 999.5 else f"{value:{sign}.3g}"
 
 
 def _between(shape: Steps, k: int) -> str:
     if shape.names:
         return shape.names[k]
+    unit = f" {shape.unit}" if shape.unit else ""
     if k == 0:
-        return f"below {shape.edges[0]:.4g}"
+        return f"below {shape.edges[0]:.4g}{unit}"
     low = f"from {shape.edges[k - 1]:.4g}"
-    return f"{low} to {shape.edges[k]:.4g}" if k < shape.edges.size else f"{low} up"
+    return f"{low} to {shape.edges[k]:.4g}{unit}" if k < shape.edges.size else f"{low}{unit} up"

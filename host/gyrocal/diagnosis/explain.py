@@ -3,7 +3,7 @@
 Each step starts from the diagnosis of the model so far. The first candidate with decision ``add`` leads. Effects whose signals
 overlap with its signal, including those that an earlier step added, are compared as sets (:mod:`gyrocal.diagnosis.sets`). What
 every equally good set contains is added. What only some of them contain stays open, with the measurement that decides. A step
-is taken back if it does not decrease the held-out excess of its axes.
+is taken back if it decreases neither the held-out excess of all axes nor the held-out error of one of its own.
 """
 
 from __future__ import annotations
@@ -87,6 +87,8 @@ class Explanation(Shown):
     left: list[Open]
     first: Diagnosis = field(repr=False)
     last: Diagnosis = field(repr=False)
+    limited: bool = False
+    """True if it ended because no more steps were allowed."""
 
     @property
     def verdict(self) -> str:
@@ -135,7 +137,11 @@ def explain(
         tried = iter(plans if len(steps) < most_steps else ())
         taken = next(filter(None, (_taken(session, last, plan, refused, progress) for plan in tried)), None)
         if taken is None:
-            return Explanation([_over_one_floor(s, last.comparison) for s in steps], [*left, *_unproven(last)], first, last)
+            limited = len(steps) >= most_steps
+            vain = [] if limited else [p for p in plans if p.new]
+            left += [Open(tuple(e.id for e in p.new), p.lead.axis, p.lead.next_measurement) for p in vain]
+            steps = [_over_one_floor(s, last.comparison) for s in steps]
+            return Explanation(steps, [*left, *_unproven(last)], first, last, limited)
         step, last = taken
         steps.append(step)
         refused.clear()  # what did not decrease the excess beside a larger error may do so now
@@ -240,6 +246,8 @@ def _taken(
     following = diagnose(session, richer, progress=progress)
     before, after = with_floor_of(last.comparison, following.comparison), following.comparison
     falls = [within for within in (False, True) if _falls(before, after, within)]
+    if not falls and any(_removed_power(before, after, axis) > 0 for axis in axes):
+        falls = [False]  # so small that it drowns in the noise of the other axes
     if not falls:
         refused.add(key)
         return None

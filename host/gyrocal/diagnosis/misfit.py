@@ -10,22 +10,24 @@ import numpy as np
 
 from gyrocal.diagnosis.angles import measured_angle_noise_deg
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.hump import hump
 from gyrocal.diagnosis.levels import Remainder
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.rounding import beside_rounding
+from gyrocal.diagnosis.told import strongest_first, told_once, without_echoes
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.effects.byte_fault import ByteFault
 from gyrocal.effects.order_tone import over_turns, told_from_frequency
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.noise.spectrum import spectrum
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, Run
+from gyrocal.recording.session import AXES, Array
 from gyrocal.threads import each
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.shapes import TableWave, Waves
-from gyrocal.variables.table_angle import TableAngle
+from gyrocal.variables.shapes import TableWave
 
 Progress = Callable[[str], None]
 
@@ -89,6 +91,13 @@ def _not_white(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Fi
     return too_much_power(fitted.axes[axis], axis, alarm)
 
 
+def _hump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
+    """Test for more power about one frequency than noise has."""
+    if _of_angles(fitted):
+        return None
+    return hump(fitted.axes[axis], axis, alarm)
+
+
 def _code(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a bit of the reading that does not toggle."""
     steps_dps = (fault.step_dps(values) for fault, values in fitted.model.faults(axis))
@@ -101,7 +110,7 @@ def _outliers(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Fin
     return None if known else single_readings(fitted.session, axis, alarm)
 
 
-BEYOND_NOISE = (_line, _order, _bump, _not_white, _code, _outliers)
+BEYOND_NOISE = (_line, _order, _bump, _not_white, _hump, _code, _outliers)
 """The tests of an axis besides the probes of its variables. Each has an equal share of the alarm rate."""
 
 
@@ -112,38 +121,13 @@ def _carry(fitted: Fit, axis: str) -> list[Finding]:
     return [] if found is None else [found]
 
 
-WIDE = 1.5
-"""Ratio of the ends of a band above which it is no line."""
+OF_FREQUENCY = (_line, _bump, _not_white)
 
 
-def told_once(findings: Sequence[Finding], runs: Sequence[Run]) -> list[Finding]:
-    """The findings of an axis without those that another one tells in better words.
-
-    A wave in the table's angle is a line in the spectrum too, at another frequency for each rate.
-    """
-    angle = {o for f in findings if f.against == TableAngle.name for o in _orders(f)}
-    orders = angle | {o for f in findings if f.against == Order.name for o in _orders(f)}
-
-    waves_found = [f for f in findings if _orders(f)]
-
-    def repeated(f: Finding) -> bool:
-        if f.against == Order.name:
-            return angle.issuperset(_orders(f))
-        if f.band_hz is None:
-            return False
-        low, high = f.band_hz
-        if high > WIDE * low:  # a wave that the model lacks causes power in a wide band too
-            return any(other.strength > f.strength for other in waves_found)
-        waves = ((abs(o * float(np.mean(r.rate_dps)) / 360), 2 / r.duration_s) for r in runs for o in orders)
-        return any(low - width <= hz <= high + width for hz, width in waves if hz > 0)
-
-    return [f for f in findings if not repeated(f)]
-
-
-def _orders(finding: Finding) -> tuple[float, ...]:
-    if isinstance(finding.shape, TableWave):
-        return (finding.shape.order,)
-    return tuple(finding.shape.orders) if isinstance(finding.shape, Waves) else ()
+def of_frequency(fitted: Fit, axis: str, by_run: dict[int, Array], share: float) -> list[Finding]:
+    """The findings of the tests against the frequency in residuals [n] of runs by their index."""
+    remainder = Remainder(by_run, spectrum(list(by_run.values()), fitted.session.sample_rate_hz))
+    return [f for f in (test(fitted, axis, remainder, share) for test in OF_FREQUENCY) if f is not None]
 
 
 @dataclass(frozen=True)
@@ -169,6 +153,8 @@ def find_misfit(
     tests = sum(len(shapes) for on_axis in probes.values() for _, shapes in on_axis)
     share = POLICY.misfit_alarm / max(1, tests + (len(BEYOND_NOISE) + 1) * len(axes))
 
+    block_s = float(np.median(np.concatenate([np.diff(b.t_s) for b in fitted.blocks])))
+
     def on(axis: str) -> tuple[list[Finding], Finding | None]:
         probed = []
         current = beside_rounding(fitted, axis)
@@ -180,8 +166,9 @@ def find_misfit(
                 probed.append(finding)
         beyond = [test(fitted, axis, remainders[axis], share) for test in BEYOND_NOISE]
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
-        return told_once(found, [b.run.about(axis) for b in fitted.blocks]), min(probed, key=lambda f: f.chance, default=None)
+        found = told_once(found, [b.run.about(axis) for b in fitted.blocks], block_s)
+        return without_echoes(fitted, axis, found, share, of_frequency), min(probed, key=lambda f: f.chance, default=None)
 
     tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))
-    found = sorted(chain.from_iterable(findings for findings, _ in tested.values()), key=lambda f: -f.strength)
+    found = strongest_first(chain.from_iterable(findings for findings, _ in tested.values()))
     return Misfit(found, {axis: best for axis, (_, best) in tested.items() if best is not None}, share)

@@ -32,9 +32,18 @@ def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _with_unmeasured(c: Candidate, unmeasured: Sequence[Candidate]) -> Candidate:
-    """The candidate with the effects in its group that have the same shape as far as the session knows them."""
-    same = [r.effect.id for r in unmeasured if r.axis == c.axis and cosine(c.signal, r.signal) > POLICY.same_shape]
-    return replace(c, group=(*c.group, *same))
+    """The candidate with the effects in its group that have the same shape and a physical size, as far as these are known."""
+    of_axis = (r for r in unmeasured if r.axis == c.axis and cosine(c.signal, r.signal) > POLICY.same_shape)
+    return replace(c, group=(*c.group, *(r.effect.id for r in of_axis if _as_large(c, r))))
+
+
+def _as_large(c: Candidate, unmeasured: Candidate) -> bool:
+    """True if an effect makes the signal of a candidate at a physical size. Its own signal is that of one unit."""
+    assert c.signal is not None
+    assert unmeasured.signal is not None
+    largest = max((p.typical[1] for p in unmeasured.effect.parameters if p.sized), default=np.inf)
+    size = float(np.linalg.norm(c.signal) / np.linalg.norm(unmeasured.signal))
+    return size <= POLICY.range_factor * largest
 
 
 def with_suggested_groups(candidates: Sequence[Candidate], axes: Iterable[str]) -> list[Candidate]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise
 
@@ -12,6 +12,7 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.inference.design import SLOW_S
 from gyrocal.inference.fitted import AxisFit
+from gyrocal.noise.whitening import Noise
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 from gyrocal.variables.frequency import Frequency
@@ -100,7 +101,7 @@ def _chance(band: _Band, other: _Band) -> float:
 
 def _bands(fit: AxisFit) -> list[_Band]:
     """The periodograms of all runs in ``Policy.bands`` bands; those of too few values are joined with the next."""
-    parts = [p for p in (_periodogram(fit, index) for index in fit.design.alike) if p is not None]
+    parts = periodograms(fit)
     if not parts:
         return []
     frequencies = np.concatenate([p.frequency_hz for p in parts])
@@ -119,7 +120,13 @@ def _bands(fit: AxisFit) -> list[_Band]:
     return bands if bands[-1].looks >= POLICY.least_periodogram_values else bands[:-1]
 
 
-def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
+def periodograms(fit: AxisFit, drift: bool = True) -> list[Periodogram]:
+    """The periodograms of all runs that have one. ``drift`` is False if the ratios are those to the white noise alone."""
+    noise = fit.noise if drift else replace(fit.noise, ou_sd_dps=0.0)
+    return [p for p in (_periodogram(fit, noise, index) for index in fit.design.alike) if p is not None]
+
+
+def _periodogram(fit: AxisFit, noise: Noise, index: list[int]) -> Periodogram | None:
     """The periodogram of the runs ``index``, which have the same sampling; None if they are too short, slow or uneven."""
     from scipy.signal.windows import hann
 
@@ -131,7 +138,7 @@ def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
     step_s = float(t_s[-1] - t_s[0]) / (m - 1)
     window = hann(m, sym=False)
     weight = np.sqrt(first.precision / n)  # blocks of equal noise
-    expected = _expected(fit, window * weight, step_s, first.precision)
+    expected = _expected(noise, window * weight, step_s, first.precision)
     residual = np.stack([fit.block_residuals(i) for i in index]) * weight
     power: Array = np.abs(np.fft.rfft((residual - residual.mean(axis=1, keepdims=True)) * window)) ** 2
     ratio, power = power / expected, 2 * power / (m * float(window @ window))
@@ -142,7 +149,7 @@ def _periodogram(fit: AxisFit, index: list[int]) -> Periodogram | None:
     return Periodogram(frequency[use], ratio.sum(axis=0)[use], power.sum(axis=0)[use], len(index))
 
 
-def _expected(fit: AxisFit, window: Array, step_s: float, precision: Array) -> Array:
+def _expected(noise: Noise, window: Array, step_s: float, precision: Array) -> Array:
     """Expectation of the tapered periodogram: the transform of the noise's autocovariance times that of the window.
 
     ``precision`` [m] is the number of usual samples that each block counts for. The colour of the white noise is left out: it
@@ -150,7 +157,7 @@ def _expected(fit: AxisFit, window: Array, step_s: float, precision: Array) -> A
     """
     from scipy.signal import fftconvolve
 
-    m, noise = window.size, fit.noise
+    m = window.size
     lags = np.arange(m)
     drift = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
     white = float(window**2 @ (1 / precision)) / float(window @ window) * noise.white_sd_dps**2

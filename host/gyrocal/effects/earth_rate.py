@@ -40,10 +40,25 @@ class EarthRate(Effect):
         return known_dps(run, axis, values["latitude_deg"])
 
 
+def vertical_dps(latitude_deg: float) -> float:
+    """The Earth's rate about the vertical, deg/s, positive in the north."""
+    return float(EARTH_DPS * np.sin(np.deg2rad(latitude_deg)))
+
+
+def in_known_rate(run: Run) -> Run:
+    """The run with the Earth's rate in its table's known rate or turn; the run itself without a latitude or such a rate."""
+    if run.latitude_deg is None or run.reference_dps is not None:
+        return run
+    own_dps = vertical_dps(run.latitude_deg)
+    if run.table_rate_dps is not None:
+        return run.turning(table_rate_dps=run.table_rate_dps + own_dps)
+    return run if run.turn_deg is None else run.turning(turn_deg=run.turn_deg + own_dps * run.duration_s)
+
+
 def known_dps(run: Run, axis: int, latitude_deg: float) -> Array:
     """The Earth's rate about an axis of the sensor, shape [n], deg/s; ``latitude_deg`` is positive in the north.
 
     It is zero for the axes in the table's plane, because their component rotates with the table's unknown heading.
     """
-    vertical_dps = EARTH_DPS * np.sin(np.deg2rad(latitude_deg)) * run.face_sign
-    return np.full(len(run), vertical_dps if axis == run.axis_index else 0.0)
+    own_dps = vertical_dps(latitude_deg) * run.face_sign
+    return np.full(len(run), own_dps if axis == run.axis_index else 0.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
 from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
-from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum
+from gyrocal.noise.orders import HIGHEST, LEAST_TURNS, OrderPeak, OrderSpectrum, order_spectrum
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
@@ -31,9 +31,11 @@ HARMONIC = 0.3
 
 def turned_turn(run: Run) -> Array:
     """The table's angle without jumps from one turn to the next, shape [n], turns."""
-    return np.unwrap(table_angle_rad(run)) / (2 * np.pi)
+    angle_rad = table_angle_rad(run)
+    return (angle_rad if run.column("table_angle_deg") is None else np.unwrap(angle_rad)) / (2 * np.pi)
 
 
+@once
 def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
     """The spectrum over the table's angle of measured minus true rate on one axis, each run without its offset and slope."""
     turning = [r for r in runs if _turns(r)]
@@ -71,7 +73,7 @@ def told_from_frequency(runs: Sequence[Run]) -> bool:
 
     At a known angle, a wave that is fixed to the table goes back with it. A vibration does not.
     """
-    turning = [r for r in runs if _turns(r)]
+    turning = [r for r in runs if _turns(r) and np.ptp(turned_turn(r)) >= LEAST_TURNS]
     rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
     several = bool(rates_dps) and np.ptp(rates_dps) >= ONE_RATE * max(rates_dps)
     known = all(r.column("table_angle_deg") is not None for r in turning)

@@ -25,6 +25,9 @@ LOST_IN_BLOCKS_HZ = 2.5
 LEAST_RANGE_C = 1.0
 TEMPERATURE_WINDOW_S = 10.0
 """Shortest time over which the slope of the temperature is computed, s. Heat passes through a package in seconds."""
+CUBIC = 1 / 6
+"""Fraction of the window up to which the noise may need it, so that a cubic is fitted. At the ends, its slope has a hundred
+times the variance of that of a line."""
 RATE_WINDOW_S = 0.2
 """Time over which the slope of the true rate is computed, s. Encoders are noisy, and tables change their rate slowly."""
 LEAST_ACCELERATION_DPS_S = 0.5
@@ -116,7 +119,8 @@ def temperature_slope_c_s(run: Run) -> Array:
     """Rate of change of the temperature, shape [n], degC/s; zero without a thermometer or where the run is too short.
 
     A parabola is fitted to one-second means over 10 s. The window is longer if the noise and steps of the thermometer would
-    exceed a tenth of the run's mean slope; the slope of a line over L points has the variance 12·sd^2/L^3.
+    exceed a tenth of the run's mean slope; the slope of a line over L points has the variance 12·sd^2/L^3. If a far shorter
+    window would do, a cubic is fitted instead, which follows a temperature that turns within the window.
     """
     if run.temp_c is None:
         return np.zeros(len(run))
@@ -132,7 +136,7 @@ def temperature_slope_c_s(run: Run) -> Array:
     wanted = 0.1 * float(np.ptp(temp_c)) / t_s.size
     needed = (12 * variance / max(wanted, 1e-12) ** 2) ** (1 / 3)
     points = max(TEMPERATURE_WINDOW_S / spacing_s, needed)
-    return np.interp(run.t_s, t_s, slope(temp_c, t_s, points))
+    return np.interp(run.t_s, t_s, slope(temp_c, t_s, points, order=3 if needed < CUBIC * points else 2))
 
 
 def rate_slope_dps_s(run: Run, axis: int) -> Array:
@@ -154,13 +158,14 @@ def sense_of_change(run: Run, axis: int) -> Array:
     return sign[np.maximum.accumulate(np.where(sign != 0, np.arange(sign.size), 0))]
 
 
-def slope(values: Array, t_s: Array, points: float) -> Array:
-    """Slope of a parabola fitted to ``points`` neighbours (Savitzky and Golay), shape [n]. The times may jitter."""
+def slope(values: Array, t_s: Array, points: float, order: int = 2) -> Array:
+    """Slope of a polynomial fitted to ``points`` neighbours (Savitzky and Golay), shape [n]. The times may jitter."""
     from scipy.signal import savgol_filter
 
     size = values.size
     window = min(2 * round(max(points, 5) / 2) + 1, size - 1 + size % 2)
-    per_sample, step_s = (savgol_filter(x, window, 2, deriv=1) for x in (values, t_s))
+    order = min(order, window - 1)
+    per_sample, step_s = (savgol_filter(x, window, order, deriv=1) for x in (values, t_s))
     return np.asarray(per_sample / step_s)
 
 

@@ -33,6 +33,10 @@ EACH_RUN = "each run"
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
 }  # fmt: skip
+LARGEST = 1e300
+"""The largest number in a formula."""
+MOST_NODES = 1000
+"""The most elements of a formula: names, numbers, operators and calls."""
 SEARCH = 10.0
 """A nonlinear parameter is searched from its start value divided by this factor to its start value times this factor."""
 
@@ -127,7 +131,10 @@ def _parse(expression: str, text: str) -> ast.expr:
         tree = ast.parse(expression, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise InputError(f"formula {text!r}: cannot be read as a formula") from None
-    for node in ast.walk(tree):
+    nodes = list(ast.walk(tree))
+    if len(nodes) > MOST_NODES:
+        raise InputError(f"formula {text[:40]!r}...: it has {len(nodes)} elements, at most {MOST_NODES} are read")
+    for node in nodes:
         _check(node, text)
     return tree
 
@@ -140,6 +147,8 @@ def _check(node: ast.AST, text: str) -> None:
     if isinstance(node, ast.Call):
         fine = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and not node.keywords
         fine = fine and len(node.args) == (2 if node.func.id in PAIRS else 1)  # type: ignore[attr-defined]
+    if isinstance(node, ast.Constant) and fine and not abs(node.value) <= LARGEST:  # type: ignore[arg-type]
+        raise InputError(f"formula {text!r}: a number is too large")
     if not fine:
         raise InputError(
             f"formula {text!r}: {type(node).__name__} is not allowed; use numbers, + - * / **, {', '.join(FUNCTIONS)}, "
@@ -195,7 +204,7 @@ def _names(node: ast.expr) -> set[str]:
 def _value(node: ast.expr, known: Mapping[str, Any]) -> Any:
     """The value of the formula, evaluated node by node."""
     if isinstance(node, ast.Constant):
-        return float(node.value)  # type: ignore[arg-type]
+        return np.float64(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
         return known[node.id]
     if isinstance(node, ast.UnaryOp):

@@ -54,7 +54,10 @@ class Model(Shown):
         """
         noises = {"paper": AxisNoise(), "default": AxisNoise(drift=Drift(), turn_on_bias=TurnOnBias())}
         if name not in noises:
-            raise InputError(f"model {name}: neither a file nor one of {', '.join(noises)}{did_you_mean(name, noises)}")
+            near = did_you_mean(name, noises)
+            raise InputError(
+                f"model {name}: neither a file nor one of {', '.join(noises)}{near}; `gyrocal explain` makes a file"
+            )
         ids = [base.with_role(role).id for role in Role]
         return Model(name, tuple(Term(i, axis) for i in ids for axis in AXES), dict.fromkeys(AXES, noises[name]))
 
@@ -71,7 +74,7 @@ class Model(Shown):
         if path.suffix != ".toml" and not path.is_file():
             return Model.builtin(str(source))
         missing = "no such model; `gyrocal add` makes one, `default` and `paper` are built in"
-        return _parse(read_toml(path, missing), path)
+        return _parse(read_toml(path, missing, "a model, as `gyrocal add` writes it"), path)
 
     @property
     def ids(self) -> list[str]:

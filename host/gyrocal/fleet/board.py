@@ -15,7 +15,7 @@ from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.files import replace_text
 from gyrocal.fleet.candidates import cycle_equations
-from gyrocal.fleet.drift import FleetDrift, loglik_of
+from gyrocal.fleet.drift import FleetDrift, loglik_at, loglik_of
 from gyrocal.fleet.listing import at_hand
 from gyrocal.fleet.summary import AxisSummary, Summary
 from gyrocal.inference.fit import fit
@@ -101,14 +101,15 @@ def _opened(folder: Path, model: Model) -> tuple[Session, list[Warning]]:
 def summarise(folder: Path, name: str, model: Model, drifts: Mapping[str, FleetDrift]) -> Summary:
     """Fit the model to a session, with the fleet's drift of each axis, which one board hardly determines."""
     session, warnings = _opened(folder, model)
-    fitted = plain_fit(session, _with_drifts(model, drifts))
+    fitted = plain_fit(session, of_fleet(model, drifts))
     return Summary(
         name, session.board or name, session.rig, session.line, session.made_on, _codes(warnings),
         {axis: _summary_of(one, drifts.get(axis)) for axis, one in fitted.items() if one.design.layout.fixed},
     )  # fmt: skip
 
 
-def _with_drifts(model: Model, drifts: Mapping[str, FleetDrift]) -> Model:
+def of_fleet(model: Model, drifts: Mapping[str, FleetDrift]) -> Model:
+    """The model with a drift that is known, where it has a drift."""
     known = {
         axis: replace(noise, drift=replace(noise.drift, known=(drifts[axis].size, drifts[axis].tau_s)))
         for axis, noise in model.noise.items() if noise.drift is not None and axis in drifts
@@ -139,7 +140,8 @@ def _summary_of(fitted: AxisFit, drift: FleetDrift | None) -> AxisSummary:
     terms = fitted.design.terms
     columns = tuple(f"{terms[i].effect_id}.{axis}.{terms[i].effect.used(terms[i].values)[j]}" for i, j in layout.fixed)
     named = [(f"{t.effect_id}.{axis}.{n}", v, t.se.get(n)) for t in fitted.terms for n, v in t.values.items()]
-    candidates, cycles = cycle_equations(fitted, fitted.noise if drift is None else drift.noise(fitted.noise))
+    noises = [fitted.noise] if drift is None else [near.noise(fitted.noise) for near in drift.near]
+    candidates, cycles = cycle_equations(fitted, noises)
     noise = {
         "white_sd_dps": fitted.noise.white_sd_dps, "drift_sd_dps": fitted.noise.ou_sd_dps,
         "drift_tau_s": fitted.noise.ou_tau_s,
@@ -149,5 +151,5 @@ def _summary_of(fitted: AxisFit, drift: FleetDrift | None) -> AxisSummary:
     return AxisSummary(
         columns, tuple(candidates), layout.scenario, tuple(map(float, fitted.spreads.scenario)),
         {n: float(v) for n, v, _ in named}, {n: float(se) for n, _, se in named if se is not None}, noise,
-        fitted.solution.cov, cycles,
+        fitted.solution.cov, cycles, () if drift is None else tuple(loglik_at(fitted, drift.near)),
     )  # fmt: skip

@@ -57,10 +57,11 @@ def _tried(runs: Sequence[Run], axis: int, taken: Sequence[str]) -> Iterator[tup
                 yield from ((kind, {**linear, **point}) for point in grid(kind))
 
 
-def cycle_equations(fitted: AxisFit, noise: Noise) -> tuple[list[str], Array]:
-    """The names of the candidates' columns, and the normal equations [cycles, q, q] of ``[y | model | candidates]``.
+def cycle_equations(fitted: AxisFit, noises: Sequence[Noise]) -> tuple[list[str], Array]:
+    """The names of the candidates' columns, and the normal equations [noises, cycles, q, q] of ``[y | model | candidates]``.
 
-    They are whitened with ``noise``. Coefficients that differ from run to run are integrated out with their fitted spreads.
+    They are whitened with each of ``noises``. Coefficients that differ from run to run are integrated out with their fitted
+    spreads.
     """
     design = fitted.design
     runs = [b.run for b in design.blocks]
@@ -71,18 +72,18 @@ def cycle_equations(fitted: AxisFit, noise: Noise) -> tuple[list[str], Array]:
     ]  # fmt: skip
     columns = [np.vstack([design.columns(i), _means(tried, b, design.axis)]) for i, b in enumerate(design.blocks)]
     q = 1 + len(design.layout.fixed) + len(design.layout.run) + len(names)
-    grams = np.zeros((len(runs), q, q))
+    grams = np.zeros((len(noises), len(runs), q, q))
     for index in design.alike:
         b = design.blocks[index[0]]
         summed = Summed.of((columns[i] for i in index), b.t_s, b.precision, design.cell_s, design.color)
-        grams[index] = summed.normal_equations(noise)[0]
+        grams[:, index] = [summed.normal_equations(noise)[0] for noise in noises]
     p, own = len(design.layout.fixed), len(design.layout.run)
     if own:
         keep = np.r_[np.arange(1 + p), np.arange(1 + p + own, q)]
         sd = fitted.spreads.run[list(design.layout.run_group)]
         grams = integrate(grams, np.arange(1 + p, 1 + p + own), keep, sd).grams
     members = design.scenarios[None] == np.unique(design.scenarios)[:, None]
-    return names, np.stack([grams[of].sum(axis=0) for of in members])
+    return names, np.stack([grams[:, of].sum(axis=1) for of in members], axis=1)
 
 
 def _means(tried: Sequence[tuple[Effect, Values]], b: Blocks, axis: int) -> Array:

@@ -2,7 +2,8 @@
 
 Only a bounded number of tasks is submitted at a time, and each result makes room for the next task, so that the memory of
 client and scheduler does not grow with the fleet. A task whose worker dies is run again on another worker. A task after which
-several workers died is given up with a reason. Unfinished tasks are submitted again if the scheduler restarts.
+several workers died is given up with a reason. Unfinished tasks are submitted again if the scheduler restarts. Benchmarks and
+the draws of a training run on the same engine.
 """
 
 from __future__ import annotations
@@ -11,10 +12,9 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from gyrocal.errors import GyrocalError, InputError
-from gyrocal.fleet.board import Done
 
 AHEAD = 4
 """Tasks that are submitted for each worker."""
@@ -23,16 +23,24 @@ PATIENCE_S = 60
 RESUBMITTED = 5
 """Number of times that a task is submitted again after its scheduler lost it."""
 
-Task = Callable[[str], Done]
+J = TypeVar("J")
+T = TypeVar("T")
+GivenUp = Callable[[J, str], T]
+"""What stands for the result of a job that was given up for a reason."""
+
+
+def refuse(job: object, reason: str) -> Any:
+    """Stop at a job that was given up. Raises GyrocalError."""
+    raise GyrocalError(f"{job}: {reason}; run the command again: what is finished is kept")
 
 
 class Engine(Protocol):
-    """Runs a task for each path and yields the results as they arrive."""
+    """Runs a task for each job and yields the results as they arrive."""
 
     dashboard: str | None
 
-    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]:
-        """Run ``task`` for each of ``paths``, and yield the results as they are done."""
+    def run(self, task: Callable[[J], T], jobs: Sequence[J], given_up: GivenUp[J, T] = refuse) -> Iterator[T]:
+        """Run ``task`` for each of ``jobs``, and yield the results as they are done."""
 
 
 class InProcess(Engine):
@@ -40,8 +48,8 @@ class InProcess(Engine):
 
     dashboard: str | None = None
 
-    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]:
-        yield from map(task, paths)
+    def run(self, task: Callable[[J], T], jobs: Sequence[J], given_up: GivenUp[J, T] = refuse) -> Iterator[T]:
+        yield from map(task, jobs)
 
 
 class OnDask(Engine):
@@ -51,44 +59,43 @@ class OnDask(Engine):
         self.client = client
         self.dashboard: str | None = client.dashboard_link or None
 
-    def run(self, task: Task, paths: Sequence[str]) -> Iterator[Done]:
+    def run(self, task: Callable[[J], T], jobs: Sequence[J], given_up: GivenUp[J, T] = refuse) -> Iterator[T]:
         from distributed import as_completed
 
-        waiting, running, tries = iter(paths), {}, dict.fromkeys(paths, 0)
+        waiting, running, tries = iter(range(len(jobs))), {}, [0] * len(jobs)
         window = AHEAD * max(1, sum(self.client.nthreads().values()))
 
-        def submit(path: str) -> Any:
-            tries[path] += 1
-            future = self.client.submit(task, path, pure=False)
-            running[future.key] = path
+        def submit(number: int) -> Any:
+            tries[number] += 1
+            future = self.client.submit(task, jobs[number], pure=False)
+            running[future.key] = number
             return future
 
-        arrived = as_completed([submit(path) for path in islice(waiting, window)])
+        arrived = as_completed([submit(number) for number in islice(waiting, window)])
         for future in arrived:
-            path = running.pop(future.key)
-            if future.status in ("cancelled", "lost") and tries[path] < RESUBMITTED:
-                self._wait(path)
-                arrived.add(submit(path))
+            number = running.pop(future.key)
+            if future.status in ("cancelled", "lost") and tries[number] < RESUBMITTED:
+                self._wait(jobs[number])
+                arrived.add(submit(number))
                 continue
-            yield _outcome(future, path)
+            yield _outcome(future, jobs[number], given_up)
             for following in islice(waiting, 1):
                 arrived.add(submit(following))
 
-    def _wait(self, path: str) -> None:
+    def _wait(self, job: object) -> None:
         try:
             self.client.wait_for_workers(1, timeout=PATIENCE_S)
         except Exception as error:
-            raise GyrocalError(f"the scheduler went away while {path} was computed ({error}); run the command again: "
-                               "finished sessions are kept") from None  # fmt: skip
+            refuse(job, f"the scheduler went away while it was computed ({error})")
 
 
-def _outcome(future: Any, path: str) -> Done:
+def _outcome(future: Any, job: J, given_up: GivenUp[J, T]) -> T:
     if future.status == "finished":
-        done = future.result()
+        done: T = future.result()
         future.release()
-        return Done(done.session, done.key, done.reason)
+        return done
     error = future.exception() if future.status == "error" else "the scheduler lost it"
-    return Done(path, reason=f"its workers died or failed: {' '.join(str(error).split())[:200]}")
+    return given_up(job, f"its workers died or failed: {' '.join(str(error).split())[:200]}")
 
 
 @contextmanager

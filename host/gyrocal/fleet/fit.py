@@ -102,30 +102,41 @@ def fit_fleet(source: str, model: Model, engine: Engine, out: Path, progress: Pr
 
 def _done(engine: Engine, task: Callable[[str], Done], paths: Sequence[str], progress: Progress | None) -> list[Done]:
     done = []
-    for one in engine.run(task, paths):
+    for one in engine.run(task, paths, lambda path, reason: Done(path, reason=reason)):
         done.append(one)
         if progress is not None:
             progress(len(done), len(paths))
     return sorted(done, key=lambda d: d.session)
 
 
-def _summaries(results: Path, fitted: Sequence[Done]) -> Iterator[Summary]:
+def _summaries(results: Path, fitted: Sequence[Done], equations: bool = True) -> Iterator[Summary]:
     """The summaries one by one, in the order of the sessions' paths."""
     for done in fitted:
-        yield Summary.load(results / f"{done.key}.npz").at(done.session)
+        yield Summary.load(results / f"{done.key}.npz", equations).at(done.session)
+
+
+def drift_weights(
+    boards: Sequence[Summary], drifts: dict[str, FleetDrift]
+) -> tuple[dict[str, FleetDrift], dict[str, Array]]:  # fmt: skip
+    """The drift of each axis from all boards, and the weights [3] of their equations at the drifts near the first one."""
+    refined, weights = dict(drifts), {axis: np.ones(1) for axis in AXES}
+    for axis, drift in drifts.items():
+        said = [b.axes[axis].drift_loglik for b in boards if axis in b.axes]
+        refined[axis], weights[axis] = drift.refined(np.sum(said, axis=0) if said else np.zeros(3))
+    return refined, weights
 
 
 def _pooled(
     model: Model, results: Path, fitted: Sequence[Done], failed: list[Done], drifts: dict[str, FleetDrift], seconds: float
 ) -> Fleet:  # fmt: skip
-    boards: list[Summary] = []
+    boards = list(_summaries(results, fitted, equations=False))
+    drifts, weights = drift_weights(boards, drifts)
     cycles = {axis: CycleSpreads() for axis in AXES}
     names: dict[str, set[str]] = {axis: set() for axis in AXES}
     for summary in _summaries(results, fitted):
         for axis, one in summary.axes.items():
-            cycles[axis].add(one)
+            cycles[axis].add(one, weights[axis])
             names[axis] |= set(names_of([one]))
-        boards.append(summary.without_equations())
     spreads = {kind: sd for axis in AXES for kind, sd in cycles[axis].fit().items()}
     estimates = _estimates(boards)
     board, rig = labelled([b.board for b in boards]), labelled([b.rig for b in boards])
@@ -139,7 +150,7 @@ def _pooled(
     known = {axis: sorted(of) for axis, of in names.items() if of}
     said = [
         Evidence(axis, known[axis], score, information, board, rig, rigs)
-        for axis, (score, information) in _evidence(results, fitted, spreads, known).items()
+        for axis, (score, information) in _evidence(results, fitted, weights, spreads, known).items()
     ]
     parameters = {name: pooled for name, pooled in population.items() if name not in NOISE}
     return Fleet(
@@ -169,14 +180,14 @@ def _estimates(boards: Sequence[Summary]) -> dict[str, Estimates]:
 
 
 def _evidence(
-    results: Path, fitted: Sequence[Done], spreads: dict[Kind, Array], names: dict[str, list[str]]
+    results: Path, fitted: Sequence[Done], weights: dict[str, Array], spreads: dict[Kind, Array], names: dict[str, list[str]]
 ) -> dict[str, tuple[Array, Array]]:  # fmt: skip
     """Score [n, k] and information [n, k, k] of the candidates of each axis; zero for a session without the axis."""
     said = {axis: (np.zeros((len(fitted), len(of))), np.zeros((len(fitted), len(of), len(of)))) for axis, of in names.items()}
     for i, summary in enumerate(_summaries(results, fitted)):
         for axis, one in summary.axes.items():
             if axis in names:
-                said[axis][0][i], said[axis][1][i] = evidence(one, spreads, names[axis])
+                said[axis][0][i], said[axis][1][i] = evidence(one, weights[axis], spreads, names[axis])
     return said
 
 

@@ -32,11 +32,11 @@ class CycleSpreads:
     cycles: dict[tuple[Kind, int], list[Array]] = field(default_factory=dict)
     unit: dict[Kind, list[Array]] = field(default_factory=dict)
 
-    def add(self, one: AxisSummary) -> None:
-        """Add the power cycles of one session on one axis."""
+    def add(self, one: AxisSummary, weights: Array) -> None:
+        """Add the power cycles of one session on one axis, at the drift that ``weights`` [3] say."""
         if one.random:
-            p = 1 + len(one.columns)
-            self.cycles.setdefault((kind_of(one), len(one.cycles)), []).append(one.cycles[:, :p, :p])
+            p, cycles = 1 + len(one.columns), one.at_drift(weights)
+            self.cycles.setdefault((kind_of(one), len(cycles)), []).append(cycles[:, :p, :p])
 
     def fit(self) -> dict[Kind, Array]:
         """Spreads over power cycles [k], in the units of the columns, for each kind of board (see :func:`kind_of`)."""
@@ -70,10 +70,10 @@ def _loglik(cycles: Array, random: Index, sd: Array) -> float:
     return float(-0.5 * (found.logdet.sum() + np.linalg.slogdet(h)[1].sum() + chi2.sum()))
 
 
-def evidence(one: AxisSummary, spreads: dict[Kind, Array], names: Sequence[str]) -> tuple[Array, Array]:
+def evidence(one: AxisSummary, weights: Array, spreads: dict[Kind, Array], names: Sequence[str]) -> tuple[Array, Array]:
     """Score [k] and information [k, k] of the candidates ``names`` at size zero; zero where the board cannot show one."""
     score, information = np.zeros(len(names)), np.zeros((len(names), len(names)))
-    cycles = one.cycles
+    whole = cycles = one.at_drift(weights)
     if one.random:
         cycles = integrate(cycles, np.array(one.random) + 1, np.arange(cycles.shape[-1]), spreads[kind_of(one)]).grams
     total = cycles.sum(axis=0)
@@ -82,7 +82,7 @@ def evidence(one: AxisSummary, spreads: dict[Kind, Array], names: Sequence[str])
     left = total[np.ix_(rest, rest)] - total[np.ix_(rest, model)] @ np.linalg.solve(
         total[np.ix_(model, model)], total[np.ix_(model, rest)]
     )
-    seen = np.diag(left)[1:] > POLICY.fleet_identified * np.diag(one.cycles.sum(axis=0))[1 + p :]
+    seen = np.diag(left)[1:] > POLICY.fleet_identified * np.diag(whole.sum(axis=0))[1 + p :]
     at = {name: j for j, name in enumerate(names)}
     mine = [(1 + i, at[name]) for i, name in enumerate(one.candidates) if seen[i] and name in at]
     if mine:

@@ -24,7 +24,7 @@ from gyrocal.inference.blocks import Blocks, by_sample
 from gyrocal.inference.design import SLOW_S, Design
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise, with_noise
-from gyrocal.inference.noise_shape import shaped
+from gyrocal.inference.noise_shape import reshaped, shaped
 from gyrocal.inference.nonlinear import refine
 from gyrocal.inference.reml import unknown_spreads
 from gyrocal.inference.runs_apart import runs_apart
@@ -62,6 +62,7 @@ def fit_axis(
     current = shaped(current)
     for i in pending:
         current = choose_variant(current, terms[i])
+    current = reshaped(current, blocks) if pending else current
     order = {t.effect_id: i for i, t in enumerate(terms)}
     current = _in_order(current, order, bool(pending))
     return finish(settle(runs_apart(refine(current))), reported=True)

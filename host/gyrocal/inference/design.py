@@ -312,8 +312,8 @@ class Design:
         for i, b in enumerate(self.blocks):
             if not b.t_s.size:
                 continue
-            even = b.t_s.size > 2 and np.ptp(b.n) == 0 and _off_grid_s(b.t_s) <= 1e-3 * SLOW_S
-            even = even and np.ptp(b.precision) == 0
+            off_grid_s = np.abs(b.t_s - np.linspace(b.t_s[0], b.t_s[-1], b.t_s.size)).max()
+            even = b.t_s.size > 2 and np.ptp(b.n) == 0 and np.ptp(b.precision) == 0 and off_grid_s <= 1e-3 * SLOW_S
             key = (b.t_s.size, float(b.precision[0]), round(float(b.t_s[-1] - b.t_s[0]), 2)) if even else i
             together.setdefault(key, []).append(i)
         return list(together.values())
@@ -335,16 +335,21 @@ class Design:
 
     def grams(self, noise: Noise) -> tuple[Array, Array]:
         """Whitened normal equations of each run, shape [runs, q, q], and log-determinants of the noise, shape [runs]."""
-        q = 1 + len(self.layout.fixed) + len(self.layout.run)
-        grams = np.zeros((len(self.blocks), q, q))
-        logdet = np.zeros(len(self.blocks))
+        grams, logdet = self.grams_near(noise, ())
+        return grams[0], logdet[0]
+
+    def grams_near(self, noise: Noise, others: Sequence[Noise]) -> tuple[Array, Array]:
+        """The same, [1 + o, runs, q, q] and [1 + o, runs], also at noises near by (:meth:`Summed.near`)."""
+        q, count = 1 + len(self.layout.fixed) + len(self.layout.run), 1 + len(others)
+        grams, logdet = np.zeros((count, len(self.blocks), q, q)), np.zeros((count, len(self.blocks)))
         for index, summed in zip(self.alike, self._summed, strict=True):
-            grams[index], logdet[index] = summed.normal_equations(noise)
+            grams[:, index], found = summed.near(noise, others)
+            logdet[:, index] = found[:, None]
         for i, j in self._free:
-            own = grams[i, :, 1 + j].copy()
-            if own[1 + j] > 0:
-                grams[i] -= np.outer(own, own) / own[1 + j]
-                logdet[i] += float(np.log(own[1 + j]))
+            own = grams[:, i, 1 + j].copy()
+            if (own[:, 1 + j] > 0).all():
+                grams[:, i] -= own[:, :, None] * (own / own[:, 1 + j, None])[:, None]
+                logdet[:, i] += np.log(own[:, 1 + j])
         return grams, logdet
 
     @cached_property
@@ -393,8 +398,3 @@ def timing_of(terms: Sequence[Term]) -> Timing:
 def _step_s(blocks: Sequence[Blocks]) -> float:
     """Shortest usual time between the blocks of a run, s."""
     return min((float(np.median(np.diff(b.t_s))) for b in blocks if b.t_s.size > 1), default=1.0)
-
-
-def _off_grid_s(t_s: Array) -> float:
-    """Largest deviation of times [n] from an even grid, s."""
-    return float(np.max(np.abs(t_s - np.linspace(t_s[0], t_s[-1], t_s.size))))

@@ -178,32 +178,38 @@ def fit_noise(design: Design, start: AxisFit | None = None) -> AxisFit:
     scale = SpreadScale.of(design, design.grams(first)[0] if start is None else start.grams)
     cache: dict[bytes, tuple[Array, Array]] = {}
 
-    def grams_at(x: Array) -> tuple[Array, Array]:
-        key = x[1:m].tobytes()
+    def grams_near(of_drift: Array) -> tuple[Array, Array]:
+        """Normal equations and log-determinants at coordinates [0 or 2] of the drift, and a step of each of them away.
+
+        They are those of the first white level; another one scales them.
+        """
+        key = of_drift.tobytes()
         if key not in cache:
             if len(cache) > 8:
                 cache.clear()
-            cache[key] = design.grams(noise_scale.noise(np.concatenate([[log_white0], x[1:m]])))
-        grams, logdet = cache[key]
-        log_times = float(x[0] - log_white0)
-        return grams * np.exp(-2 * log_times), logdet + 2 * log_times * design.n_blocks
+            noise, *others = (
+                noise_scale.noise(np.concatenate([[log_white0], of_drift + step]))
+                for step in STEP * np.eye(m, m - 1, -1)
+            )
+            cache[key] = design.grams_near(noise, others)
+        return cache[key]
 
     def equations(grams: Array, logdet: Array) -> Equations:
         return Equations(design.layout, grams, logdet, design.scenarios, n)
 
     def loglik(x: Array) -> tuple[float, Array]:
-        sd = scale.spreads(x[m:])
+        sd, log_times = scale.spreads(x[m:]), float(x[0] - log_white0)
         spreads = Spreads(sd[:k], sd[k:])
-        solution, slopes = equations(*grams_at(x)).solve_with_slopes(spreads)
+        grams, logdet = grams_near(x[1:m])
+        grams, logdet = grams * np.exp(-2 * log_times), logdet + 2 * log_times * design.n_blocks
+        solution, slopes = equations(grams[0], logdet[0]).solve_with_slopes(spreads)
         # all noise and all spreads times exp(a) multiply chi-square by exp(-2a) and the determinant by exp(2a (n - p))
         of_noise = [solution.chi2 - (n - solution.beta.size) - float(slopes.sum())]
-        if steps.size:
-            grams, logdet = zip(*(grams_at(x + step) for step in steps), strict=True)
-            beyond = equations(np.stack(grams), np.stack(logdet)).logliks(spreads)
+        if m > 1:
+            beyond = equations(grams[1:], logdet[1:]).logliks(spreads)
             of_noise += ((beyond - solution.loglik) / STEP).tolist()
         return solution.loglik, np.concatenate([of_noise, scale.slopes(x[m:], slopes)])
 
-    steps = STEP * np.eye(m, m + scale.unit.size)[1:]
     begin = np.concatenate([
         noise_scale.coordinates(first), scale.coordinates(np.concatenate([spreads.run, spreads.scenario]))
     ])  # fmt: skip

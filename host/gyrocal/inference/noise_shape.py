@@ -5,16 +5,18 @@ Both are taken from the residuals of a first fit, and kept where the likelihood 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.inference.blocks import known_dps
+from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise, white_start, with_noise
-from gyrocal.noise.color import Color
+from gyrocal.noise.color import WHITE, Color
 from gyrocal.noise.steady import relative_levels
 from gyrocal.policy import POLICY
+from gyrocal.recording.outliers import outliers
 from gyrocal.recording.session import Array
 
 COLORS = np.linspace(-0.8, 0.7, 151)
@@ -41,6 +43,14 @@ def shaped(current: AxisFit) -> AxisFit:
         return current
     colored = _refitted(current, Color(color))
     return _better(current, colored) if _shown_by_samples(colored) else current
+
+
+def reshaped(current: AxisFit, blocks: Sequence[Blocks]) -> AxisFit:
+    """The fit with level and colour of the noise estimated anew in ``blocks``, after terms have explained a part of either."""
+    design = current.design
+    if not design.color.neighbours and all(b.weight is None for b in design.given):
+        return current
+    return shaped(fit_noise(design.over(blocks).colored(WHITE)))
 
 
 def _shown_by_samples(colored: AxisFit) -> bool:
@@ -107,8 +117,8 @@ def _weighted(current: AxisFit) -> AxisFit | None:
     design, axis = current.design, current.design.axis
     residuals = []
     for b in design.blocks:
-        y_dps = b.run.gyro_dps[:, axis] - known_dps(b.run, axis)
-        rows, apart_dps = b.strays[axis]
+        y_dps = b.run.gyro_dps[:, axis] - known_dps(b.run, axis) - _explained_dps(current, b)
+        rows, apart_dps = outliers(y_dps, b.run.step_dps[axis])
         y_dps[rows] -= apart_dps
         residuals.append(y_dps)
     levels = relative_levels(residuals)
@@ -119,6 +129,13 @@ def _weighted(current: AxisFit) -> AxisFit | None:
     blocks = [replace(b, weight=usual / p) for b, p in zip(design.blocks, power, strict=True)]
     heavier = design.over(blocks)
     return fit_noise(heavier, start=with_noise(heavier, current.noise, current.spreads))
+
+
+def _explained_dps(current: AxisFit, b: Blocks) -> Array:
+    """What the terms that all runs share make of a run, shape [n], deg/s. A scale error of a fast motion is no noise."""
+    columns = current.design.sample_columns(b)
+    parts = (beta * columns[t][:, j] for beta, (t, j) in zip(current.solution.beta, current.design.layout.fixed, strict=True))
+    return np.asarray(sum(parts, np.zeros(len(b.run))))
 
 
 def _color(current: AxisFit) -> float:

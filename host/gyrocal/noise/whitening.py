@@ -8,7 +8,7 @@ number of cells.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -113,57 +113,115 @@ class Summed:
         return self.gram - (self.means * self.n) @ self.means.swapaxes(-1, -2)
 
     def normal_equations(self, noise: Noise) -> tuple[Array, float]:
-        """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one run, where V is the covariance of the noise.
+        """``C V^-1 C'`` of each run [runs, q, q] and ``log det V`` of one run, where V is the covariance of the noise."""
+        grams, logdets = self.near(noise, ())
+        return grams[0], float(logdets[0])
+
+    def near(self, noise: Noise, others: Sequence[Noise]) -> tuple[Array, Array]:
+        """The normal equations [1 + o, runs, q, q] and log-determinants [1 + o] of a noise and of ``others`` near it.
 
         White noise has a diagonal covariance D. The drift is a Markov process, so its inverse covariance Q is tridiagonal. It
         starts stationary in each run. Woodbury's identity gives ``V^-1 = D^-1 - D^-1 Z (Q + N)^-1 Z' D^-1``, where Z assigns
         each block to its cell and ``N = Z' D^-1 Z``. Gaps and unequal blocks therefore do not raise the cost. The part between
         cells is computed as ``N (Q + N)^-1 Q``: for a bias far above the noise, ``N - N (Q + N)^-1 N`` would be a small
         difference of large numbers, and its rounding would hide the slopes by which the noise is searched.
+
+        The other noises have the same white level, and their normal equations are correct to first order. With the drift
+        ``H = (Q + N)^-1 N C`` that the columns imply, the derivative of ``C' V^-1 C`` is that of ``H' Q H`` by Q alone.
         """
-        from scipy.linalg.lapack import dpttrf, dpttrs
+        from scipy.linalg.lapack import dpttrs
 
         precision = 1 / noise.white_sd_dps**2
-        logdet = -self.blocks * float(np.log(precision)) - self.log_n
+        of_white = -self.blocks * float(np.log(precision)) - self.log_n
         if noise.ou_sd_dps <= 0.0:
-            return self.gram * precision, logdet
-        variance = noise.ou_sd_dps**2
-        steps = np.diff(self.t_s) / noise.ou_tau_s
-        phi, driven = np.exp(-steps), -variance * np.expm1(-2 * steps)
-        diagonal = self.n * precision
-        diagonal[0] += 1 / variance
-        diagonal[1:] += 1 / driven
-        diagonal[:-1] += phi**2 / driven
-        coupling = np.zeros(max(1, phi.size))  # LAPACK needs one element even for a single cell
-        coupling[: phi.size] = -phi / driven
-        pivots, factors, _ = dpttrf(diagonal, coupling)
+            return self.gram[None] * precision, np.array([of_white])
+        drifts = [_Drift.of(one, self.t_s, self.n * precision) for one in (noise, *others)]
+        drift, (distinct, _) = drifts[0], self._distinct
+        rows = self.means.reshape(-1, self.t_s.size)[distinct]
+        left = dpttrs(drift.pivots, drift.factors, drift.whitened(rows).T, overwrite_b=True)[0].T
         even = np.ptp(self.n) == 0
-        sums, scale = (self.means, float(self.n[0])) if even else (self.means * self.n, 1.0)
-        distinct, same = self._distinct
-        rows = _innovations(self.means.reshape(-1, self.t_s.size)[distinct], -np.expm1(-steps), driven, variance)
-        drift = dpttrs(pivots, factors, rows.T, overwrite_b=True)[0].T
         gram = self._within * precision
-        runs = max(1, AT_ONCE // sums[0].size)
-        for some in (slice(first, first + runs) for first in range(0, len(sums), runs)):
-            gram[some] += scale * precision * (sums[some] @ drift[same[some]].swapaxes(-1, -2))
-        logdet += float(np.log(variance) + np.log(driven).sum() + np.log(pivots).sum())
-        return gram, logdet
+        gram += precision * (self.n[0] * self._product(rows, left) if even else self._product(rows * self.n, left))
+        grams = np.repeat(gram[None], len(drifts), axis=0)
+        if others:
+            of_growth, of_rate = self._slopes(drift, rows - left)
+            for one, gram in zip(drifts[1:], grams[1:], strict=True):
+                gram += np.log(one.growth / drift.growth) * of_growth + np.log(one.rate / drift.rate) * of_rate
+        return grams, np.array([of_white + one.logdet for one in drifts])
+
+    def _slopes(self, drift: _Drift, rows: Array) -> tuple[Array, Array]:
+        """Derivatives [runs, q, q] of the normal equations by the logarithms of the drift's growth and rate.
+
+        ``rows`` [r, k] are the drifts that the distinct columns imply. The growth scales the variance that each step adds; the
+        rate also changes what each step keeps.
+        """
+        steps = drift.steps(rows) / drift.driven
+        added = -drift.driven
+        added[1:] += 2 * drift.variance * drift.ages * drift.kept**2
+        other = -0.5 * added * steps
+        other[:, 1:] += drift.ages * drift.kept * rows[:, :-1]
+        half = self._product(steps, other)
+        return -self._product(steps, steps * drift.driven), half + half.swapaxes(-1, -2)
+
+    def _product(self, left: Array, right: Array) -> Array:
+        """Products [runs, q, q] of rows [r, k] that stand for the distinct columns."""
+        same = self._distinct[1]
+        runs = max(1, AT_ONCE // (same.shape[1] * self.t_s.size))
+        parts = (same[first : first + runs] for first in range(0, len(same), runs))
+        return np.concatenate([left[part] @ right[part].swapaxes(-1, -2) for part in parts])
 
 
-def _innovations(rows: Array, forgotten: Array, driven: Array, variance: float) -> Array:
-    """``rows·Q`` [r, k]: rows of values at cells times the inverse covariance of the drift.
+@dataclass(frozen=True)
+class _Drift:
+    """The drift over k cells: its growth (dps^2/s) and rate (1/s), and the factors of ``Q + N``.
 
-    ``forgotten`` [k - 1] is the part of the drift that each step forgets, ``driven`` [k - 1] the variance that it adds.
+    ``ages`` [k - 1] are the times between cells in correlation times, ``kept`` and ``forgotten`` [k - 1] the parts of the drift
+    that remain and that go over them, and ``driven`` [k] the variances that are added, the first of which is stationary.
+    ``logdet`` is the drift's part of the log-determinant.
     """
-    steps = rows[:, :-1] * forgotten
-    steps += np.diff(rows)
-    steps /= driven
-    out = np.empty_like(rows)
-    out[:, 0] = rows[:, 0] / variance
-    out[:, 1:] = steps
-    steps *= 1 - forgotten
-    out[:, :-1] -= steps
-    return out
+
+    growth: float
+    rate: float
+    variance: float
+    ages: Array
+    kept: Array
+    forgotten: Array
+    driven: Array
+    pivots: Array
+    factors: Array
+    logdet: float
+
+    @staticmethod
+    def of(noise: Noise, t_s: Array, known: Array) -> _Drift:
+        """The drift of a noise at the times ``t_s`` [k] of cells, which white noise shows with the precisions ``known`` [k]."""
+        from scipy.linalg.lapack import dpttrf
+
+        variance, ages = noise.ou_sd_dps**2, np.diff(t_s) / noise.ou_tau_s
+        kept = np.exp(-ages)
+        driven = np.concatenate([[variance], -variance * np.expm1(-2 * ages)])
+        diagonal = known + 1 / driven
+        diagonal[:-1] += kept**2 / driven[1:]
+        coupling = np.zeros(max(1, kept.size))  # LAPACK needs one element even for a single cell
+        coupling[: kept.size] = -kept / driven[1:]
+        pivots, factors, _ = dpttrf(diagonal, coupling)
+        logdet = float(np.log(driven).sum() + np.log(pivots).sum())
+        growth, rate = variance / noise.ou_tau_s, 1 / noise.ou_tau_s
+        return _Drift(growth, rate, variance, ages, kept, -np.expm1(-ages), driven, pivots, factors, logdet)
+
+    def steps(self, rows: Array) -> Array:
+        """What rows of values at cells [r, k] are beside what is kept of the cell before, [r, k]."""
+        out = np.empty_like(rows)
+        out[:, 0] = rows[:, 0]
+        np.multiply(rows[:, :-1], self.forgotten, out=out[:, 1:])
+        out[:, 1:] += np.diff(rows)
+        return out
+
+    def whitened(self, rows: Array) -> Array:
+        """``rows·Q`` [r, k]: rows of values at cells times the inverse covariance of the drift."""
+        out = self.steps(rows)
+        out /= self.driven
+        out[:, :-1] -= self.kept * out[:, 1:]
+        return out
 
 
 def normal_equations(columns: Array, t_s: Array, n: Array, noise: Noise) -> tuple[Array, float]:

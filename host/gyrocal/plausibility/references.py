@@ -8,7 +8,8 @@ import numpy as np
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
-from gyrocal.recording.session import AXES, Run, Session
+from gyrocal.recording.registration import Lost
+from gyrocal.recording.session import Run, Session
 from gyrocal.recording.smoothing import Smoothed
 from gyrocal.warning import Warning
 
@@ -27,11 +28,10 @@ def check(session: Session) -> list[Warning]:
                 "are left out. Check markers and tracking, or leave the cells of the bad samples empty"
             )
             out.append(Warning("reference_jumps", None, run.file, text))
-    session = registered(session)
-    fit = session.registration_fit
+    fit = registered(session).registration_fit
     if fit is None:
         return out
-    out += [w for run in session.runs if run.three_axes and (w := _lost(run)) is not None]
+    out += map(_lost, fit.lost)
     if fit.mirrored:
         text = (
             "the readings follow the reference only as a mirror image: an axis of the sensor or of the reference has the wrong "
@@ -49,33 +49,17 @@ def check(session: Session) -> list[Warning]:
     return out
 
 
-def _lost(run: Run) -> Warning | None:
-    """``reference_jumps`` for stretches in which the reference and the readings show different motions.
-
-    They differ by most of the larger of the two, and by far more than in the rest of the run. Readings near the end of their
-    range do not count.
-    """
-    true_dps = np.column_stack([run.about(axis).rate_dps for axis in AXES])
-    y = run.gyro_dps
-    known = run.reached & np.all(np.abs(y) < POLICY.near_end * np.abs(y).max(axis=0), axis=1)
-    apart, size = np.zeros(len(run)), np.linalg.norm(y, axis=1)
-    apart[known] = np.linalg.norm(true_dps[known] - y[known], axis=1)
-    size[known] = np.maximum(size[known], np.linalg.norm(true_dps[known], axis=1))
-    usual = float(np.median(apart[known])) if known.any() else 0.0
-    lost = known & (apart > POLICY.lost_part * size) & (apart > POLICY.lost_times * usual) & (apart > POLICY.lost_dps)
-    start = np.flatnonzero(np.diff(lost, prepend=False) & lost)
-    length = np.flatnonzero(np.diff(lost, append=False) & lost) + 1 - start
-    times = start[length >= POLICY.lost_samples]
-    if not times.size:
-        return None
-    at_s = ", ".join(f"{run.t_s[i]:.1f}" for i in times[:TOLD]) + (" ..." if times.size > TOLD else "")
+def _lost(found: Lost) -> Warning:
+    """``reference_jumps`` for stretches in which the reference and the readings show different motions."""
+    times = found.starts_s
+    at_s = ", ".join(f"{t:.1f}" for t in times[:TOLD]) + (" ..." if times.size > TOLD else "")
     stretches = "one stretch" if times.size == 1 else f"{times.size} stretches"
     text = (
-        f"the reference and the readings differ by up to {apart[lost].max():.3g} dps in {stretches}, {lost.mean():.1%} of the "
-        f"run (at {at_s} s), and usually by {usual:.2g} dps. The tracker seems to have lost the sensor: leave the reference's "
-        "cells empty there, or cut the run"
+        f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {stretches} (at {at_s} s), and usually "
+        f"by {found.usual_dps:.2g} dps. The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, "
+        "are left out. Check markers and tracking"
     )
-    return Warning("reference_jumps", None, run.file, text)
+    return Warning("reference_jumps", None, found.file, text)
 
 
 def _noise_unknown(session: Session) -> list[Warning]:

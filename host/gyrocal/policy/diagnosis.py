@@ -111,6 +111,14 @@ class Diagnosis:
         larger="a variable of few steps is reported although the picture of another shows more",
         smaller="time in the run is reported for every cause that changes smoothly in time",
     )  # fmt: skip
+    cancelled: float = threshold(
+        1.1, "size of one wave over that of all waves together, above which the waves cancel each other and none is told alone",
+        larger="a wave is told that no picture shows", smaller="the largest wave of a table is not told",
+    )  # fmt: skip
+    more_as_line: float = threshold(
+        1.2, "energy of a line in all runs over that of a wave in the runs that turn, from which on the line is told",
+        larger="a line of one frequency is told as a wave of the table", smaller="a wave of the table is told as a line",
+    )  # fmt: skip
     visible: float = threshold(
         0.5, "fraction of the residual's mean square that follows a variable, from which on an excess is reported against it",
         larger="an excess that a picture shows is said to have no shape", smaller="noise names the variable of an excess",
@@ -124,6 +132,12 @@ class Diagnosis:
         0.15, "relative excess of a band's power over that of its neighbours from which on it is a bump",
         larger="tones that wander are not detected", smaller="the knee of a sensor's low-pass filter counts as a tone",
         chosen_by="pytest tests/diagnosis/test_whiteness.py (a second-order low-pass at 33 Hz is no bump)",
+    )  # fmt: skip
+    white_beyond: float = threshold(
+        0.1, "scatter of samples within blocks, relative to that of white noise with the density of the fastest block means, "
+        "from which on the knee of a low-pass lies above 5 Hz",
+        larger="sessions behind a low-pass are not searched for humps", smaller="the knee of a low-pass counts as a hump",
+        chosen_by="python benchmarks/null_noise.py: 0.01 to 0.03 behind 5 Hz, 0.2 and more behind 12 Hz",
     )  # fmt: skip
     bands: int = threshold(
         6, "number of frequency bands between drift and the block rate in which power is compared with the noise",

@@ -111,6 +111,15 @@ class Plausibility:
         3, "samples of the shortest such stretch", larger="short losses are not reported",
         smaller="single wrong readings are called a lost reference", chosen_by=REFERENCES,
     )  # fmt: skip
+    lost_beside_s: float = threshold(
+        0.1, "time on either side of such a stretch that is left out with it, s", larger="short runs lose much of themselves",
+        smaller="the smoothed reference beside a loss is fitted", chosen_by=REFERENCES,
+    )  # fmt: skip
+    lost_most: float = threshold(
+        0.3, "part of a run above which it is not clear whether the reference or the sensor is wrong, and all is used",
+        larger="a sensor that fails is fitted where it works", smaller="a tracker that often fails spoils the fit",
+        chosen_by=REFERENCES,
+    )  # fmt: skip
     near_end: float = threshold(
         0.98, "part of an axis's largest reading from which on a reading does not count here, because it may be clipped",
         larger="clipping is called a lost reference", smaller="losses in fast motions are not reported",

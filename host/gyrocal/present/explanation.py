@@ -5,10 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from gyrocal.diagnosis.comparison import Comparison
+from gyrocal.diagnosis.drawn import described, most_visible_of
 from gyrocal.diagnosis.explain import Explanation, Open, Step
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.probes import of_session
 from gyrocal.present import page, report
 from gyrocal.present.output import mdps, stdout, table
+from gyrocal.recording.session import AXES
 from gyrocal.variables.base import variables
 
 if TYPE_CHECKING:
@@ -70,7 +76,12 @@ def open_words(one: Open) -> str:
 def conclusion(e: Explanation) -> str:
     """The verdict on the final model in one or two sentences."""
     if e.verdict == "add" and e.last.best is not None:
-        return f"Stopped after {len(e.steps)} steps; {e.last.best.effect.id} on {e.last.best.axis} is still missing."
+        best = f"{e.last.best.effect.id} on {e.last.best.axis}"
+        steps = "1 step" if len(e.steps) == 1 else f"{len(e.steps)} steps"
+        if e.limited:
+            return f"Stopped after {steps}, as many as were allowed; {best} is still missing."
+        left = "What is left over is not noise alone."
+        return f"{left} It resembles {best}, but the error of held-out data does not fall with it."
     if e.verdict == "adequate" and not e.steps:
         return "Nothing is missing: what is left over is noise."
     if e.verdict == "adequate":
@@ -100,14 +111,16 @@ def write_explanation(path: Path, e: Explanation) -> None:
     steps = [
         {"title": f"{named(s)} on {', '.join(s.axes)}", "before": excess(s, s.excess_before),
          "after": excess(s, s.excess_after), "unit": unit(s), "remark": remark(s), "causes": _causes(s),
-         "picture": _data(evidence(s))}
+         "shown": shown(removed(s)), "picture": _data(evidence(s))}
         for s in e.steps
     ]  # fmt: skip
+    last = e.last.comparison
+    remains = last.where[0] if last.where else None
     text = page.render(
         "present/explanation.html", page.name_of(start.fit.session), conclusion(e), e.verdict == "adequate",
         e.last.comparison.warnings, overview=overview, steps=steps, left=[open_words(one) for one in e.left],
         levels=report.level_rows(e.last.comparison), parameters=report.parameter_rows(e.last.comparison),
-        model=", ".join(e.model.ids),
+        model=", ".join(e.model.ids), remains=shown(remains), remains_picture=_data(picture(last, remains)),
     )  # fmt: skip
     page.write(path, text)
 
@@ -119,15 +132,47 @@ def _causes(step: Step) -> list[str]:
 
 
 def evidence(step: Step) -> Figure | None:
-    """The residual before and after a step, against the variable of the strongest finding that the step removed."""
+    """The residual before and after a step, against the variable that what the step removed follows."""
+    return picture(step.before, removed(step), step.after)
+
+
+def picture(before: Comparison, finding: Finding | None, after: Comparison | None = None) -> Figure | None:
+    """The picture of a finding; None without one."""
     from gyrocal.present import pictures
 
-    finding = removed_finding(step)
     if finding is None:
         return None
     if variables()[finding.against].picture == "spectrum":
-        return pictures.spectra(step.before)
-    return pictures.residual_against(step.before, finding, step.after)
+        return pictures.spectra(before)
+    return pictures.residual_against(before, finding, after)
+
+
+def shown(finding: Finding | None) -> str:
+    """A finding as a sentence; empty without one."""
+    if finding is None:
+        return ""
+    return f"The residual on {finding.axis} shows it against {finding.against.replace('_', ' ')}: {finding.note}."
+
+
+def removed(step: Step) -> Finding | None:
+    """What a step removed from the residual as it is drawn, on its axis with most of it; without a variable, as a finding."""
+    old, new = step.before.fit.axes, step.after.fit.axes
+    taken = {
+        axis: np.concatenate([
+            old[axis].block_residuals(i) - new[axis].block_residuals(i) for i in range(len(old[axis].design.blocks))
+        ])
+        for axis in step.axes if axis in old and axis in new
+    }  # fmt: skip
+    if not taken:
+        return removed_finding(step)
+    axis = max(taken, key=lambda a: float(np.var(taken[a])))
+    on_axis = of_session(step.before.fit.session, AXES.index(axis))
+    followed = most_visible_of(old[axis], taken[axis], [(against, shape) for against, shapes in on_axis for shape in shapes])
+    if followed is None:
+        return removed_finding(step)
+    against, shape = followed
+    amplitude_dps, note = described(old[axis], shape)
+    return Finding(axis, against, 0.0, 1.0, amplitude_dps, note, shape)
 
 
 def removed_finding(step: Step) -> Finding | None:

@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 PIPE_WIDTH = 140
-stdout = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else PIPE_WIDTH)
-stderr = Console(stderr=True, highlight=False)
+stdout = Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else PIPE_WIDTH)
+stderr = Console(stderr=True, highlight=False, markup=False)
 
 
 def emit(value: Any) -> None:

@@ -17,7 +17,7 @@ from gyrocal.inference import heldout
 from gyrocal.noise.allan import allan_deviation, model_deviation
 from gyrocal.recording.session import AXES, Array
 from gyrocal.variables.base import Variable, variables
-from gyrocal.variables.shapes import ShapeOfEachRun, Steps
+from gyrocal.variables.shapes import Columns, ShapeOfEachRun, Steps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,15 +62,17 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
     """Residual of the finding's axis against the finding's variable; None if the variable has no values (a frequency).
 
     Dots are one-second means. The line is the mean over steps that contain equally many dots. A residual that grows with the
-    rate is shown as a fraction of it. A periodic variable (a turn) is folded at its period. If the phase differs from run to
-    run, there is one line for each run. ``after`` is a comparison with a richer model, whose residual is drawn on top.
+    rate is shown as a fraction of it, one in proportion to a quantity against that quantity. A periodic variable (a turn) is
+    folded at its period. If the phase differs from run to run, there is one line for each run. ``after`` is a comparison with a
+    richer model, whose residual is drawn on top.
     """
     variable = variables()[finding.against](comparison.fit.session.about(finding.axis).runs)
     of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
     each_run = variable.period is not None and isinstance(finding.shape, ShapeOfEachRun)
+    own = finding.shape if isinstance(finding.shape, Columns) and finding.shape.label else None
     figure, axes = framed(8, 3.2)
     for drawn, colour, line in ((comparison, AXIS_COLOURS[finding.axis], "black"), (after, GREY, PURPLE)):
-        points = [] if drawn is None else _means(drawn, variable, AXES.index(finding.axis))
+        points = [] if drawn is None else _means(drawn, variable, AXES.index(finding.axis), own)
         if of_rate:
             points = [run[np.abs(run[:, 2]) > LEAST_RATE_DPS] for run in points]
         if not any(run.size for run in points):
@@ -85,38 +87,41 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
             x = np.abs(x) if each_run else x % variable.period
         for part in np.split(np.arange(x.size), np.cumsum([len(run) for run in shown])[:-1]):
             axes.plot(x[part], y[part], color=colour, **style)
+        if each_run and after is not None:
+            axes.plot([], [], color=colour, label="before" if drawn is comparison else "after")
         if each_run and variable.period is not None:
             axes.set_xlim(0, PERIODS_SHOWN * variable.period)
         else:
             order = [k for k in np.array_split(np.argsort(x), STEPS_SHOWN) if k.size]
             label = "mean before" if drawn is comparison else "mean after"
             axes.plot([x[k].mean() for k in order], [y[k].mean() for k in order], "o-", color=line, ms=4, lw=1.2, label=label)
-            if after is not None:
-                axes.legend(frameon=False, fontsize=9)
+        if after is not None:
+            axes.legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     axes.axhline(0.0, color=GREY, lw=0.8)
-    label = variable.label(finding.axis if variable.components else "")
+    label = own.label if own else variable.label(finding.axis if variable.components else "")
     axes.set(
-        xlabel=f"{label}{f', from the start of each run; the first {RUNS_SHOWN}' if each_run else ''}",
+        xlabel=f"{label}{f', from the start of each run; the first {RUNS_SHOWN} runs' if each_run else ''}",
         ylabel=f"measured - model, {'ppm of the rate' if of_rate else 'mdps'}", title=f"Residual on {finding.axis}",
     )  # fmt: skip
     return figure
 
 
-def _means(comparison: Comparison, variable: Variable, axis: int) -> list[Array]:
+def _means(comparison: Comparison, variable: Variable, axis: int, own: Columns | None) -> list[Array]:
     """One-second means (a quarter of a second for a periodic variable) of each run that has the variable.
 
-    Each has the shape [m, 3]: the variable (its component along the axis if it has components), the residual (mdps) and the
+    Each has the shape [m, 3]: the variable (its component along the axis if it has components; the first of ``own`` if given,
+    in means of 0.1 s, because it changes fast), the residual (mdps) and the
     true rate about the axis (deg/s).
     """
-    per_second = 1 if variable.period is None else 4
+    per_second = 10 if own else 1 if variable.period is None else 4
     blocks = {b.run.index: b for b in comparison.fit.blocks}
     out = []
     for p in heldout.fitted(comparison.fit):
-        values = variable.values(p.run, axis) if p.axis == axis else None
-        if values is None:
+        found = (own.of(p.run) if own else variable.values(p.run, axis)) if p.axis == axis else None
+        if found is None:
             continue
         b = blocks[p.run.index]
-        x = values[:, axis] if variable.components else values
+        x = found[:, 0] if own else found[:, axis] if variable.components else found
         means = b.mean(np.column_stack([x, p.residual_dps * 1e3, rate_about(p.run, axis)]))
         step = np.floor((b.t_s - p.run.t_s[0]) * per_second)
         out.append(np.array([means[step == k].mean(axis=0) for k in np.unique(step)]))
@@ -184,11 +189,11 @@ def waterfall(labels: Sequence[str], excess_dps: Sequence[float], floor_dps: flo
         if i and values[i - 1] > value:
             axes.barh(i, values[i - 1] - value, left=value, color=BLUE, alpha=0.2, height=0.6)
         axes.text(max(value, values[i - 1] if i else value), i, f"  {value:.2f}", va="center", fontsize=9)
-    axes.axvline(floor_dps * 1e3, color=ORANGE, lw=1, ls="--", label="noise floor")
-    axes.set(yticks=range(len(labels)), yticklabels=labels, xlabel="rms of the held-out error beyond the noise floor, mdps")
+    axes.axvline(floor_dps * 1e3, color=ORANGE, lw=1, ls="--", label="the noise floor itself")
+    axes.set(yticks=range(len(labels)), yticklabels=labels, xlabel="held-out excess error over the noise floor, mdps")
     axes.invert_yaxis()
     axes.margins(x=0.12)
-    axes.legend(frameon=False, fontsize=9, loc="lower right")
+    axes.legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
 
 

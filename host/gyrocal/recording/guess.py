@@ -5,18 +5,28 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.recording.column_map import STANDARD_GRAVITY, TARGETS, ColumnMap, Scaling
 from gyrocal.recording.session import AXES, Array
-from gyrocal.recording.source import Source
+from gyrocal.recording.source import Source, moments_ns
 from gyrocal.recording.stamps import period_s
 
-TIME = r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|seconds|secs?|millis|micros|clock|zeit|all_time"
-GYRO = r"gyro(?:scope)?s?|gyrs?|gyr_rad_s|g|w|omega|angular_?velocity|angular_?rate|w_rs_s|imu\.gyro|rotation_?rate|all_gyro_2"
-ACCELERATION = r"acc|accel|accelerometer|acceleration|a|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2"
+TIME = (
+    r"t|time|stamp|timestamp|timestamps|header\.stamp|time_?stamp|date_?time|seconds|secs?|millis|micros|clock|zeit|all_time|"
+    r"sampletimefine|timestamp_unix"
+)
+GYRO = (
+    r"gyro(?:scope)?s?|gyro_?adc|gyrs?|gyr_rad_s|g|gy|w|omega|angular_?velocity|angular_?rate|w_rs_s|imu\.gyro|rotation_?rate|"
+    r"all_gyro_2|drehrate"
+)
+ACCELERATION = (
+    r"acc|accel|accelerometer|acceleration|acc_?smooth|accel_[lw][nr]|a|ac|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2|"
+    r"beschleunigung"
+)
 TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:erature)?"
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
 TRACKER = r"ref|reference|truth|gt|ground_?truth|vicon|optitrack|mocap|qualisys|optical"
@@ -35,8 +45,11 @@ UNIT_WORDS = {
 }  # fmt: skip
 """Words in a column's name that state its unit."""
 TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
+TICK_S = 5e-4
+"""Counts of an Xsens clock that would be shorter steps than this as microseconds are of 0.1 ms."""
 RATES_HZ = (5.0, 20_000.0)
 """Sample rates that gyroscopes are read at."""
+PHONE = "phones write rad/s"
 LARGEST_RAD_S = 35.0
 """Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
 COUNTS_ABOVE = 100.0
@@ -63,7 +76,11 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
     found = {name: Guess(f"{name}={name}", "its name") for name in exact}
     if "t_s" not in found:
         _add(found, _time(source))
-    gyro = [n for a in axes if f"g{a}_dps" not in found and (n := _named(source, GYRO, a))]
+    named = {axis: _named(source, GYRO, axis) for axis in axes}
+    phone = not any(named.values()) and "gyro" in Path(source.label).name.lower()
+    if phone:  # Gyroscope.csv of a phone: time, x, y, z
+        named = {axis: next((n for n in source.frame.columns if n.lower() == axis), None) for axis in axes}
+    gyro = {axis: name for axis, name in named.items() if name is not None and f"g{axis}_dps" not in found}
     acceleration = [_named(source, ACCELERATION, a) for a in AXES]
     acceleration_names = [n for n in acceleration if n is not None] if "ax_g" not in found else []
     si = False
@@ -73,11 +90,9 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
         for axis, name in zip(AXES, acceleration_names, strict=True):
             _add(found, Guess(f"a{axis}_g={name}{unit}", why))
     if gyro:
-        unit, why = _unit_of_gyro(source, gyro, si, scaling)
-        for axis in axes:
-            gyro_name = _named(source, GYRO, axis)
-            if gyro_name is not None and f"g{axis}_dps" not in found:
-                _add(found, Guess(f"g{axis}_dps={gyro_name}{unit}", why))
+        unit, why = _unit_of_gyro(source, list(gyro.values()), "the accelerometer is in m/s2" if si else PHONE * phone, scaling)
+        for axis, name in gyro.items():
+            _add(found, Guess(f"g{axis}_dps={name}{unit}", why))
     if not any(f"g{a}_dps" in found for a in AXES):
         raise InputError(
             f"{source.label}: no gyroscope is recognized among {', '.join(source.frame.columns[:40])}; say which columns to "
@@ -112,7 +127,8 @@ def _named(source: Source, words: str, axis: str) -> str | None:
     for name in source.frame.columns:
         bare, _ = _bare(name)
         units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
-        named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}"
+        kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
+        named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
         if re.fullmatch(named, bare):
             return name
     return None
@@ -136,16 +152,20 @@ def _time(source: Source) -> Guess | None:
     for name in source.frame.columns:
         bare, _ = _bare(name)
         units = "|".join(UNIT_WORDS["t_s"].values())
-        if not re.fullmatch(rf"(?:.*[/._ ])?(?:{TIME})(?:[ _.-]?(?:{units}))?", bare):
+        if not re.fullmatch(rf"(?:.*[/._ ])?(?:{TIME})(?:[ _.-]?cal)?(?:[ _.-]?(?:{units}))?", bare):
             continue
         t_s = source.numbers(ColumnMap("t_s", name))
         t_s = t_s[np.isfinite(t_s)]
         if t_s.size < 3 or t_s[-1] <= t_s[0]:
             continue
         stated = _stated_unit(name, "t_s")
+        if moments_ns(source.frame[name]) is not None:
+            return Guess(f"t_s={name}", "dates or times of day")
         if stated is not None:
             return Guess(f"t_s={name}:{stated}", "the unit is in its name")
         step = period_s(np.maximum.accumulate(t_s[:2000]))
+        if bare == "sampletimefine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
+            return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
         for unit, size in TIME_UNITS:
             if step > 0 and RATES_HZ[0] <= 1 / (step * size) <= RATES_HZ[1]:
                 return Guess(f"t_s={name}:{unit}", f"its steps make {1 / (step * size):.4g} samples a second")
@@ -168,8 +188,8 @@ def _unit_of_acceleration(source: Source, names: Sequence[str]) -> tuple[str, st
     return f"/{size:.6g}" if size > 0 else "", f"its size, {size:.6g}, is taken for 1 g"
 
 
-def _unit_of_gyro(source: Source, names: Sequence[str], si: bool, scaling: Scaling) -> tuple[str, str]:
-    """The unit as ``--map`` writes it. ``si``: the accelerometer is in m/s2, and its maker thinks in SI units."""
+def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scaling) -> tuple[str, str]:
+    """The unit as ``--map`` writes it. ``si`` says why its maker thinks in SI units; empty if nothing says so."""
     stated = _stated_unit(names[0], "gyro")
     if stated is not None or source.si:
         return f":{stated or 'rad/s'}", "the unit is in its name" if stated else "messages of this kind are in rad/s"
@@ -187,7 +207,7 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: bool, scaling: Scali
     if largest > LARGEST_RAD_S:
         return ":dps", f"readings up to {largest:.4g} are too large for rad/s"
     if si:
-        return ":rad/s", f"readings up to {largest:.4g}, and the accelerometer is in m/s2; deg/s is possible too"
+        return ":rad/s", f"readings up to {largest:.4g}, and {si}; deg/s is possible too"
     return ":dps", f"readings up to {largest:.4g}; rad/s is possible too"
 
 

@@ -89,12 +89,15 @@ class SessionFile(BaseModel):
         return self
 
 
+WHAT_IT_IS = "a session is a folder with session.toml and a table a run"
+
+
 def read_header(folder: Path) -> SessionFile:
     """Parse and check ``session.toml``."""
     path = folder / "session.toml"
     if folder.is_file():
-        raise InputError(f"{folder}: not a folder; a session is a folder with session.toml and a table a run")
-    raw = read_toml(path, "no such file; a session is a folder with session.toml and a table a run")
+        raise InputError(f"{folder}: not a folder; {WHAT_IT_IS}; `gyrocal import` makes one of a recording")
+    raw = read_toml(path, f"no such file; {WHAT_IT_IS}, as `gyrocal import`, `record` and `simulate` make", "a session")
     if raw.get("format") != FORMAT:
         raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")
     try:

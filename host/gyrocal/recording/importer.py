@@ -298,7 +298,7 @@ def _run(
     start = _place(table, cut.start, 0)
     end = _place(table, cut.end, table.entry.size)
     if not 0 <= start < end <= table.entry.size or end - start < 2:
-        raise InputError(f"{source.label}: run {cut.name}: its rows do not hold two samples of {height}")
+        raise InputError(f"{source.label}: run {cut.name}: it must hold two samples at least, and the table has {height} rows")
     columns = {name: values[start:end] for name, values in table.columns.items()}
     file = f"{cut.name}.csv"
     t_s = columns["t_s"]

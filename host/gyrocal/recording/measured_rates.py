@@ -55,6 +55,10 @@ class MeasuredRates:
         """True if the reference measures the rate about three axes."""
         return self.rates_dps.shape[1] == 3
 
+    def without(self, samples: Mask) -> MeasuredRates:
+        """The rates without those of some samples [n]."""
+        return replace(self, rates_dps=np.where(samples[:, None], np.nan, self.rates_dps))
+
     @cached_property
     def known(self) -> Mask:
         """True for the samples [n] that have a reference."""

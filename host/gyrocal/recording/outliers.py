@@ -16,6 +16,8 @@ from gyrocal.recording.session import Array
 NEIGHBOURS = 7
 """Neighbours with which a reading is compared: their median, and the means of those at equal distances on both sides."""
 STANDS_OUT = POLICY.outlier_spreads
+ROBUST = 1.4826
+"""Standard deviation over median absolute deviation of a normal distribution."""
 
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
@@ -27,8 +29,11 @@ def outliers(y_dps: Array, step_dps: float) -> tuple[Index, Array]:
     nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
     if y_dps.size < 3 * NEIGHBOURS:
         return nothing
-    apart = y_dps - median_filter(y_dps, NEIGHBOURS, mode="nearest")
     level = y_dps - between(y_dps)
+    least = ROBUST * float(np.median(np.abs(level)))
+    if not np.any(np.abs(level) > STANDS_OUT * least + step_dps):  # no larger spread finds more
+        return nothing
+    apart = y_dps - median_filter(y_dps, NEIGHBOURS, mode="nearest")
     spread = spread_of(level, apart, step_dps)
     nearer = np.where(np.abs(apart) < np.abs(level), apart, level)  # the one is blind to slopes, the other to steps
     rows = np.flatnonzero(np.abs(nearer) > STANDS_OUT * spread + step_dps) if spread > 0 else nothing[0]
@@ -39,7 +44,7 @@ def spread_of(level: Array, apart: Array, step_dps: float) -> float:
     """Standard deviation of the noise about a reading's neighbours, deg/s, not affected by outliers."""
     from scipy.special import ndtri
 
-    spread = 1.4826 * float(np.median(np.abs(level)))
+    spread = ROBUST * float(np.median(np.abs(level)))
     moved = float(np.mean(np.abs(apart) > step_dps / 2))
     if step_dps > 0 and 0 < moved < 0.5:  # coarse counts: the noise that takes so many over the edge of a count at the least
         spread = max(spread, step_dps / 2 / -float(ndtri(moved / 2)))

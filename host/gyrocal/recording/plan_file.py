@@ -73,7 +73,7 @@ class PlannedRuns:
     def open(path: str | Path) -> PlannedRuns:
         """Read a plan. Raises InputError, which names the file and what is wrong."""
         path = Path(path)
-        raw = read_toml(path, f"no such plan; `gyrocal plan SESSION --out {path}` makes one")
+        raw = read_toml(path, f"no such plan; `gyrocal plan SESSION --out {path}` makes one", "a plan")
         if raw.get("format") != FORMAT:
             raise InputError(f"{path}: format is {raw.get('format')!r}, this version reads {FORMAT!r}")
         try:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError
+from gyrocal.recording.lost import lost
 from gyrocal.recording.measured_rates import MeasuredRates
 from gyrocal.recording.registration import (
     ReferenceParameter,
@@ -47,6 +48,8 @@ AMBIGUOUS = 3.0
 """Another offset is an alternative if its mean square exceeds the best one's by less than this many of its standard errors."""
 WORSE = 0.5
 """A reference is too late if a later offset leaves less than this part of what the best allowed one leaves."""
+CAUCHY = 2.4
+"""Scale of Cauchy's loss in medians of the difference: 95 % efficient for Gaussian noise."""
 NOISE_ERRORS = 10.0
 """Products of readings and reference below this many standard errors of white noise show no rotation."""
 ROTATIONS = 5
@@ -68,7 +71,10 @@ def registered(session: Session) -> Session:
         return session
     search = _Search([_Reading.of(r) for r in _thinned(runs)])
     fit = search.fit(own_clock)
-    return replace(session.with_runs(r.registered(fit.registration) for r in session.runs), registration_fit=fit)
+    moved = [r.registered(fit.registration) for r in session.runs]
+    gone = {found.file: found for r in moved if r.three_axes and (found := lost(r)) is not None}
+    seen = [r.without_reference(gone[r.file].samples) if r.file in gone else r for r in moved]
+    return replace(session.with_runs(seen), registration_fit=replace(fit, lost=tuple(gone.values())))
 
 
 def _thinned(runs: Sequence[Run]) -> list[tuple[Run, int]]:
@@ -167,6 +173,7 @@ class _Search:
         drifts = own_clock and self.longest_s >= FIRST_S
         if own_clock:
             best, alternatives = self._timed(drifts)
+        best = self.trial(best.offset_s, best.drift, self.longest_s, robust=True)
         turning = best.cross.shape[0] == 3
         rotation, mirrored = best.rotation() if turning else (np.eye(3), False)
         registration = Registration(rotation_deg(rotation), best.offset_s, best.drift)
@@ -193,8 +200,11 @@ class _Search:
             span_s = min(2 * span_s, self.longest_s)
         return best, tuple(sorted(o for o in others if abs(o) <= LATEST_S))
 
-    def trial(self, offset_s: float, drift: float, span_s: float) -> _Trial:
-        """Least squares of the readings on the reference, with an offset of each run, over ``span_s`` about the motion."""
+    def trial(self, offset_s: float, drift: float, span_s: float, *, robust: bool = False) -> _Trial:
+        """Least squares of the readings on the reference, with an offset of each run, over ``span_s`` about the motion.
+
+        ``robust``: samples that lie far off count less (Cauchy's loss), as where a tracker lost the sensor.
+        """
         a = self.readings[0].y_dps.shape[1]
         parts = []
         for r in self.readings:
@@ -209,6 +219,14 @@ class _Search:
         y, w, slope, late = (np.concatenate([p[i] for p in parts]) for i in range(4))
         found = np.linalg.lstsq(w, y, rcond=None)[0]
         left = y - w @ found
+        if robust:
+            for _ in range(ROUNDS):
+                off = np.linalg.norm(left, axis=1)
+                root = 1 / np.hypot(1.0, off / (CAUCHY * np.median(off) + 1e-300))[:, None]
+                found = np.linalg.lstsq(root * w, root * y, rcond=None)[0]
+                left = y - w @ found
+            root = root / np.sqrt(np.mean(root**2))
+            y, w, left = root * y, root * w, root * left
         columns = np.stack([-(slope @ found), late @ found], axis=-1)  # by offset and by drift, [n, a, 2]
         columns = columns - columns.mean(axis=0)
         columns -= np.einsum("nk,kac->nac", w, np.linalg.lstsq(w, columns.reshape(len(w), -1), rcond=None)[0].reshape(-1, a, 2))

@@ -53,17 +53,31 @@ class ReferenceParameter(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Lost:
+    """The stretches of a run in which its reference shows another motion than the sensor: the samples [n]
+    in or beside them, where they begin, s, their part of the run, and how far both differ there and usually, deg/s."""
+
+    file: str
+    samples: np.ndarray[Any, np.dtype[np.bool_]]
+    starts_s: Array
+    part: float
+    largest_dps: float
+    usual_dps: float
+
+
+@dataclass(frozen=True)
 class RegistrationFit:
     """A registration that was estimated from the readings.
 
     ``alternatives_s`` are other offsets that fit a repeated motion as well. ``mirrored`` is True if the readings follow the
-    reference only as a mirror image.
+    reference only as a mirror image. The reference is left out in ``lost``.
     """
 
     registration: Registration
     parameters: tuple[ReferenceParameter, ...] = ()
     alternatives_s: tuple[float, ...] = ()
     mirrored: bool = False
+    lost: tuple[Lost, ...] = ()
 
 
 def rotation_deg(matrix: Array) -> tuple[float, float, float]:

@@ -69,6 +69,8 @@ class Run:
     """The timing of the reading relative to the reference; ``rate_dps`` is the true rate with this timing."""
     registration: Registration = field(default_factory=Registration)
     """The reference's frame and clock relative to the sensor's."""
+    lost: np.ndarray[Any, np.dtype[np.bool_]] | None = field(default=None, compare=False)
+    """True for the samples [n] whose reference is left out, because it shows another motion than the sensor's."""
 
     @property
     def axis_index(self) -> int:
@@ -174,7 +176,8 @@ class Run:
     @cached_property
     def measured_rates(self) -> MeasuredRates | None:
         """The reference in its own frame and by its own clock; None if the rate is not measured but known."""
-        return measured_rates(self.column, self.sample_s, self.file)
+        found = measured_rates(self.column, self.sample_s, self.file)
+        return found if found is None or self.lost is None else found.without(self.lost)
 
     @cached_property
     def reference_dps(self) -> Array | None:
@@ -201,6 +204,14 @@ class Run:
     def registered(self, registration: Registration) -> Run:
         """The run with its reference in another frame or by another clock."""
         return self if registration == self.registration else self._sharing(OF_FILE, registration=registration)
+
+    def without_reference(self, samples: np.ndarray[Any, np.dtype[np.bool_]]) -> Run:
+        """The run without the reference of some samples [n]."""
+        return self._sharing((name for name in OF_FILE if name != "measured_rates"), lost=samples)
+
+    def turning(self, *, table_rate_dps: float | None = None, turn_deg: float | None = None) -> Run:
+        """The run with another known rate of the table, deg/s, or another net turn, deg."""
+        return self._sharing(OF_FILE, table_rate_dps=table_rate_dps, turn_deg=turn_deg)
 
     def _sharing(self, names: Iterable[str], **changes: Any) -> Run:
         """A changed run that keeps what this one has read or computed under these names."""
@@ -313,6 +324,7 @@ class Run:
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
             table_rate_se_dps=self.table_rate_se_dps, reference=self.reference, smooth=self.smooth,
             registration=self.registration.from_later(float(self.sample_s[start] - self.sample_s[0])),
+            lost=None if self.lost is None else self.lost[start:stop],
         )  # fmt: skip
 
 

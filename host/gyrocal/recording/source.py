@@ -18,6 +18,8 @@ from gyrocal.recording.table import all_finite
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 TOO_LONG = "in a row of too many cells"
 """Stands in each cell of such a row: nobody knows which cell belongs to which column."""
+LOOKED_AT = 20
+"""Cells by which times written as text are recognized."""
 SHOWN_COLUMNS = 40
 """Names of columns that an error lists."""
 
@@ -43,34 +45,41 @@ class Source:
                 near = did_you_mean(name, self.frame.columns)
                 raise InputError(f"{self.label}: no column {name!r} among {shown}{near}")
 
+    def _column(self, mapping: ColumnMap) -> tuple[pl.Series, float]:
+        """The column and the factor to the target's unit. Dates with times, and times of day, are whole nanoseconds."""
+        column = self.frame[mapping.column]
+        moments = moments_ns(column) if mapping.target == "t_s" else None
+        return (column, mapping.factor) if moments is None else (moments, 1e-9)
+
     def row(self, entry: int) -> str:
         """The place of an entry in words."""
         return f"{self.label}: row {self.first_row + entry}"
 
     def numbers(self, mapping: ColumnMap) -> Array:
         """A column [n] in the target's unit; NaN for a cell without a finite number. Time counts from its first number."""
-        column = self.frame[mapping.column]
+        column, factor = self._column(mapping)
         if mapping.target == "t_s" and not column.dtype.is_float():
             whole = column.cast(pl.Int64, strict=False)
             if whole.null_count() == _as_float(column).null_count() and whole.null_count() < len(whole):
                 first = whole.drop_nulls()[0]  # nanoseconds since 1970 do not fit a float64
-                return _finite((whole - first).cast(pl.Float64)) * mapping.factor
+                return _finite((whole - first).cast(pl.Float64)) * factor
         values = _finite(_as_float(column))
         if mapping.target == "t_s":
             first = values[0] if values.size and np.isfinite(values[0]) else next(iter(values[np.isfinite(values)]), 0.0)
             values = values - first if first else values
-        if mapping.factor == 1.0 and mapping.offset == 0.0:
+        if factor == 1.0 and mapping.offset == 0.0:
             return values
-        return values * mapping.factor + mapping.offset
+        return values * factor + mapping.offset
 
     def start_s(self, mapping: ColumnMap) -> float:
         """The moment of the column's first number in the clock of the file, s, that :meth:`numbers` counts time from."""
-        known = _as_float(self.frame[mapping.column]).drop_nulls()
-        return float(known[0]) * mapping.factor if len(known) else 0.0
+        column, factor = self._column(mapping)
+        known = _as_float(column).drop_nulls()
+        return float(known[0]) * factor if len(known) else 0.0
 
     def has_text(self, mapping: ColumnMap) -> Booleans:
         """The entries [n] whose cell is neither a number nor stands for a missing one."""
-        column = self.frame[mapping.column]
+        column, _ = self._column(mapping)
         if column.dtype != pl.String or not (wrong := _as_float(column).is_null()).any():
             return np.zeros(len(column), dtype=bool)
         empty = column.str.to_lowercase().is_in(["", "nan", "null", "none", "n/a", TOO_LONG]).fill_null(True)
@@ -114,3 +123,19 @@ def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: 
     length = max(set(lengths), key=lambda n: (lengths.count(n), n))
     frame = pl.DataFrame({name: np.ascontiguousarray(a) for name, a in columns.items() if a.size == length})
     return Source(label or str(path), frame, si=si)
+
+
+def moments_ns(column: pl.Series) -> pl.Series | None:
+    """Dates with times, or times of day, as whole nanoseconds [n]; None if the column is none of these.
+
+    A time zone counts as UTC: only differences of time matter.
+    """
+    if column.dtype != pl.String:
+        return column.cast(pl.Datetime("ns")).cast(pl.Int64) if column.dtype == pl.Datetime else None
+    text = column.str.strip_chars().str.replace(r"(?:Z|[+-]\d\d:?\d\d)$", "")
+    if not text.drop_nulls().head(LOOKED_AT).str.contains(r"\d:\d\d:\d\d").any():
+        return None
+    try:
+        return text.str.to_datetime(time_unit="ns", strict=False).cast(pl.Int64)
+    except pl.exceptions.ComputeError:
+        return text.str.to_time("%H:%M:%S%.f", strict=False).cast(pl.Int64)

@@ -8,11 +8,9 @@ from functools import cache
 import numpy as np
 
 from gyrocal.policy import POLICY
-from gyrocal.recording.outliers import NEIGHBOURS, STANDS_OUT, between, outliers, spread_of
+from gyrocal.recording.outliers import NEIGHBOURS, ROBUST, STANDS_OUT, between, outliers, spread_of
 from gyrocal.recording.session import Array
 
-ROBUST = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution."""
 EDGES = np.linspace(0.0, STANDS_OUT, 161)
 FREEDOMS = np.array([1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 40.0, 100.0, 1e6])
 LEVELS = 5

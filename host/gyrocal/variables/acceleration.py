@@ -30,4 +30,4 @@ class Acceleration(Variable):
     def shapes(self, axis: int) -> list[Shape]:
         if all(r.acc_g is None for r in self.runs):
             return []
-        return [Columns(acceleration_g, len(AXES))]
+        return [Columns(acceleration_g, len(AXES), "in proportion to the acceleration")]

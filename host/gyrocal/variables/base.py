@@ -100,7 +100,7 @@ class Variable(ABC):
             return self.values(run, axis)
 
         times_rate = (False, True) if turns(self.runs, axis) else (False,)
-        return [Steps(values, edges, times, names) for times in times_rate]
+        return [Steps(values, edges, times, names, self.unit) for times in times_rate]
 
     @property
     def steps_between_runs(self) -> int:

@@ -34,4 +34,4 @@ class Level(Variable):
         if noise_dps > LARGEST_NOISE_DPS:
             return []
         edges = np.array([e for e in EDGES_DPS if e < 0.5 * largest_dps])
-        return [Steps(lambda run: self.values(run, axis), edges, times_rate=True)] if edges.size else []
+        return [Steps(lambda run: self.values(run, axis), edges, times_rate=True, unit=self.unit)] if edges.size else []

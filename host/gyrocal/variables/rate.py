@@ -41,12 +41,16 @@ class Rate(Variable):
 
     def shapes(self, axis: int) -> list[Shape]:
         edges = self._edges_dps(axis)
-        shapes: list[Shape] = [Steps(lambda run: self.values(run, axis), edges)] if edges.size else []
+        shapes: list[Shape] = (
+            [Steps(lambda run: self.values(run, axis), edges, unit=self.unit)] if edges.size else []
+        )
         speeds = self._speeds_dps(axis)
         if not edges.size and speeds.size > 1:  # too many rates for steps
-            shapes.append(Columns(lambda run: _even(self.values(run, axis), speeds), min(2, speeds.size - 1)))
+            even = "the same in both directions"
+            shapes.append(Columns(lambda run: _even(self.values(run, axis), speeds), min(2, speeds.size - 1), even))
         if rate_varies(self.runs, axis):
-            shapes.append(Columns(lambda run: _slope_dps_s(run, axis), 2))
+            words = "in proportion to the change of the rate"
+            shapes.append(Columns(lambda run: _slope_dps_s(run, axis), 2, words, "change of the rate, deg/s²"))
         if any(r.three_axes for r in self.runs):
             others = [name for name in AXES if name != AXES[axis]]
             words = f"like the rates about {' and '.join(others)}"

@@ -45,14 +45,17 @@ class ShapeOfEachRun(Shape):
 class Steps(Shape):
     """Indicator columns of the variable's steps, alone or times the true rate. Bias or scale describe the first step.
 
-    A run without the variable belongs to no step. ``names`` are those of the steps, if the edges do not tell what they are.
+    A run without the variable belongs to no step. ``unit`` is that of the edges; ``names`` are those of the steps, if the edges
+    do not tell what they are.
     """
 
     def __init__(
-        self, values: Callable[[Run], Array | None], edges: Array, times_rate: bool = False, names: Sequence[str] = ()
-    ) -> None:
+        self, values: Callable[[Run], Array | None], edges: Array, times_rate: bool = False, names: Sequence[str] = (),
+        unit: str = "",
+    ) -> None:  # fmt: skip
         self.values = values
         self.names = names
+        self.unit = unit
         self.edges = edges
         self.times_rate = times_rate
         self.stands_for = Role.SCALE if times_rate else Role.BIAS  # type: ignore[misc]
@@ -77,15 +80,30 @@ class Steps(Shape):
         return columns * true_rate_dps(run)[:, None] if axis == run.axis_index else np.zeros_like(columns)
 
 
+    def bends(self) -> Columns:
+        """Lines that bend at the edges. With the steps they are a curve that is a straight line within each step."""
+
+        def of(run: Run) -> Array | None:
+            found = self.values(run)
+            if found is None:
+                return None
+            lines = np.column_stack([found, *(np.maximum(found - edge, 0.0) for edge in self.edges)])
+            return lines * true_rate_dps(run)[:, None] if self.times_rate else lines
+
+        return Columns(of, self.edges.size + 1)
+
+
 class Columns(Shape):
     """``count`` functions of the variable, shape [n, count]. Each function has its own coefficient.
 
-    ``words`` says between what the residual differs, where the variable's name is not enough.
+    ``words`` says between what the residual differs, where the variable's name is not enough. ``label`` is the quantity and
+    unit of the first function, if a picture shows the residual against it and not against the variable.
     """
 
-    def __init__(self, of: Callable[[Run], Array | None], count: int, words: str = "") -> None:
+    def __init__(self, of: Callable[[Run], Array | None], count: int, words: str = "", label: str = "") -> None:
         self.of = of
         self.words = words
+        self.label = label
         self.linear = tuple(f"c{k}" for k in range(count))
 
     def lacks(self, run: Run) -> bool:
@@ -116,7 +134,8 @@ class Transient(ShapeOfEachRun):
 
     def words(self, sizes: Array) -> str:
         alike = len(sizes) > 1 and float(np.std(sizes)) < ALIKE * abs(float(np.mean(sizes)))
-        return f"dying away from the start, of {'much the same' if alike else 'another'} size in each run"
+        size = "much the same" if alike else "another"
+        return f"at the start of a run, dying away with a time constant of about {self.tau_s:g} s, of {size} size in each run"
 
     def __init__(self, tau_s: float) -> None:
         self.tau_s = tau_s

@@ -22,6 +22,7 @@ from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
+from gyrocal.web.budget import of_answers
 from gyrocal.web.doubt import doubts
 from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
@@ -135,7 +136,7 @@ class Bench:
                 found = calibrate(session, None, None, self._model(list(models.values())[-1]))
             except InputError as error:
                 return CalibrationView([], {}, f"No answer: {str(error).removeprefix(f'{session.path}: ')}.")
-            return CalibrationView(_estimates(found), {}, UNPAIRED)
+            return CalibrationView(_estimates(found), {}, UNPAIRED, of_answers(found))
         spans = [s for s in DEFAULT_SECONDS if s < 0.9 * longest_s]
         best = self._model(list(models.values())[-1])
         warnings = check(session, best)
@@ -149,7 +150,7 @@ class Bench:
         for name, toml in models.items():
             by_method[name] = calibrate(session, spans, ["model"], self._model(toml), warnings)
         errors = {name: _errors(found, whole) for name, found in by_method.items() if found}
-        return CalibrationView(_estimates(answers), errors)
+        return CalibrationView(_estimates(answers), errors, budget=of_answers(answers))
 
     def verify(self, network: Path | None, progress: Progress) -> dict[str, Any]:
         """Verify the C network of an export's folder, or the shipped one, against onnxruntime."""

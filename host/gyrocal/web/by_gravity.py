@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.web.budget import Budget, of_gravity
+
 if TYPE_CHECKING:
     from gyrocal.gravity.scene import Scene
     from gyrocal.recording.session import Session
@@ -32,12 +34,14 @@ class GravityView:
     movements: list[list[str]]
     """File, start, the axis mainly turned about, the angle in deg by gyroscope and accelerometer's gravity, what is left."""
     estimates: list[dict[str, Any]]
+    budgets: tuple[Budget, ...]
     picture: str = field(repr=False)
     """Readings with the rests marked, as a data address."""
 
 
 def look(folder: Path, progress: Callable[[str], None]) -> GravityView:
     """Compare the default model with a session by gravity. Raises InputError where its rests are too few."""
+    from gyrocal.gravity.budget import budget
     from gyrocal.gravity.calibrate import calibrate
     from gyrocal.gravity.compare import compare, residual_table
     from gyrocal.present.gravity import headline
@@ -50,7 +54,9 @@ def look(folder: Path, progress: Callable[[str], None]) -> GravityView:
     scene = found.fit.scene
     rows = [*(angle_row(f"about {axis}", v) for axis, v in found.per_axis.items()), angle_row("all", found.pooled)]
     progress("scale and bias")
-    estimates = [e.to_json() for e in calibrate(session, None, None, None).estimates]
+    calibrated = calibrate(session, None, None, None)
+    estimates = [e.to_json() for e in calibrated.estimates]
+    budgets = of_gravity([row for fitted in calibrated.fits.values() for row in budget(fitted)])
     angles = ("measured_deg", "modelled_deg", "residual_deg")
     left = [
         [r["file"], f"{r['t_s']:.1f}", r["axis"], *(f"{r[name]:.3f}" for name in angles)]
@@ -58,7 +64,8 @@ def look(folder: Path, progress: Callable[[str], None]) -> GravityView:
     ]
     progress("drawing")
     return GravityView(
-        folder, found.to_json(), headline(found), rows, _rests(session, scene), left, estimates, _picture(session, scene)
+        folder, found.to_json(), headline(found), rows, _rests(session, scene), left, estimates, budgets,
+        _picture(session, scene),
     )
 
 

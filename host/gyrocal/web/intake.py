@@ -29,6 +29,8 @@ class Asked:
     sample_rate_hz: float | None = None
     lsb_dps: float | None = None
     sensor: str | None = None
+    gravity: bool = False
+    """True if the sensor was turned by hand between rests, so that no rate is known."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ def _read(file: Path, asked: Asked) -> Imported:
     facts = {"face": asked.face, "table_rate_dps": asked.table_rate_dps}
     return read_recording(file, Options(
         maps=asked.maps, defaults={key: value for key, value in facts.items() if value is not None}, axis=asked.axis,
-        scaling=Scaling(asked.sample_rate_hz, asked.lsb_dps), sensor=asked.sensor,
+        scaling=Scaling(asked.sample_rate_hz, asked.lsb_dps), sensor=asked.sensor, gravity=asked.gravity,
     ))  # fmt: skip
 
 

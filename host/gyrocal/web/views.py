@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gyrocal.web.budget import Budget
     from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
@@ -190,6 +191,7 @@ class CalibrationView:
     errors: dict[str, dict[float, tuple[float, float]]]
     """{method: {seconds: (scale, bias_dps)}}: mean absolute difference over the power cycles."""
     note: str = ""
+    budget: Budget | None = None
 
 
 @dataclass(frozen=True)

@@ -135,12 +135,14 @@ def _record(setup: Setup, run: int, drift: Array, random: np.random.Generator) -
         analogue += added
     reading, changes = chip.digitise(case, analogue, setup.lsb_dps, random)
 
+    # the encoder's rate and angle reach the reading's time through one filter, so that neither shows the chip's delay
+    angle_deg = setup.chip.low_pass(moved.angle_deg)[index] if plan.moves else moved.angle_deg[index]
     columns = {"t_s": t_s} | {f"g{name}_dps": reading[i] for i, name in enumerate(AXES)}
     columns |= _other_columns(case, world, t_s, index, random)
     if plan.moves:
         columns["rate_ref_dps"] = rate + case.reference_sd_dps * random_of(case, "reference", run).standard_normal(n)
     if case.table_angle:
-        columns["table_angle_deg"] = moved.angle_deg[index]
+        columns["table_angle_deg"] = angle_deg
     return RunTruth(
         file=f"{run:03d}_{plan.face}.{case.file_format}",
         scenario=f"s{plan.scenario:03d}",
@@ -151,7 +153,7 @@ def _record(setup: Setup, run: int, drift: Array, random: np.random.Generator) -
         t_s=t_s,
         rate_dps=rate,
         temp_c=world.temp_c[index],
-        table_angle_deg=moved.angle_deg[index],
+        table_angle_deg=angle_deg,
         acceleration_g=world.acceleration_g[:, index],
         cycle_s=world.cycle_s[index],
         scale=setup.scale,

@@ -7,12 +7,15 @@
 
 #define STUCK_BITS 4u     /* the lowest bits are watched; a reading must span four steps of a bit before it is judged */
 #define STUCK_CHANGES 64u /* the reading must have changed this often before a bit is judged; chosen by judgement */
-/* Repeated readings are those beyond REPEAT_RATIO times the readings that equal the last but one, by so many standard deviations,
-   where the noise is at least one count. The low-pass makes neighbours on one axis up to 1.4 times as often equal as readings two
-   apart; equality on all axes is far rarer. Chosen by judgement. */
+/* Readings are repeated if more of them equal the one before than REPEAT_RATIO times those that equal the last but one, by so many
+   standard deviations, where the noise is at least one count. The low-pass makes neighbours on one axis up to 1.4 times as often
+   equal as readings two apart; equality on all axes is far rarer. Noise of one count on one axis alone makes a row of 16 with a
+   probability of 2e-7. Chosen by judgement. */
 #define REPEAT_RATIO 1.5
-#define REPEAT_SIGMAS 5.0
-#define REPEAT_FRACTION 0.05
+#define REPEAT_SIGMAS 4.0
+#define REPEAT_FRACTION 0.05 /* of the run at least, */
+#define REPEAT_CLEARLY 10.0  /* or so many times those that equal the last but one */
+#define REPEATS_IN_A_ROW 16u
 #define GRAVITY_MIN_G 0.5 /* least component along the axis that shows a face: within 60 degrees of it */
 
 double gc_run_true_rate_dps(const gc_settings_t *settings, int face) {
@@ -112,6 +115,8 @@ static void note_repeats(gc_repeats_t *repeats, uint32_t n, const gc_sample_t *r
     for (unsigned i = 0; i < 2u; i++) {
         repeats->equal[i] += n > i && is_equal(raw, &repeats->last[i]) ? 1u : 0u;
     }
+    repeats->row = n > 0u && is_equal(raw, &repeats->last[0]) ? repeats->row + 1u : 0u;
+    repeats->longest_row = repeats->row > repeats->longest_row ? repeats->row : repeats->longest_row;
     repeats->last[1] = repeats->last[0];
     repeats->last[0] = *raw;
 }
@@ -172,8 +177,10 @@ bool gc_run_has_stuck_bit(const gc_run_t *run) {
 static bool has_repeats(const gc_run_t *run) {
     const double next = run->repeats.equal[0];
     const double after_next = run->repeats.equal[1];
-    return gc_baseline_white_variance(&run->baseline.total) >= 1.0 && next - after_next > REPEAT_FRACTION * run->n &&
-           next > REPEAT_RATIO * after_next + REPEAT_SIGMAS * sqrt(next + after_next);
+    const bool many = next > REPEAT_RATIO * after_next + REPEAT_SIGMAS * sqrt(next + after_next);
+    const bool clear = next - after_next > REPEAT_FRACTION * run->n || next > REPEAT_CLEARLY * after_next;
+    return gc_baseline_white_variance(&run->baseline.total) >= 1.0 &&
+           ((many && clear) || run->repeats.longest_row >= REPEATS_IN_A_ROW);
 }
 
 void gc_run_tell_faults(const gc_run_t *run, gc_teller_t *teller) {

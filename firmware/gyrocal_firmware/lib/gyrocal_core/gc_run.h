@@ -31,6 +31,7 @@ typedef struct {
 typedef struct {
     gc_sample_t last[2];
     uint32_t equal[2];
+    uint32_t row, longest_row; /* readings in a row that equal the one before them */
 } gc_repeats_t;
 
 typedef struct {
@@ -91,7 +92,7 @@ bool gc_run_face_is_wrong(const gc_run_t *run);
 bool gc_run_is_opposed(const gc_run_t *run);
 
 /* Sends an $ERR for a bit that did not change. Sends one too if more readings equal the one before them on all axes than noise
-   explains, and more than one in 20. */
+   explains. */
 void gc_run_tell_faults(const gc_run_t *run, gc_teller_t *teller);
 /* Sends a $RUN for the start or the end of a run. `next` is the number of the next sample. */
 void gc_run_tell(const gc_run_t *run, gc_teller_t *teller, bool ended, uint64_t next);

@@ -13,6 +13,8 @@ from gyrocal.recording.source import TOO_LONG, Source
 
 HEADER_SEARCH_LINES = 200
 BLANK = b"\n\0 "
+HEAD_BYTES = 1024
+"""Bytes of a file's beginning, among which a text has no zero."""
 TAIL_BYTES = 4096
 """Bytes of a file's end that are looked at in one step."""
 QUOTES = " \t\"'"
@@ -34,6 +36,10 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     end = _end(data)
+    if end == 0:
+        raise InputError(f"{path}: the file is empty")
+    if b"\0" in data[:HEAD_BYTES]:
+        raise InputError(f"{path}: not a text, and of no known format; docs/importing.md lists them")
     starts, lines = _first_lines(data, end, HEADER_SEARCH_LINES + (skip or 0) + 3)
     if columns is None:
         header, separator = _find_header(path, lines, names, skip) if names else _find_any_header(path, lines, skip)

@@ -35,6 +35,7 @@ class CalibratePanel:
                 self.network = ui.element("section").classes("face column tight").props('aria-label="network"')
                 self.device = ui.element("section").classes("face column tight").props('aria-label="to the device"')
                 self.files = ui.element("section").classes("face column tight").props('aria-label="files"')
+                self.budget = ui.element("section").classes("face column tight").props('aria-label="error budget"')
         self.hear("session")
         ui.timer(1.0, self._told)
 
@@ -43,6 +44,7 @@ class CalibratePanel:
             self.axis = "" if self.bench.session is None else self.bench.session.axis
         if topic in ("session", "model", "calibration"):
             self._answers()
+            self._budget()
         if topic == "training" and self.training is not None and self.training is self.bench.training:
             self._told()
             return
@@ -83,6 +85,17 @@ class CalibratePanel:
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
             for meaning in scatter.meanings(found.estimates):
                 ui.label(meaning).classes("dim small")
+
+    def _budget(self) -> None:
+        """Where the error of the best answer comes from, and what would have to be better next."""
+        budget = None if self.bench.calibration is None else self.bench.calibration.budget
+        self.budget.clear()
+        self.budget.set_visibility(budget is not None)
+        if budget is not None:
+            with self.budget:
+                ui.html(f"<h2>Where the error comes from: {html.escape(budget.of)}</h2>", sanitize=False)
+                ui.label(budget.headline).classes("small")
+                ui.html(budget.table(), sanitize=False).classes("sideways")
 
     def _network(self) -> None:
         """The section about a network for the model: its training, its progress and its errors."""

@@ -216,7 +216,6 @@ class DiagnosePanel:
                 for name, text in (
                     ("it shows against", u["against"].replace("_", " ")),
                     ("shape", u["shape"]),
-                    ("size", f"{u['amplitude_dps'] * 1e3:.3g} mdps"),
                 ):
                     ui.html(f"<dt>{name}</dt>", sanitize=False)
                     ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)

@@ -31,6 +31,7 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                 _levels(view)
                 _missing(tab, view)
                 _estimates(view)
+                _budgets(view)
             with ui.element("div").classes("column"):
                 _listed("Rests", ("file:", "from, s", "length, s", "acceleration x, y, z, g"), view.rests)
                 columns = ("file:", "from, s", "about:", "gyroscope, deg", "model, deg", "left, deg")
@@ -96,6 +97,14 @@ def _estimates(view: GravityView) -> None:
     with ui.element("section").classes("face column tight"):
         ui.html("<h2>Scale and bias</h2>", sanitize=False)
         ui.html(plain(ESTIMATES, rows, [not e["trusted"] for e in view.estimates]), sanitize=False).classes("sideways")
+
+
+def _budgets(view: GravityView) -> None:
+    with ui.element("section").classes("face column tight").props('aria-label="error budget"'):
+        ui.html("<h2>Where the error comes from</h2>", sanitize=False)
+        for budget in view.budgets:
+            ui.label(budget.of).classes("dim small")
+            ui.html(budget.table(), sanitize=False).classes("sideways")
 
 
 def _listed(title: str, columns: tuple[str, ...], rows: list[list[str]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,16 @@ if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
 LARGEST_BYTES = 2 << 30
+TABLE, HAND = "table", "hand"
+MOTIONS = {TABLE: "on a table, or with a measured rate or angle", HAND: "by hand between rests: gravity is the reference"}
+HINTS = {
+    TABLE: (
+        "The table rate is signed, 0 at rest; leave it out where a column holds the true rate or an angle. Face and "
+        "rate may also stand in the file's name, as in s000_down_-78dps.csv."
+    ),
+    HAND: "It needs all three accelerations, and about fifteen rests of two seconds in different poses.",
+}
+"""How the sensor moved, and what its file cannot say."""
 
 
 class ImportPanel:
@@ -78,6 +89,7 @@ class ImportPanel:
         self.facts.set_visibility(True)
         with self.facts:
             ui.html("<h2>2. What the file cannot say</h2>", sanitize=False)
+            self.motion = ui.radio(MOTIONS, value=TABLE, on_change=self._moved).props("dense").classes("small")
             with ui.row().classes("tight"):
                 self.face = ui.select({"": "not said", "up": "up", "down": "down"}, value="", label="face")
                 self.axis = ui.select({"": "guess", "x": "x", "y": "y", "z": "z"}, value="", label="axis")
@@ -87,23 +99,30 @@ class ImportPanel:
                 self.sensor = ui.input("sensor").props("outlined dense").style("width: 140px")
             for field in (self.face, self.axis):
                 field.props("outlined dense").style("width: 110px")
-            ui.label(
-                "The table rate is signed, 0 at rest; leave it out where a column holds the true rate or an angle. Face and "
-                "rate may also stand in the file's name, as in s000_down_-78dps.csv."
-            ).classes("dim small")
+            self.hint = ui.label(HINTS[TABLE]).classes("dim small")
             ui.html("<h2>3. Columns and units</h2>", sanitize=False)
             self.maps = ui.textarea("one mapping a line: target=column:unit").props("outlined dense autogrow")
             self.maps.classes("full-width")
             self.columns = ui.label().classes("dim small")
             ui.button("Look again", icon="refresh", on_click=self._again, color=None).props("outline no-caps")
 
+    async def _moved(self) -> None:
+        """Show what belongs to this kind of motion, and what the file would become."""
+        by_hand = self.motion.value == HAND
+        for field in (self.face, self.axis, self.rate):
+            field.set_visibility(not by_hand)
+        self.hint.text = HINTS[self.motion.value]
+        await self._again()
+
     def _asked(self) -> Asked:
         lines = tuple(line.strip() for line in (self.maps.value or "").splitlines() if line.strip())
         guessed = self.looked is not None and lines == tuple(text for text, why in self.looked.maps if why != "as you said")
-        return Asked(
+        asked = Asked(
             () if guessed else lines, self.face.value or None, self.rate.value, self.axis.value or None, self.sample_rate.value,
             self.lsb.value, self.sensor.value or None,
         )  # fmt: skip
+        by_hand = self.motion.value == HAND
+        return replace(asked, face=None, table_rate_dps=None, axis=None, gravity=True) if by_hand else asked
 
     async def _again(self) -> None:
         await self._look(self._asked())

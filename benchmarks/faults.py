@@ -1,0 +1,142 @@
+"""What the device says of each fault at random times, and whether anything wrong is reported as right.
+
+Each case is a sensor of ``soak.py``: two power cycles of a pair of runs. The first table has one fault in each case, at a
+random time and of a random length as ``gyrocal device --faults random:SEED`` draws them; a lasting one does not end. A fault
+touches a case if the samples of its runs, or the lines that arrive, differ from those without the fault. The second table has
+the faults of ``--faults random:SEED`` together.
+
+    python benchmarks/faults.py [--each 20] [--seeds 200]
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import subprocess
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from soak import Case, case
+
+from gyrocal.device.faults import LASTING, LATEST_S, LONGEST_S, OF_FIFO, SHORTEST_S, fault_names
+from gyrocal.device.rows import rows_file
+from gyrocal.device.wire import Reader, Sentence
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What came of one case: its sentences by power cycle, and what the reader of the lines counted."""
+
+    cycles: list[list[Sentence]]
+    bad: int
+    lost: int
+
+    @staticmethod
+    def of(case: Case, rows: Path, faults: Sequence[str]) -> Heard:
+        done = subprocess.run(case.command(rows, faults), stdin=subprocess.DEVNULL, capture_output=True, check=True)
+        reader = Reader()
+        cycles: list[list[Sentence]] = []
+        for sentence in reader.feed(done.stdout):
+            if not cycles or (sentence.tag == "HEL" and sentence.seq == 0):
+                cycles.append([])
+            cycles[-1].append(sentence)
+        return Heard(cycles, reader.bad, reader.lost)
+
+    def samples(self, cycle: int) -> list[tuple[int, str]]:
+        """The samples of the runs of a power cycle: time since the first one, us, and counts."""
+        raw = [s for s in self.cycles[cycle] if s.tag == "RAW" and not s.text.startswith("-")]
+        return [(s.t_us - raw[0].t_us, s.text) for s in raw]
+
+    def answers(self, cycle: int) -> list[Sentence]:
+        return [s for s in self.cycles[cycle] if s.tag == "CAL"]
+
+    @property
+    def trusted(self) -> list[Sentence]:
+        return [s for k in range(len(self.cycles)) for s in self.answers(k) if s.fields["trusted"] == "1"]
+
+    @property
+    def said(self) -> set[str]:
+        """Names of errors, flags, and what the reader of the lines tells."""
+        every = [s for cycle in self.cycles for s in cycle]
+        said = {s.fields["name"] for s in every if s.tag == "ERR"}
+        said |= {flag for s in every if s.tag == "CAL" for flag in s.fields["flags"].split("+") if flag}
+        return said | {word for word, there in (("line_damaged", self.bad), ("samples_lost", self.lost)) if there}
+
+    def differs(self, other: Heard) -> bool:
+        same = len(self.cycles) == len(other.cycles) and (self.bad, self.lost) == (other.bad, other.lost)
+        return not same or any(self.samples(k) != other.samples(k) for k in range(len(self.cycles)))
+
+
+def content(answer: Sentence) -> dict[str, str]:
+    """The answer without the sample numbers since power-on, which also count samples between the runs."""
+    return {name: value for name, value in answer.fields.items() if name not in ("first", "last")}
+
+
+def one_fault(name: str, draw: random.Random) -> str:
+    """A lasting fault from a random time on; a passing one for a random time."""
+    at_s = draw.uniform(0.0, LATEST_S)
+    return f"{name}@{at_s:.2f}" if name in LASTING else f"{name}@{at_s:.2f}:{draw.uniform(SHORTEST_S, LONGEST_S):.2f}"
+
+
+def each(times: int) -> None:
+    """Print a row for each fault: what was said, how often nothing was, and wrong trusted answers."""
+    print("| Fault | Cases | Touched | Said nothing | Trusted | Of them wrong | Said (cases) |")
+    print("|---|---:|---:|---:|---:|---:|---|")
+    for name in fault_names():
+        said: Counter[str] = Counter()
+        touched = silent = trusted = wrong = 0
+        for k in range(times):
+            drawn = case(3 * k + 1 if name == OF_FIFO else k)
+            draw = random.Random(f"{name} {k}")
+            with rows_file(drawn.session) as rows:
+                sound, heard = Heard.of(drawn, rows, []), Heard.of(drawn, rows, [one_fault(name, draw)])
+            if heard.differs(sound):
+                new = heard.said - sound.said
+                new |= {"device restarted"} if len(heard.cycles) > len(sound.cycles) else set()
+                said.update(new)
+                touched, silent = touched + 1, silent + (not new)
+            trusted += len(heard.trusted)
+            wrong += sum(map(drawn.is_wrong, heard.trusted))
+        words = ", ".join(f"{word} {count}" for word, count in said.most_common())
+        print(f"| `{name}` | {times} | {touched} | {silent} | {trusted} | {wrong} | {words} |", flush=True)
+
+
+def together(seeds: int) -> None:
+    """Print the figures of random faults together."""
+    drawn_faults = touched = silent = trusted = wrong = untouched = again = 0
+    for seed in range(seeds):
+        drawn = case(seed)
+        with rows_file(drawn.session) as rows:
+            sound, heard = Heard.of(drawn, rows, []), Heard.of(drawn, rows, drawn.faults)
+        drawn_faults += len(drawn.faults)
+        touched += heard.differs(sound)
+        silent += heard.differs(sound) and len(heard.cycles) == len(sound.cycles) and heard.said == sound.said
+        trusted += len(heard.trusted)
+        wrong += sum(map(drawn.is_wrong, heard.trusted))
+        if len(heard.cycles) == len(sound.cycles) and heard.samples(-1) == sound.samples(-1):
+            untouched += 1
+            again += [content(a) for a in heard.answers(-1)] == [content(a) for a in sound.answers(-1)]
+    print("| Figure | |\n|---|---:|")
+    for what, value in (
+        ("seeds", seeds), ("faults drawn", drawn_faults), ("seeds in which a fault touches a run", touched),
+        ("of them said nothing", silent), ("trusted answers", trusted), ("of them wrong", wrong),
+        ("seeds whose last power cycle no fault touches", untouched),
+        ("of them with the answers of a sound device there", again),
+    ):  # fmt: skip
+        print(f"| {what} | {value} |")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--each", type=int, default=20, help="cases of each fault")
+    parser.add_argument("--seeds", type=int, default=200)
+    chosen = parser.parse_args()
+    each(chosen.each)
+    print()
+    together(chosen.seeds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""The error budget on the page: each source of error as a bar, and what would lower it."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gyrocal.web.tables import number
+
+if TYPE_CHECKING:
+    from gyrocal.calibration.calibrate import Estimate
+    from gyrocal.gravity.budget import BudgetRow as GravityRow
+
+
+@dataclass(frozen=True)
+class Line:
+    """A source of error: its parts of scale (fraction) and bias (deg/s), None if unknown, and how to lower it.
+
+    ``in_se`` is False for a bound of what the standard error leaves out.
+    """
+
+    source: str
+    scale: float | None
+    bias_dps: float | None
+    in_se: bool
+    advice: str
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The sources of one answer or axis, as the command line prints them."""
+
+    of: str
+    lines: tuple[Line, ...]
+    headline: str = ""
+
+    def table(self) -> str:
+        """The sources as an HTML table with a bar for the scale's part."""
+        most = max((line.scale or 0.0 for line in self.lines), default=0.0)
+        bounds = any(not line.in_se for line in self.lines)
+        head = "<th class=text>source, and what would lower it</th><th>scale ±, %</th><th></th><th>bias ±, mdps</th>"
+        rows = "".join(_row(line, most) for line in self.lines)
+        note = "<p class='dim small'>A pale bar is a bound of what the standard error leaves out.</p>" if bounds else ""
+        return f"<table class=plain><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{note}"
+
+
+def of_answers(found: Sequence[Estimate]) -> Budget | None:
+    """The budget that `gyrocal calibrate` prints; None if no answer is trusted."""
+    from gyrocal.present.budget import headline, shown
+
+    best = shown(found)
+    if best is None:
+        return None
+    rows = sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
+    lines = tuple(Line(row.source, row.scale, row.bias_dps, row.in_se, row.advice) for row in rows)
+    return Budget(f"{best.scenario}, axis {best.axis}, {best.method}, {best.seconds:g} s", lines, headline(best.budget))
+
+
+def of_gravity(rows: Sequence[GravityRow]) -> tuple[Budget, ...]:
+    """A budget for each axis of a session by gravity."""
+    axes = dict.fromkeys(row.axis for row in rows)
+    mine = {axis: [row for row in rows if row.axis == axis] for axis in axes}
+    return tuple(
+        Budget(f"axis {axis}", tuple(Line(r.cause, r.scale_se, r.bias_se_dps, True, r.advice) for r in of))
+        for axis, of in mine.items()
+    )
+
+
+def _row(line: Line, most: float) -> str:
+    part = (line.scale or 0.0) / most if most > 0 else 0.0
+    bar = f'<div class="reached{"" if line.in_se else " bound"}" aria-hidden="true"><div style="width: {part:.1%}"></div></div>'
+    outside = "" if line.in_se else " (a bound, not in the standard error)"
+    source = f"{html.escape(line.source + outside)}<div class='dim small'>{html.escape(line.advice)}</div>"
+    scale, bias = (f"<td>{number(*of)}</td>" for of in ((line.scale, ".4f", 100), (line.bias_dps, ".2f", 1e3)))
+    return f"<tr><td class=text>{source}</td>{scale}<td>{bar}</td>{bias}</tr>"

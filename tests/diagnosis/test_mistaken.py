@@ -1,0 +1,95 @@
+"""Errors that no effect of the library describes, or that two of them describe alike, and that were given one wrong name."""
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.hump import hump
+from gyrocal.error_model.model import Model
+from gyrocal.inference.fit import fit
+from gyrocal.recording.session import Array, Session
+from make_runs import make_run, make_session
+
+RATE_HZ = 50.0
+
+
+def swings(error_dps: float) -> Session:
+    """Turns by hand with an encoder; the mount gives way against its friction by ``error_dps``."""
+    rng = np.random.default_rng(3)
+    t_s = np.arange(round(20 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for cycle in range(5):
+        phase = rng.uniform(0, 6)
+        rate = 60 * np.sin(2 * np.pi * 0.23 * t_s + phase) + 30 * np.sin(2 * np.pi * 0.41 * t_s + 2 * phase)
+        gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
+        gyro[:, 2] += 1.003 * rate + error_dps * np.sign(np.gradient(rate, t_s))
+        runs.append(make_run(t_s, gyro, scenario=f"s{cycle}", day=1 + cycle % 2, rate_hz=RATE_HZ, rate_ref_dps=rate))
+    return make_session(*runs)
+
+
+@pytest.mark.parametrize("error_dps", [0.1, -0.1])
+def test_friction_of_the_mount_is_unknown_and_no_error_of_a_clock(error_dps: float) -> None:
+    """It follows the sign of the acceleration, where a lag follows the acceleration."""
+    found = diagnose(swings(error_dps))
+    assert found.verdict == "unknown"
+    assert found.comparison.where[0].against == "direction"
+    assert found.comparison.where[0].amplitude_dps / np.sqrt(2) == pytest.approx(abs(error_dps), rel=0.1)
+
+
+def at_one_rate(leak: float) -> Session:
+    """Each power cycle face up and face down at 78 deg/s, without an accelerometer."""
+    rng = np.random.default_rng(5)
+    t_s = np.arange(round(10 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for cycle in range(5):
+        offset = rng.normal(0, 0.01, 3)
+        for face, rate in (("up", 78.0), ("down", -78.0)):
+            gyro = rng.normal(offset, 0.03, (t_s.size, 3)) + np.array([leak * rate, 0.0, 1.002 * rate])
+            runs.append(make_run(t_s, gyro, face=face, scenario=f"s{cycle}", day=1 + cycle % 2, rate_hz=RATE_HZ))
+    return make_session(*runs)
+
+
+def test_a_leak_that_changes_with_the_face_may_be_gravity_s() -> None:
+    best = diagnose(at_one_rate(0.002)).best
+    assert best is not None
+    assert (best.axis, set(best.group)) == ("x", {"misalignment", "g_sensitivity"})
+
+
+def test_a_leak_too_large_for_gravity_is_misalignment_alone() -> None:
+    """2 % of 78 deg/s would be 1.6 deg/s per g."""
+    found = diagnose(at_one_rate(0.02))
+    assert found.verdict == "add"
+    assert found.best is not None
+    assert found.best.effect.id == "misalignment"
+
+
+def test_one_run_cannot_tell_a_table_that_spins_up_from_a_sensor_that_warms_up() -> None:
+    rng = np.random.default_rng(6)
+    t_s = np.arange(round(90 * RATE_HZ)) / RATE_HZ
+    gyro = rng.normal(0, 0.02, (t_s.size, 3))
+    gyro[:, 2] += 1.002 * 78.0 + 0.1 * np.exp(-(3.0 + t_s) / 5)
+    best = diagnose(make_session(make_run(t_s, gyro, power_on_s=3.0, rate_hz=RATE_HZ))).best
+    assert best is not None
+    assert {"warmup", "spin_up"} <= set(best.group)
+
+
+def sawtooth(t_s: Array, rng: np.random.Generator, period_s: float) -> Array:
+    """From a half to minus a half in cycles of random length, [n]."""
+    edges = np.cumsum(period_s * rng.lognormal(0, 0.3, int(4 * t_s[-1] / period_s))) - period_s
+    cycle = np.searchsorted(edges, t_s, side="right")
+    return 0.5 - (t_s - np.concatenate([[-period_s], edges])[cycle]) / np.diff(edges, prepend=-period_s, append=1e9)[cycle]
+
+
+def test_a_drive_that_sticks_and_slips_is_no_colour_of_the_noise() -> None:
+    """Behind a low-pass that correlates means over 0.1 s, samples would hardly scatter within 0.1 s."""
+    rng = np.random.default_rng(7)
+    t_s = np.arange(round(120 * 100.0)) / 100.0
+    gyro = rng.normal(0, 0.09, (t_s.size, 3))
+    gyro[:, 2] += 78.0 + 0.08 * sawtooth(t_s, rng, 0.9)
+    fitted = fit(make_session(make_run(t_s, gyro, rate_hz=100.0)), Model.builtin("default"))
+    assert not fitted.axes["z"].design.color.neighbours
+    found = hump(fitted.axes["z"], "z", alarm=1e-4)
+    assert found is not None
+    assert found.band_hz is not None
+    assert found.band_hz[0] < 1 / 0.9 < 1.2 * found.band_hz[1]
+    assert hump(fitted.axes["x"], "x", alarm=1e-3) is None

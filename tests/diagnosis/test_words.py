@@ -1,0 +1,218 @@
+"""What a finding says agrees with the residual that a picture draws: its variable, period, window, phase and size.
+
+The residual is computed here from the session's arrays: readings minus scale and bias of one least-squares fit in numpy.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.recording.session import Session
+from make_runs import Array, make_run, make_session
+
+RATE_HZ, SECONDS, NOISE_DPS, WITHIN = 50.0, 24.0, 0.02, 0.2
+T_S = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
+NUMBER = r"([+-]?[\d.]+(?:e[+-]?\d+)?)"
+
+
+@dataclass
+class Recorded:
+    """A session with its arrays [runs, n]."""
+
+    rate_dps: Array
+    temp_c: Array
+    angle_deg: Array
+    planted_dps: Array
+    reading_dps: Array
+    session: Session
+    truth: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def residual_dps(self) -> Array:
+        """Readings minus scale and bias, by least squares on all samples, shape [runs, n]."""
+        known = np.column_stack([self.rate_dps.ravel(), np.ones(self.rate_dps.size)])
+        known = known if np.ptp(self.rate_dps) else known[:, 1:]
+        y = self.reading_dps.ravel()
+        return np.asarray(y - known @ np.linalg.lstsq(known, y, rcond=None)[0]).reshape(self.reading_dps.shape)
+
+
+def recorded(
+    rng: np.random.Generator, planted: Callable[[Recorded], Array], rates_dps: tuple[float, ...], *, encoder: bool = False,
+    runs: int = 8,
+) -> Recorded:  # fmt: skip
+    """Power cycles of 24 s at 50 Hz, whose temperature and table angle begin anywhere; ``planted`` [runs, n] is on z."""
+    shape = (runs, T_S.size)
+    rate_dps = np.broadcast_to(np.resize(rates_dps, runs)[:, None], shape)
+    angle_deg = rng.uniform(0, 360, (runs, 1)) + rate_dps * T_S
+    temp_c = 30 + 6 * np.sin(2 * np.pi * T_S / 41 + rng.uniform(0, 2 * np.pi, (runs, 1)))
+    out = Recorded(rate_dps, temp_c, angle_deg, np.zeros(shape), np.zeros(shape), None)  # type: ignore[arg-type]
+    out.planted_dps = np.broadcast_to(planted(out), shape)
+    noise = rng.normal(0, NOISE_DPS, (runs, T_S.size, 3))
+    gyro = noise + np.stack([0 * rate_dps, 0 * rate_dps, 1.003 * rate_dps + 0.05 + out.planted_dps], axis=-1)
+    out.reading_dps = gyro[:, :, 2]
+    made = []
+    for i in range(runs):
+        columns = {"temp_c": temp_c[i] + rng.normal(0, 0.02, T_S.size)} | ({"table_angle_deg": angle_deg[i]} if encoder else {})
+        made.append(make_run(T_S, gyro[i], table_rate_dps=float(rate_dps[i, 0]), scenario=f"s{i}", day=1 + i % 3, **columns))
+    out.session = make_session(*made)
+    return out
+
+
+def first_on_z(made: Recorded) -> Finding:
+    """The strongest finding, which must be on the only axis with a misfit."""
+    found = measure(made.session)
+    assert found.where
+    assert {f.axis for f in found.where} == {"z"}
+    return found.where[0]
+
+
+def number(note: str, pattern: str) -> float:
+    found = re.search(pattern, note)
+    assert found is not None, note
+    return float(found[1])
+
+
+def window(note: str, unit: str) -> tuple[float, float]:
+    """The window that the words name, in its unit."""
+    for pattern, low, high in (
+        (rf"below {NUMBER} {unit}$", None, 1), (rf"from {NUMBER} to {NUMBER} {unit}$", 1, 2),
+        (rf"from {NUMBER} {unit} up$", 1, None),
+    ):  # fmt: skip
+        found = re.search(pattern, note)
+        if found:
+            return float(found[low]) if low else -np.inf, float(found[high]) if high else np.inf
+    raise AssertionError(note)
+
+
+def drawn_rms_dps(made: Recorded) -> float:
+    """The rms of means over half a second of the residual, without their noise."""
+    size = round(RATE_HZ / 2)
+    means = made.residual_dps.reshape(len(made.reading_dps), -1, size).mean(axis=2)
+    return float(np.sqrt(np.mean((means - means.mean()) ** 2) - NOISE_DPS**2 / size))
+
+
+def check_window(made: Recorded, finding: Finding, values: Array, unit: str) -> None:
+    """The window's mean residual about the mean of all, and the rms of the whole, as they are said."""
+    low, high = window(finding.note, unit)
+    inside = (values >= low) & (values < high)
+    drawn = made.residual_dps[inside].mean() - made.residual_dps.mean()
+    assert number(finding.note, rf"most, {NUMBER} mdps") == pytest.approx(1e3 * drawn, rel=WITHIN)
+    assert number(finding.note, rf"^rms {NUMBER} mdps") == pytest.approx(1e3 * drawn_rms_dps(made), rel=WITHIN)
+    assert finding.amplitude_dps == pytest.approx(np.sqrt(2) * drawn_rms_dps(made), rel=WITHIN)
+
+
+SHAPES: dict[str, Callable[[Array], Array]] = {
+    "line": lambda u: u, "square": lambda u: u**2, "kink": lambda u: np.maximum(u, 0), "step": lambda u: np.sign(u - 0.2),
+    "wave": lambda u: np.sin(np.pi * u), "bump": lambda u: np.exp(-((u / 0.4) ** 2)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_curve_over_temperature(shape: str) -> None:
+    rng = np.random.default_rng(sum(map(ord, shape)))
+    size = rng.uniform(0.03, 0.3) * rng.choice([-1, 1])
+    made = recorded(rng, lambda r: size * SHAPES[shape]((r.temp_c - 30) / 6), (0.0, 60.0, -60.0))
+    first = first_on_z(made)
+    assert first.against == "temperature"
+    check_window(made, first, made.temp_c, "°C")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_curve_over_the_time_of_a_run(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    size, tau_s = rng.uniform(0.05, 0.3) * rng.choice([-1, 1]), rng.uniform(3, 12)
+    made = recorded(rng, lambda r: size * np.exp(-T_S / tau_s), (70.0, -70.0))
+    first = first_on_z(made)
+    assert first.against == "time"
+    check_window(made, first, np.broadcast_to(T_S, made.temp_c.shape), "s")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_wave_of_the_table(seed: int) -> None:
+    """Its number per turn, its size, and whether the runs agree in its phase; with and without an encoder."""
+    rng = np.random.default_rng(seed)
+    order, size, encoder, common = int(rng.integers(1, 6)), rng.uniform(0.02, 0.2), bool(seed % 2), seed % 3 != 0
+    starts = np.zeros(8) if common else rng.uniform(0, 2 * np.pi, 8)
+
+    def planted(r: Recorded) -> Array:
+        angle = np.deg2rad(r.angle_deg if encoder else r.rate_dps * T_S)
+        return size * np.cos(order * angle + starts[:, None])
+
+    made = recorded(rng, planted, (78.0,), encoder=encoder)
+    first = first_on_z(made)
+    turned = np.deg2rad(made.angle_deg if encoder else made.rate_dps * T_S)
+    waves = 2 * np.mean(made.residual_dps * np.exp(-1j * order * turned), axis=1)
+    of_one_phase = abs(waves.sum()) > 0.9 * np.abs(waves).sum()
+    if encoder and not common:  # no wave of the encoder's angle; whatever is said is no wave of a common phase
+        assert "of the same phase" not in first.note
+        return
+    assert first.against == "table_angle"
+    assert ("once per turn" if order == 1 else f"{order} per turn") in first.note
+    assert ("of the same phase in each run" in first.note) == of_one_phase
+    drawn = float(np.sqrt(np.mean(np.abs(waves) ** 2)))
+    assert number(first.note, rf"{NUMBER} mdps (?:once|\d)") == pytest.approx(1e3 * drawn, rel=WITHIN)
+    assert first.amplitude_dps == pytest.approx(drawn, rel=WITHIN)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_transient_of_each_run(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    alike = seed % 2 == 0
+    sizes = rng.uniform(0.2, 0.4) * (np.ones(8) if alike else rng.normal(0, 1, 8))
+    made = recorded(rng, lambda r: sizes[:, None] * np.exp(-T_S / 1.0), (70.0, -70.0))
+    told = first_on_z(made)
+    assert told.against == "time"
+    if told.note.startswith("rms"):
+        assert alike
+        check_window(made, told, np.broadcast_to(T_S, made.temp_c.shape), "s")
+        return
+    tau_s = number(told.note, rf"about {NUMBER} s")
+    known = np.column_stack([np.ones(T_S.size), np.exp(-T_S / tau_s)])
+    fitted = np.array([np.linalg.lstsq(known, y, rcond=None)[0][1] for y in made.residual_dps])
+    assert number(told.note, rf"^{NUMBER} mdps") == pytest.approx(1e3 * float(np.sqrt(np.mean(fitted**2))), rel=WITHIN)
+    assert ("much the same size" in told.note) == (np.std(fitted) < 0.3 * abs(fitted.mean()))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tone(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    hz, size = rng.uniform(2, 20), rng.uniform(0.01, 0.1)
+    made = recorded(rng, lambda r: size * np.sin(2 * np.pi * hz * T_S + rng.uniform(0, 6.3, (8, 1))), (60.0, -60.0, 30.0))
+    first = first_on_z(made)
+    assert first.against == "frequency"
+    told_hz = number(first.note, rf"at {NUMBER} Hz")
+    assert told_hz == pytest.approx(hz, abs=1 / SECONDS)
+    near_hz = told_hz + np.linspace(-0.05, 0.05, 41)
+    lines = [np.abs(2 * np.mean(made.residual_dps * np.exp(-2j * np.pi * f * T_S), axis=1)) for f in near_hz]
+    drawn = float(np.sqrt(max(np.mean(line**2) for line in lines)))
+    assert number(first.note, rf"{NUMBER} mdps") == pytest.approx(1e3 * drawn, rel=WITHIN)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_difference_between_rates(seed: int) -> None:
+    """A square of the rate, at five rates."""
+    rng = np.random.default_rng(seed)
+    size = rng.uniform(0.05, 0.3) * rng.choice([-1, 1])
+    made = recorded(rng, lambda r: size * (r.rate_dps / 90) ** 2, (0.0, 40.0, -60.0, 90.0, -90.0), runs=15)
+    first = first_on_z(made)
+    assert first.against == "rate"
+    check_window(made, first, made.rate_dps, "deg/s")
+
+
+@pytest.mark.parametrize("effect", ["once per turn", "transient"])
+def test_a_large_wave_leaks_into_no_other_test(effect: str) -> None:
+    """It was told besides as a line of 1 Hz, as a transient and as steps in time, which no picture shows."""
+    rng = np.random.default_rng(5)
+    begin = rng.uniform(0, 2 * np.pi, (8, 1))
+    sizes = rng.normal(0, 1, (8, 1))
+    signal = {
+        "once per turn": lambda r: 0.8 * np.cos(np.deg2rad(r.rate_dps * T_S) + begin),
+        "transient": lambda r: 0.5 * sizes * np.exp(-T_S / 1.0),
+    }[effect]
+    made = recorded(rng, signal, (78.0, -78.0))
+    assert {f.against for f in measure(made.session).where} == {"table_angle" if effect == "once per turn" else "time"}
