@@ -24,6 +24,7 @@ coverage: $(VENV)/.installed-dev
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python tests/fuzz/fuzzing.py --seconds $(FUZZ_SECONDS)
+	$(BIN)/python tests/fuzz/readers.py --seconds $(FUZZ_SECONDS)
 
 # the tests that need no network and no browser, on the lowest versions that pyproject.toml allows
 lowest: VENV := .venv-lowest

@@ -57,12 +57,17 @@ class Heard:
         return [s for k in range(len(self.cycles)) for s in self.answers(k) if s.fields["trusted"] == "1"]
 
     @property
-    def said(self) -> set[str]:
-        """Names of errors, flags, and what the reader of the lines tells."""
+    def said(self) -> Counter[str]:
+        """How often each error and each flag was said, and what the reader of the lines tells."""
         every = [s for cycle in self.cycles for s in cycle]
-        said = {s.fields["name"] for s in every if s.tag == "ERR"}
-        said |= {flag for s in every if s.tag == "CAL" for flag in s.fields["flags"].split("+") if flag}
-        return said | {word for word, there in (("line_damaged", self.bad), ("samples_lost", self.lost)) if there}
+        said = Counter(s.fields["name"] for s in every if s.tag == "ERR")
+        said.update(flag for s in every if s.tag == "CAL" for flag in s.fields["flags"].split("+") if flag)
+        return said + Counter(line_damaged=self.bad, samples_lost=self.lost)
+
+    def says_beyond(self, sound: Heard) -> set[str]:
+        """What is said more often than without the fault."""
+        restarted = {"device restarted"} if len(self.cycles) > len(sound.cycles) else set()
+        return {*(self.said - sound.said), *restarted}
 
     def differs(self, other: Heard) -> bool:
         same = len(self.cycles) == len(other.cycles) and (self.bad, self.lost) == (other.bad, other.lost)
@@ -93,8 +98,7 @@ def each(times: int) -> None:
             with rows_file(drawn.session) as rows:
                 sound, heard = Heard.of(drawn, rows, []), Heard.of(drawn, rows, [one_fault(name, draw)])
             if heard.differs(sound):
-                new = heard.said - sound.said
-                new |= {"device restarted"} if len(heard.cycles) > len(sound.cycles) else set()
+                new = heard.says_beyond(sound)
                 said.update(new)
                 touched, silent = touched + 1, silent + (not new)
             trusted += len(heard.trusted)
@@ -112,7 +116,7 @@ def together(seeds: int) -> None:
             sound, heard = Heard.of(drawn, rows, []), Heard.of(drawn, rows, drawn.faults)
         drawn_faults += len(drawn.faults)
         touched += heard.differs(sound)
-        silent += heard.differs(sound) and len(heard.cycles) == len(sound.cycles) and heard.said == sound.said
+        silent += heard.differs(sound) and not heard.says_beyond(sound)
         trusted += len(heard.trusted)
         wrong += sum(map(drawn.is_wrong, heard.trusted))
         if len(heard.cycles) == len(sound.cycles) and heard.samples(-1) == sound.samples(-1):

@@ -16,7 +16,7 @@ from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.present.pictures import residual_against
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.simulation.simulate import simulate
-from gyrocal.variables.base import Symbol, Variable, symbols, variables
+from gyrocal.variables.base import Symbol, Variable, quantile_edges, symbols, variables
 from gyrocal.variables.shapes import Shape
 from gyrocal.web.against import Panel, opened_by, panels
 
@@ -138,3 +138,12 @@ def test_a_rate_that_shows_on_another_axis_is_drawn_against_that_rate(session: S
     two_axes = variables()["rate"]([*session.runs, about_x])
     assert not two_axes.values(turning, AXES.index("x")).any()
     assert np.array_equal(two_axes.values(about_x, AXES.index("x")), turning.rate_dps)
+
+
+def test_no_edge_divides_a_plateau_although_ramps_lead_to_it() -> None:
+    """Only the noise of the values would decide their side, and a residual holds that noise with the opposite sign."""
+    rng = np.random.default_rng(0)
+    plateaus = {0.0: 1300, 50.0: 300, 100.0: 3300, 150.0: 400}
+    values = [level + rng.normal(0, 0.01, number) for level, number in plateaus.items()]
+    (edge,) = quantile_edges(np.concatenate([*values, np.linspace(50, 100, 390)]), 3.0, 2)
+    assert min(abs(edge - level) for level in plateaus) > 1.0

@@ -109,6 +109,8 @@ class Variable(ABC):
 
 EVEN = 0.1
 """Values are spread evenly if the rarest hold more than this fraction of the mean number."""
+PLATEAU = 10.0
+"""Number of values over the median number beside them, from which on they are a plateau. Ramps between plateaus are even."""
 
 
 def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
@@ -129,12 +131,14 @@ def quantile_edges(values: Array, resolution: float, steps: int) -> Array:
 
 
 def _edge(values: Array, low: float, at: float, high: float, resolution: float) -> float:
-    """The quantile ``at`` if there are values everywhere between the two bounds, which are more than ``resolution`` apart.
+    """The quantile ``at`` if there are values everywhere between the two bounds, which are more than ``resolution`` apart, and
+    if it is on no plateau.
 
     Otherwise the middle of the widest stretch of rarest values.
     """
     count, limits = np.histogram(values, bins=2 * int(np.ceil((high - low) / resolution)), range=(low, high))
-    if count.min() > EVEN * count.mean():
+    here = count[min(int((at - low) / (high - low) * count.size), count.size - 1)]
+    if count.min() > EVEN * count.mean() and here < PLATEAU * np.median(count):
         return at
     rare = np.concatenate([[False], count == count.min(), [False]])
     begin, end = np.flatnonzero(np.diff(rare.astype(int)) > 0), np.flatnonzero(np.diff(rare.astype(int)) < 0)
