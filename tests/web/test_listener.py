@@ -108,3 +108,16 @@ def test_stop_ends_a_recording_early(tmp_path: Path) -> None:
     with FakeDevice(stream(25)) as fake:
         finish(story(fake))
     assert len(Session.open(tmp_path / "out").runs[0]) == 25
+
+
+def test_a_simulated_device_that_is_given_up_while_it_starts(tmp_path: Path) -> None:
+    async def story() -> None:
+        live = Live(lambda: None)
+        starting = asyncio.create_task(live.simulate(tmp_path / "device", ["--speed", "1"]))
+        await asyncio.sleep(0)
+        live.disconnect()
+        await starting
+        assert not live.port
+        assert not live.simulated
+
+    finish(story())

@@ -42,6 +42,28 @@ def served(
     return serve(folder, "--port", str(folder / "board"))
 
 
+CHART = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart"
+
+
+def test_a_port_opens_live_and_the_chart_begins_with_the_first_sample(
+    served: Any, look: Callable[..., Any], scenario: Session
+) -> None:
+    """No zeros and no negative time before the device has spoken; every axis of the chart says what it is."""
+    link = served.folder / "board"
+    with SimulatedDevice(scenario, 1.0, symlink=link):
+        page = look(served.url)
+        page.locator("nav button[aria-current=page]", has_text="Live").wait_for()
+        page.get_by_text(f"Connected to {link}").wait_for()
+        page.wait_for_function(f"() => {CHART}.getOption().series[2].data.length > 10")
+        drawn = page.evaluate(f"() => {{ const o = {CHART}.getOption(); return [o.xAxis[0].min, o.series[2].data]; }}")
+        from_s, points = drawn
+        assert from_s >= 0
+        assert all(t_s >= from_s - 0.1 and min(abs(value - mean) for mean in means_dps(scenario)) < 2 for t_s, value in points)
+        told = page.evaluate(f"() => {{ const o = {CHART}.getOption(); return [o.xAxis[4].name, o.legend[0].data]; }}")
+        assert told[0].startswith("time of the device, s")
+        assert told[1] == ["a x", "a y", "a z"]
+
+
 def test_unplugged_and_plugged_in_again(served: Any, look: Callable[..., Any], scenario: Session) -> None:
     link = served.folder / "board"
     with SimulatedDevice(scenario, 1.0, symlink=link):

@@ -13,7 +13,7 @@ from gyrocal.simulation.simulate import simulate
 
 from .monkey import play
 
-SECONDS, SEED = 20.0, 7
+SECONDS, SEED = 45.0, 7
 COSTLY = "Train it|Write it|Simulate and look|Surprise me|Another one"
 
 

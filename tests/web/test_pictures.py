@@ -119,6 +119,9 @@ def test_a_wrong_effect_stays_in_doubt_and_a_run_stays_out_after_a_restart(
     page.get_by_role("option", name="Drift", exact=False).first.click()
     page.get_by_role("button", name="Try it").click()
     page.locator(".badge.bad", has_text="not proven").first.wait_for()
+    by_hand = page.locator("article.card", has_text="In doubt: it was chosen by hand")
+    assert re.search(r"on [xyz]\b", by_hand.locator(".head").inner_text())
+    assert re.search(r"excess error went from [\d.]+ to [\d.]+ mdps", by_hand.inner_text())
     assert page.locator("table.plain tbody tr").count() == 2
     page.get_by_role("button", name="Compare").click()
     cell = page.get_by_role("button", name=re.compile(r"^000_up\.csv"))

@@ -118,14 +118,17 @@ class Live:
         """Start `gyrocal device` behind ``link`` and listen to it."""
         self.disconnect()
         command = [sys.executable, "-m", "gyrocal", "device", "--link", str(link), *options]
-        self._simulated = subprocess.Popen(
+        process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
         )
-        assert self._simulated.stdout is not None
-        assert self._simulated.stderr is not None
-        port = (await asyncio.to_thread(self._simulated.stdout.readline)).strip()
+        self._simulated = process
+        assert process.stdout is not None
+        assert process.stderr is not None
+        port = (await asyncio.to_thread(process.stdout.readline)).strip()
+        if self._simulated is not process:  # it was given up while it started
+            return
         if not port:
-            problem = (await asyncio.to_thread(self._simulated.stderr.read)).strip()
+            problem = (await asyncio.to_thread(process.stderr.read)).strip()
             self._simulated = None
             raise InputError(problem.removeprefix("gyrocal: ") or "the simulated device did not start")
         self.trusted.add(port)

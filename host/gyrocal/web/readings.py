@@ -100,12 +100,15 @@ class Readings:
         for k in range(5):
             last = k == 4
             without = {"show": last, "showMinLabel": False, "showMaxLabel": False}
-            x.append(charts.axis(p, gridIndex=k, label=without, min=0, max=SHOWN_S, scale=False, axisTick={"show": False}))
+            name = "time of the device, s; line: mean, band: lowest to highest" if last else ""
+            across: charts.Options = {"min": 0, "max": SHOWN_S, "scale": False, "axisTick": {"show": False}, "nameGap": 20}
+            x.append(charts.axis(p, name, gridIndex=k, label=without, **across))
         colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
         return charts.base(
             p,
             grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
             title=[charts.title(p, name, f"{1 + 18.5 * k}%", 58) for k, name in enumerate(STRIPS)],
+            legend=charts.legend(p, [READINGS[i][0] for i, strip in enumerate(STRIP_OF) if strip == 3], right=12, top="56%"),
             xAxis=x,
             yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
             series=[

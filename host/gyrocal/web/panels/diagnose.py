@@ -192,11 +192,16 @@ class DiagnosePanel:
         with ui.element("article").classes("card"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(step.title)}</h2>", sanitize=False)
+                within = {p["axis"] for p in step.view.compared["parameters"] if p["effect"] == step.view.effects[-1][0]}
+                ui.label(f"on {', '.join(sorted(within))}")
                 ui.space()
                 word = "in the model now" if proven else "in the model, not proven"
                 ui.label(word).classes(f"badge {'good' if proven else 'bad'}")
             for doubt in step.recipe.doubts:
                 ui.label(f"In doubt: {doubt}.").classes("small")
+            fall = self.bench.fall()
+            if fall is not None:
+                ui.label(f"With it, the excess error went from {fall.bars[-1].before:.2f} to {fall.bars[-1].after:.2f} mdps.")
             if step.formula:
                 ui.label(step.formula.removeprefix(f"{step.title}: ")).classes("equation")
 
