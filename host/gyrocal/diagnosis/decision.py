@@ -47,10 +47,12 @@ def _meets(c: Candidate, comparison: Comparison) -> bool:
 
 
 def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:
-    """True if a line or band is also in the term of the candidate or of the model: a filter changes its size and phase."""
+    """True if a line is in the term of the candidate, or a line or band in one of the model: a filter changes both."""
     if finding.band_hz is None:
         return False
-    of = [(c.effect, c.values), *((t.effect, t.values) for t in comparison.fit.model.on(c.axis))]
+    of = [(t.effect, t.values) for t in comparison.fit.model.on(c.axis)]
+    if finding.band_hz[0] == finding.band_hz[1]:
+        of.append((c.effect, c.values))
     runs, axis = comparison.fit.session.runs, AXES.index(c.axis)
     return any(effect.has_line(runs, axis, values, *finding.band_hz) for effect, values in of)
 

@@ -101,8 +101,9 @@ def _with_curve(current: AxisFit, shapes: list[Shape]) -> list[Shape]:
 def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) -> list[Finding]:
     """The findings of an axis without those that another one tells in better words.
 
-    A wave in the table's angle is a line in the spectrum too, at another frequency for each rate. A line at a higher frequency
-    than means over ``block_s`` show appears in them at a lower one. A transient is told with the time constant that fits best.
+    A wave in the table's angle is a line in the spectrum too, at another frequency for each rate, unless that line is much
+    larger. A line at a higher frequency than means over ``block_s`` show appears in them at a lower one. A transient is told
+    with the time constant that fits best.
     """
     transients = [f for f in findings if isinstance(f.shape, Transient)]
     lines = [f for f in findings if f.band_hz is not None and f.band_hz[0] == f.band_hz[1]]
@@ -140,7 +141,7 @@ def told_once(findings: Sequence[Finding], runs: Sequence[Run], block_s: float) 
             stronger = [other for other in (*lines, *of_angle, *of_order) if other.strength > f.strength]
             return any(_orders(other) or in_means(other, low_hz, high_hz) for other in stronger)
         waves = [*of_angle, *(other for other in of_order if f not in lines or not more_as_line(f, other))]
-        return any(same(wave, f.band_hz) for wave in waves)
+        return any(same(wave, f.band_hz) for wave in waves if wave.amplitude_dps >= POLICY.as_large * f.amplitude_dps)
 
     return [f for f in findings if not repeated(f)]
 

