@@ -51,10 +51,10 @@ def yesterday(turn_on_dps: float | None = TURN_ON_DPS) -> Model:
 
 
 def test_a_session_of_the_model_s_own_parameters_is_adequate_and_its_floor_is_the_rms() -> None:
-    found = [compare(today(seed), yesterday(), as_is=True) for seed in range(3)]
-    assert [c.verdict for c in found] == ["adequate"] * 3
+    found = [compare(today(seed), yesterday(), as_is=True) for seed in range(6)]
+    assert [c.verdict for c in found] == ["adequate"] * 6
     z = np.array([m.z for c in found for m in c.moved or ()])
-    assert z.size == 9
+    assert z.size == 18
     assert 0.5 < np.sqrt(np.mean(z**2)) < 1.5
     rms, floor = (np.array([getattr(c.pooled, name) for c in found]) for name in ("rms_dps", "floor_dps"))
     assert np.sum(rms**2) == pytest.approx(np.sum(floor**2), rel=0.03)

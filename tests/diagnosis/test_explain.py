@@ -11,7 +11,7 @@ from gyrocal.cli import main
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.explain import Explanation, _falls, explain
-from gyrocal.diagnosis.sets import EffectSet, _chosen, choose
+from gyrocal.diagnosis.sets import Choice, EffectSet, _chosen, choose
 from gyrocal.effects import base
 from gyrocal.errors import InputError
 from gyrocal.present.explanation import conclusion, open_words, print_explanation, remark, write_explanation
@@ -77,6 +77,7 @@ def test_the_number_of_steps_can_be_limited(two_effects: Session) -> None:
 
 def test_what_does_not_lower_the_error_is_not_added_and_is_told(two_effects: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gyrocal.diagnosis.explain._falls", lambda before, after, within: False)
+    monkeypatch.setattr("gyrocal.diagnosis.explain._removed_power", lambda before, after, axis: 0.0)
     found = explain(two_effects)
     assert (found.steps, found.verdict) == ([], "add")
     assert found.last.best is not None
@@ -113,11 +114,15 @@ def one_set(ids: list[str], gains: list[float], parameters: int) -> EffectSet:
     return EffectSet(tuple(base.effect(i) for i in ids), fitted, np.array(gains), parameters)  # type: ignore[arg-type]
 
 
+def chosen_of(*sets: EffectSet) -> Choice:
+    return _chosen(sets, None)  # type: ignore[arg-type]  # these sets differ by their gains alone
+
+
 def test_of_equally_good_sets_the_common_part_is_certain_and_the_rest_open() -> None:
     good = one_set(["warmup", "table_ripple"], [10.0, 12.0, 11.0], 4)
     equal = one_set(["drift", "table_ripple"], [11.0, 11.0, 10.5], 4)
     worse = one_set(["table_ripple"], [5.0, 6.0, 5.0], 2)
-    chosen = _chosen([good, equal, worse])
+    chosen = chosen_of(good, equal, worse)
     assert [e.id for e in chosen.certain] == ["table_ripple"]
     assert set(chosen.open) == {"warmup", "drift"}
 
@@ -125,14 +130,14 @@ def test_of_equally_good_sets_the_common_part_is_certain_and_the_rest_open() -> 
 def test_a_smaller_set_that_predicts_as_well_is_chosen() -> None:
     large = one_set(["warmup", "drift"], [10.0, 12.0, 11.0], 3)
     small = one_set(["bias_temperature"], [10.0, 11.8, 10.9], 1)
-    chosen = _chosen([large, small])
+    chosen = chosen_of(large, small)
     assert ([e.id for e in chosen.certain], chosen.open) == (["bias_temperature"], ())
 
 
 def test_a_set_that_predicts_significantly_better_is_chosen_whole() -> None:
     large = one_set(["warmup", "drift"], [30.0, 32.0, 31.0], 3)
     small = one_set(["bias_temperature"], [10.0, 11.8, 10.9], 1)
-    assert {e.id for e in _chosen([large, small]).certain} == {"warmup", "drift"}
+    assert {e.id for e in chosen_of(large, small).certain} == {"warmup", "drift"}
 
 
 def test_the_command_writes_model_page_and_json(

@@ -17,8 +17,8 @@ ROUNDING_DPS = 1e-6
 """Values closer than this are equal, deg/s."""
 LEAST_HEAPED, MOST_HEAPED = 10, 0.8
 """Fewest readings at the limit, and the largest fraction. Where nearly all are there, nothing below shows the noise."""
-SHOWN = 1e-6
-"""Probability under noise above which a heap is no clipping. Torn bytes heap readings too, by a little."""
+SHOWN = 1e-4
+"""Probability under noise above which a heap is no clipping."""
 END = 0.02
 """Readings within this fraction of the largest one are at the end of a range whose readings were corrected afterwards."""
 BEYOND = 1.05

@@ -35,7 +35,7 @@ OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 LARGEST = 1e300
 """The largest number in a formula."""
-MOST_NODES = 1000
+MOST_NODES = 10_000
 """The most elements of a formula: names, numbers, operators and calls."""
 SEARCH = 10.0
 """A nonlinear parameter is searched from its start value divided by this factor to its start value times this factor."""
