@@ -16,6 +16,7 @@ from gyrocal.device.simulated import SimulatedDevice, replay, simulated_scenario
 from gyrocal.device.wire import PROTOCOL, encode
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web.words import method
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +102,7 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     page.get_by_text("All answers").click()
     results = page.locator("[aria-label=results] tbody tr")
     methods = {row.split("\t")[1] for row in results.all_inner_texts()}
-    assert {"baseline", "cnn"} <= methods
+    assert {method("baseline"), method("cnn")} <= methods
     assert page.locator("[aria-label=results] .light.bad").is_visible()  # the table ripples, which nobody told the device
     assert page.locator("[aria-label=results]").get_by_text("record a session and diagnose it").is_visible()
 
@@ -157,7 +158,9 @@ def test_each_sensor_of_a_board_has_its_own(
         page.get_by_text("All answers").click()
         shown = [row.split("\t") for row in page.locator("[aria-label=results] tbody tr").all_inner_texts()]
     said = [s for s in replay(parts[1]) if s.tag == "CAL" and s.fields["method"] == "baseline"]
-    assert [row[3] for row in shown if row[1] == "baseline"] == [f"{100 * (s.real('scale') or 0):.4f}" for s in said]
+    assert [row[3] for row in shown if row[1] == method("baseline")] == [
+        f"{100 * (s.real('scale') or 0):.4f}" for s in said
+    ]
     recorded = Session.open(tmp_path / "recorded")
     theirs = [np.abs(recorded.runs[-1].gyro_dps[-100:] - part.runs[-1].gyro_dps[-100:]).max() for part in parts]
     assert theirs[1] < 0.00876 < theirs[0]
