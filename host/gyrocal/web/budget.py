@@ -40,7 +40,7 @@ class Budget:
         """The sources as an HTML table with a bar for the scale's part."""
         most = max((line.scale or 0.0 for line in self.lines), default=0.0)
         bounds = any(not line.in_se for line in self.lines)
-        head = "<th class=text>source, and what would lower it</th><th>scale ±, %</th><th></th><th>bias ±, mdps</th>"
+        head = "<th class=text>source, and what would lower it</th><th>scale ±, %</th><td></td><th>bias ±, mdps</th>"
         rows = "".join(_row(line, most) for line in self.lines)
         note = "<p class='dim small'>A pale bar is a bound of what the standard error leaves out.</p>" if bounds else ""
         return f"<table class=plain><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{note}"

@@ -44,7 +44,9 @@ MOVES = (
 )  # fmt: skip
 """Icon and word of each zoom button, and how far both ends of the window move, as parts of its width."""
 ZOOM = """() => {
-    const chart = getElement(%d).chart, seen = chart.getOption().dataZoom[0], low = %g, high = %g;
+    const chart = (getElement(%d) || {}).chart, low = %g, high = %g;
+    if (!chart) return;  // another picture has taken its place
+    const seen = chart.getOption().dataZoom[0];
     const width = seen.end - seen.start;
     let start = seen.start + low * width, end = seen.end + high * width;
     const back = low === high ? Math.max(0, -start) - Math.max(0, end - 100) : 0;
