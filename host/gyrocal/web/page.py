@@ -199,8 +199,9 @@ def register() -> None:
 
     def at(view: str) -> Callable[[str], None]:
         def shown(session: str = "") -> None:
-            if session:
-                opening.append(asyncio.create_task(_bench[0].open_named(session)))
+            following = _bench[0].open_named(session) if session else None
+            if following is not None:
+                opening.append(asyncio.create_task(following))
             Tab(view).build()
 
         return shown

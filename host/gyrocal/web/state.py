@@ -6,7 +6,7 @@ import contextlib
 import random
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -137,11 +137,14 @@ class Workbench:
             self.changed("session")
             await self._show_steps(self.models.of[self.models.current])
 
-    async def open_named(self, name: str) -> None:
-        """Open the session of this name unless it is open already or the name is that of no session."""
+    def open_named(self, name: str) -> Coroutine[Any, Any, None] | None:
+        """What opens the session of this name, if it is another one. The former one is gone at once, with its buttons."""
         found = next((folder for folder in self.places.sessions() if self.places.name(folder) == name), None)
-        if found is not None and not self.opening and (self.session is None or self.session.path != found):
-            await self.open(found)
+        if found is None or self.opening or (self.session is not None and self.session.path == found):
+            return None
+        self._forget()
+        self.opening = True
+        return self.open(found)
 
     async def simulate(self, effects: list[str], scenarios: int = 6, seconds: float = 40.0) -> None:
         """Simulate a session with a hidden effect, for trying out the workbench."""
@@ -238,26 +241,23 @@ class Workbench:
         """Write everything on the screen as one HTML file and return its path; None if it failed."""
         with self._telling():
             if self.session is not None and self.step is not None:
-                text: str = await self.jobs.run(
-                    "Writing the report", "report", self.recording, self.step.source, self.step.view.toml, self.fall(),
-                    story(self.steps, self._diagnoses), self.diagnosis, self.calibration,
-                )  # fmt: skip
-                return text
+                shown = self.fall(), story(self.steps, self._diagnoses), self.diagnosis, self.calibration
+                model = self.step.source, self.step.view.toml
+                return str(await self.jobs.run("Writing the report", "report", self.recording, *model, *shown))
         return None
 
     async def undo(self) -> None:
-        if len(self.steps) > 1:
-            await self._move(self.steps, self.undone)
+        await self._move(self.steps, self.undone, 1)
 
     async def redo(self) -> None:
-        if self.undone:
-            await self._move(self.undone, self.steps)
+        await self._move(self.undone, self.steps, 0)
 
-    async def _move(self, source: list[Step], to: list[Step]) -> None:
+    async def _move(self, source: list[Step], to: list[Step], stay: int) -> None:
         with self._telling():
-            to.append(source.pop())
-            self._remember()
-            await self._show_model()
+            if len(source) > stay:
+                to.append(source.pop())
+                self._remember()
+                await self._show_model()
 
     async def include(self, file: str, included: bool) -> None:
         """Leave a run out of every fit, or take it in again, and fit the models of the current sequence anew."""
