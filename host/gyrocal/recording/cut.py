@@ -115,7 +115,7 @@ def read_sections(path: Path) -> list[Cut]:
     cuts = []
     for name, section in content.items():
         rows = [section.get(k) for k in ("start", "end")] if isinstance(section, dict) else []
-        if len(rows) != 2 or not all(type(r) is int and r >= 0 for r in rows):
+        if len(rows) != 2 or not all(type(r) is int and 0 <= r < 2**53 for r in rows):
             raise InputError(f"{path}: section {name!r} wants whole numbers start and end")
         start, end = (Edge(float(row), False) for row in rows if row is not None)
         cuts.append(Cut(check_name(name, str(path)), start, end))
