@@ -372,7 +372,8 @@ def _number(sentence: Sentence) -> int:
 
 def _acceleration(sentence: Sentence, axis: int) -> float:
     """The acceleration in counts; 0 if the device has no accelerometer."""
-    return parse_real(sentence.text.split(",")[4 + axis]) or 0.0
+    cells = sentence.text.split(",")
+    return (parse_real(cells[4 + axis]) or 0.0) if len(cells) > 4 + axis else 0.0
 
 
 def _count(fields: dict[str, str]) -> int | None:
