@@ -63,8 +63,8 @@ class Saturation(ReadingFault):
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Detect readings that heap up at the largest value, or stay near it while the true rate goes on."""
-        found = self._heap(runs, axis) or self._plateau(runs, axis)
-        return found if found is not None and found.chance < SHOWN else None
+        tried = (method(runs, axis) for method in (self._heap, self._plateau))
+        return next((found for found in tried if found is not None and found.chance < SHOWN), None)
 
     def _heap(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """More readings at exactly the largest value than the values below it predict.
