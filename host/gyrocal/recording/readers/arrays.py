@@ -18,7 +18,7 @@ MATLAB_4_TYPES = (0, 10, 20, 30, 40, 50)
 
 
 def is_mat(data: bytes) -> bool:
-    """True for MATLAB's binary files; its ``save -ascii`` makes a text."""
+    """True for the first bytes of MATLAB's binary files; its ``save -ascii`` makes a text."""
     first = int.from_bytes(data[:4], "little")
     old = len(data) > 20 and first in MATLAB_4_TYPES and int.from_bytes(data[12:16], "little") in (0, 1) and data[4] != 0
     return data.startswith((MATLAB, HDF5)) or data[512:520] == HDF5 or old
@@ -41,14 +41,17 @@ def read_npz(path: Path) -> Source:
     return of_arrays(path, arrays)
 
 
-def read_mat(path: Path, data: bytes) -> Source:
-    """The arrays of a ``.mat`` up to version 7 as columns; the fields of a structure are ``structure.field``."""
+def read_mat(path: Path, file: Path | io.BytesIO, head: bytes) -> Source:
+    """The arrays of a ``.mat`` up to version 7 as columns; the fields of a structure are ``structure.field``.
+
+    ``path`` names the ``file``, which begins with ``head``.
+    """
     from scipy.io import loadmat
 
-    if HDF5 in data[:520]:
+    if HDF5 in head:
         raise InputError(f"{path}: a MATLAB file of version 7.3, which is not read; save it with: save FILE -v7")
     try:
-        loaded = loadmat(io.BytesIO(data), simplify_cells=True)
+        loaded = loadmat(file, simplify_cells=True)
     except Exception as error:  # scipy raises many kinds on a damaged file
         raise InputError(f"{path}: not a readable MATLAB file: {first_line(error)}") from None
     return of_arrays(path, dict(_flat(loaded)))
