@@ -31,6 +31,8 @@ def read_npz(path: Path) -> Source:
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {}
+            if not any(name.endswith(".npy") for name in archive.zip.namelist()):
+                raise InputError(f"{path}: {_what_else(archive.zip.namelist())}")
             for name in archive.files:
                 try:
                     arrays[name] = archive[name]
@@ -39,6 +41,13 @@ def read_npz(path: Path) -> Source:
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not a readable .npz file: {first_line(error)}") from None
     return of_arrays(path, arrays)
+
+
+def _what_else(members: list[str]) -> str:
+    """What a ZIP archive without arrays is, and what to do with it."""
+    if any(name.startswith("xl/") or name == "content.xml" for name in members):
+        return "a spreadsheet, which is not read; save its sheet as CSV (File, Save As, CSV UTF-8)"
+    return f"a ZIP archive of {', '.join(members[:5]) or 'nothing'}; unpack it, and import a file of it or the folder"
 
 
 def read_mat(path: Path, file: Path | io.BytesIO, head: bytes) -> Source:
