@@ -9,7 +9,7 @@ import numpy as np
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
 from gyrocal.recording.registration import Lost
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.session import Array, Run, Session
 from gyrocal.recording.smoothing import Smoothed
 from gyrocal.warning import Warning
 
@@ -30,6 +30,7 @@ def check(session: Session) -> list[Warning]:
                 "are left out. Check markers and tracking, or leave the cells of the bad samples empty"
             )
             out.append(Warning("reference_jumps", None, run.file, text))
+        out += _noisy(run)
     fit = registered(session).registration_fit
     if fit is None:
         return out
@@ -58,15 +59,30 @@ def check(session: Session) -> list[Warning]:
     return out
 
 
+def _noisy(run: Run) -> list[Warning]:
+    """``reference_jumps`` for stretches in which a tracker is much noisier than usual."""
+    noisy = None if run.measured_rates is None else run.measured_rates.noisy
+    if noisy is None or not noisy.any():
+        return []
+    starts_s = run.t_s[np.flatnonzero(np.diff(noisy, prepend=False) & noisy)]
+    text = (
+        f"the orientations are more than {POLICY.noisy_times:g} times as noisy as usual in {_stretches(starts_s)}. These "
+        f"samples, {noisy.mean():.1%} of the run, are left out. Check markers and tracking"
+    )
+    return [Warning("reference_jumps", None, run.file, text)]
+
+
+def _stretches(starts_s: Array) -> str:
+    at_s = ", ".join(f"{t:.1f}" for t in starts_s[:TOLD]) + (" ..." if starts_s.size > TOLD else "")
+    return f"{'one stretch' if starts_s.size == 1 else f'{starts_s.size} stretches'} (at {at_s} s)"
+
+
 def _lost(found: Lost) -> Warning:
     """``reference_jumps`` for stretches in which the reference and the readings show different motions."""
-    times = found.starts_s
-    at_s = ", ".join(f"{t:.1f}" for t in times[:TOLD]) + (" ..." if times.size > TOLD else "")
-    stretches = "one stretch" if times.size == 1 else f"{times.size} stretches"
     text = (
-        f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {stretches} (at {at_s} s), and usually "
-        f"by {found.usual_dps:.2g} dps. The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, "
-        "are left out. Check markers and tracking"
+        f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {_stretches(found.starts_s)}, and "
+        f"usually by {found.usual_dps:.2g} dps. The tracker seems to have lost the sensor. These samples, {found.part:.1%} of "
+        "the run, are left out. Check markers and tracking"
     )
     return Warning("reference_jumps", None, found.file, text)
 
