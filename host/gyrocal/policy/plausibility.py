@@ -103,6 +103,13 @@ class Plausibility:
         larger="a reference that is often lost is not reported", smaller="fast motions are called a lost reference",
         chosen_by=REFERENCES,
     )  # fmt: skip
+    inverted_part: float = threshold(
+        0.1, "part of the readings' power that orientations must leave, and part of that which their inverses may leave, for "
+        "them to be called inverted",
+        larger="a reference that misses a part of the motion is called inverted",
+        smaller="inverted orientations of a motion with large errors are not recognised",
+        chosen_by="pytest tests/recording/test_references.py: inverted orientations leave 0.4, right ones a millionth",
+    )  # fmt: skip
     unrelated_part: float = threshold(
         0.5, "part of the readings' power that a reference about three axes, or by its own clock, leaves at its best offset",
         larger="a reference of another recording is fitted all the same",
