@@ -77,6 +77,8 @@ def test_every_effect_has_cells_or_a_reason(coverage: Any) -> None:
     assert left == set(coverage.LEFT_OUT)
     for effect_id in coverage.covered_effects():
         kind = effects()[effect_id]
+        protocol = coverage.protocol_of(kind)
+        assert kind.missing(protocol.simulate([], 0)[0].runs, "xyz".index(protocol.axis)) is None, effect_id
         sizes = [coverage.values_of(kind, size)[coverage.sized(kind)] for size in coverage.SIZES]
         assert sizes[1] == pytest.approx(3 * sizes[0])
         assert sizes[2] == pytest.approx(3 * sizes[1])
