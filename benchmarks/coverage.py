@@ -85,6 +85,8 @@ SIZED_BY = {
 }
 BESIDE = {"dead_band": {"depth": 1.0}}
 """Linear parameters beside the size that are planted and not zero: a driver sets small rates to zero."""
+JITTER = {"dead_band": 0.2}
+"""Largest change of the size from session to session, in its logarithm, where the error is a distance between samples."""
 STRUCTURE = {"g2_sensitivity": {"k_dps_per_g2": 0.0}}
 """What is given of an effect with several structures: below three errors, noise chooses between the sum and one direction."""
 INHERENT = {("scale", "scale"): SCALE, ("bias", "bias_dps"): BIAS_DPS, ("turn_on_bias", "sd_dps"): TURN_ON_SD_DPS}
@@ -136,7 +138,10 @@ def one_fit(effect_id: str, size: str, seed: int) -> dict[str, list[float | None
     kind = effect(effect_id)
     protocol = protocol_of(kind)
     own_seed = zlib.crc32(f"{effect_id} {size} {seed}".encode())
-    session, record = protocol.simulate([(effect_id, values_of(kind, size))], own_seed)
+    jitter = JITTER.get(effect_id, 0.0)
+    factor = float(np.exp(np.random.default_rng(own_seed).uniform(-jitter, jitter)))
+    planted = values_of(kind, size)
+    session, record = protocol.simulate([(effect_id, {**planted, sized(kind): factor * planted[sized(kind)]})], own_seed)
     model = Model.builtin("default").with_term(Term(effect_id, protocol.axis, STRUCTURE.get(effect_id, {})))
     fitted = fit(session, model, axes=[protocol.axis]).model
     found: dict[str, list[float | None]] = {}

@@ -40,6 +40,13 @@ def test_intervals_cover_the_truth_as_often_as_they_say(coverage: Any, effect_id
         assert 0.5 < np.sqrt(np.mean(z**2)) < 1.7, name
 
 
+def test_a_likelihood_with_steps_is_searched_to_its_highest_one(coverage: Any) -> None:
+    """A dead band of full depth: a search that stops on another step finds a depth that is many errors below 1."""
+    found = coverage.one_fit("dead_band", "triple", 999)
+    assert abs(coverage._z(*found["depth"])) < 4.0
+    assert abs(coverage._z(*found["width_dps"])) < 12**0.5 / 2 + 1e-6  # the truth is between the nearest samples
+
+
 def test_fits_are_not_repeated_and_those_of_other_sources_are(coverage: Any, tmp_path: Path) -> None:
     out = tmp_path / "coverage.jsonl"
     done: list[int] = []
