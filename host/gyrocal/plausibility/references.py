@@ -63,10 +63,17 @@ def _lost(found: Lost) -> Warning:
     times = found.starts_s
     at_s = ", ".join(f"{t:.1f}" for t in times[:TOLD]) + (" ..." if times.size > TOLD else "")
     stretches = "one stretch" if times.size == 1 else f"{times.size} stretches"
+    kept = (
+        f"These are {found.part:.0%} of the run. That is too much to tell whether the reference or the readings are wrong, and "
+        "nothing is left out. Check markers and tracking, the axes and the range of the sensor"
+    )
+    left = (
+        f"The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, are left out. Check markers "
+        "and tracking"
+    )
     text = (
         f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {stretches} (at {at_s} s), and usually "
-        f"by {found.usual_dps:.2g} dps. The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, "
-        "are left out. Check markers and tracking"
+        f"by {found.usual_dps:.2g} dps. {left if found.left_out else kept}"
     )
     return Warning("reference_jumps", None, found.file, text)
 
