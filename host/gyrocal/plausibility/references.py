@@ -105,10 +105,17 @@ def _inverse_left(session: Session) -> float:
 
 def _lost(found: Lost) -> Warning:
     """``reference_jumps`` for stretches in which the reference and the readings show different motions."""
+    kept = (
+        f"These are {found.part:.0%} of the run. That is too much to tell whether the reference or the readings are wrong, and "
+        "nothing is left out. Check markers and tracking, the axes and the range of the sensor"
+    )
+    left = (
+        f"The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, are left out. Check markers "
+        "and tracking"
+    )
     text = (
         f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {_stretches(found.starts_s)}, and "
-        f"usually by {found.usual_dps:.2g} dps. The tracker seems to have lost the sensor. These samples, {found.part:.1%} of "
-        "the run, are left out. Check markers and tracking"
+        f"usually by {found.usual_dps:.2g} dps. {left if found.left_out else kept}"
     )
     return Warning("reference_jumps", None, found.file, text)
 

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.recording.stretches import stretches
+
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 SEGMENT = 256
@@ -80,8 +82,7 @@ class Smoothed:
     def at_rest(self) -> Smoothed:
         """The same column, zero for ``AT_REST`` or more successive values that do not differ from zero by more than noise."""
         hidden = self.values**2 < HIDDEN**2 * self.error
-        start = np.flatnonzero(np.diff(hidden, prepend=False) & hidden)
-        length = np.flatnonzero(np.diff(hidden, append=False) & hidden) + 1 - start
+        start, length = stretches(hidden)
         for first, count in zip(start[length < AT_REST], length[length < AT_REST], strict=True):
             hidden[first : first + count] = False
         return Smoothed(np.where(hidden, 0.0, self.values), np.where(hidden, 0.0, self.error), self.noise)
