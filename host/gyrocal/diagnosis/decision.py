@@ -31,13 +31,13 @@ def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Cand
     out = []
     for c in candidates:
         if c.decision != "not_measurable" and c.q_value is not None and c.q_value < POLICY.false_discovery_rate:
-            named = proven(c, tested) and in_range(c) and c.enough and _meets(c, comparison)
+            named = proven(c, tested) and in_range(c) and c.enough and meets(c, comparison)
             c = replace(c, decision="add" if named else "suggest")
         out.append(c)
     return out
 
 
-def _meets(c: Candidate, comparison: Comparison) -> bool:
+def meets(c: Candidate, comparison: Comparison) -> bool:
     """True if the candidate explains a substantial part of this axis's strongest finding, or most of the excess."""
     if c.effect.fault_of(c.values) or (c.explained or 0.0) > POLICY.main_cause:
         return True
