@@ -106,9 +106,16 @@ def test_a_session_from_frames(session: Session, kind: str) -> None:
 T = {"t_s": np.arange(9) / 10, "gx_dps": np.zeros(9), "gy_dps": np.zeros(9), "gz_dps": np.ones(9)}
 
 
+def test_a_session_by_gravity_and_its_origin_from_frames() -> None:
+    frame = {**T, "ax_g": np.zeros(9), "ay_g": np.zeros(9), "az_g": np.ones(9)}
+    session = Session.from_frames([frame], [{}], reference={"kind": "gravity"}, board="b1", made_on="2026-05-03")
+    assert (session.reference.kind, session.board, session.made_on) == ("gravity", "b1", "2026-05-03")
+
+
 @pytest.mark.parametrize(
     ("frames", "runs", "header", "says"),
     [
+        ([], [], {}, "no frames"),
         ([T], [], {}, "1 frames and 0 runs"),
         ([T], [{"fase": "up"}], {}, "did you mean face"),
         ([T], [{"table_rate_dps": "fast"}], {}, "table_rate_dps"),
