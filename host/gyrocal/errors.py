@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable
 
-INSTALL_TRAIN = "pip install 'gyrocal[train]' --extra-index-url https://download.pytorch.org/whl/cpu"
-"""Installs what training needs, with PyTorch for the CPU: PyPI's brings gigabytes of GPU libraries on Linux."""
+INSTALL_TRAIN = "pip install 'gyrocal[train]' --extra-index-url INDEX"
+INDEX_IS = "INDEX is the address of PyTorch's builds for the CPU, which its installation page gives"
+"""How to install what training needs. PyPI's PyTorch brings gigabytes of GPU libraries on Linux."""
 
 
 class GyrocalError(Exception):

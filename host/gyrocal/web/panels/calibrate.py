@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from gyrocal.errors import INSTALL_TRAIN
+from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
 from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
@@ -121,7 +121,7 @@ class CalibratePanel:
                 ui.label(f"{where} Mean error on new runs drawn from the model, and the model's own:").classes("small")
                 ui.html(_errors(trained.errors), sanitize=False)
             elif lacking := missing():
-                ui.label(f"Training needs {' and '.join(lacking)}. Install, and start the workbench again:").classes("small")
+                ui.label(f"Training needs {' and '.join(lacking)}. Install, and start the workbench again. {INDEX_IS}:").classes("small")
                 _command(f"{shlex.quote(sys.executable)} -m {INSTALL_TRAIN}")
             else:
                 ui.label(
