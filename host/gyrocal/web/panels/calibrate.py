@@ -121,7 +121,8 @@ class CalibratePanel:
                 ui.label(f"{where} Mean error on new runs drawn from the model, and the model's own:").classes("small")
                 ui.html(_errors(trained.errors), sanitize=False)
             elif lacking := missing():
-                ui.label(f"Training needs {' and '.join(lacking)}. Install, and start the workbench again. {INDEX_IS}:").classes("small")
+                words = f"Training needs {' and '.join(lacking)}. Install, and start the workbench again. {INDEX_IS}:"
+                ui.label(words).classes("small")
                 _command(f"{shlex.quote(sys.executable)} -m {INSTALL_TRAIN}")
             else:
                 ui.label(
