@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.hump import hump
+from gyrocal.diagnosis.sets import choose
+from gyrocal.effects import base
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Array, Session
@@ -16,16 +20,19 @@ from make_runs import make_run, make_session
 RATE_HZ = 50.0
 
 
-def swings(error_dps: float) -> Session:
+def swings(error_dps: float, clock: float = 0.0) -> Session:
     """Turns by hand with an encoder; the mount gives way against its friction by ``error_dps``."""
     rng = np.random.default_rng(3)
     t_s = np.arange(round(20 * RATE_HZ)) / RATE_HZ
     runs = []
     for cycle in range(5):
         phase = rng.uniform(0, 6)
-        rate = 60 * np.sin(2 * np.pi * 0.23 * t_s + phase) + 30 * np.sin(2 * np.pi * 0.41 * t_s + 2 * phase)
+        rate, seen = (
+            60 * np.sin(2 * np.pi * 0.23 * at_s + phase) + 30 * np.sin(2 * np.pi * 0.41 * at_s + 2 * phase)
+            for at_s in (t_s, (1 + clock) * t_s)
+        )
         gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
-        gyro[:, 2] += 1.003 * rate + error_dps * np.sign(np.gradient(rate, t_s))
+        gyro[:, 2] += 1.003 * seen + error_dps * np.sign(np.gradient(rate, t_s))
         runs.append(make_run(t_s, gyro, scenario=f"s{cycle}", day=1 + cycle % 2, rate_hz=RATE_HZ, rate_ref_dps=rate))
     return make_session(*runs)
 
@@ -37,6 +44,13 @@ def test_friction_of_the_mount_is_unknown_and_no_error_of_a_clock(error_dps: flo
     assert found.verdict == "unknown"
     assert found.comparison.where[0].against == "direction"
     assert found.comparison.where[0].amplitude_dps / np.sqrt(2) == pytest.approx(abs(error_dps), rel=0.1)
+
+
+def test_friction_beside_an_error_of_the_clock_brings_no_lag_into_the_set() -> None:
+    """A set was chosen by its gain alone, and a lag that friction outdoes came in with the error of the clock."""
+    session = swings(0.05, clock=1e-3)
+    current = Current.of(measure(session), "z")
+    assert [e.id for e in choose(current, [base.effect("clock_error"), base.effect("lag")], 20).certain] == ["clock_error"]
 
 
 def at_one_rate(leak: float) -> Session:

@@ -16,6 +16,7 @@ from gyrocal.effects.wave import size_over_rate
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation.simulate import simulate
+from make_runs import make_run, make_session
 
 Planted = dict[str, Array]
 
@@ -131,3 +132,24 @@ def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: 
     assert found.best is not None
     assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", "table_ripple", "z")
     assert [c.effect.id for c in found.candidates if c.decision == "add"] == ["table_ripple"]
+
+
+def test_a_tone_of_the_table_is_named_though_no_run_makes_two_turns() -> None:
+    """Turns by hand at a known angle sweep about a turn, over which there is no spectrum."""
+    rng = np.random.default_rng(4)
+    t_s = np.arange(round(20 * 50.0)) / 50.0
+    runs = []
+    for cycle in range(5):
+        phase, speed = rng.uniform(0, 6), 2 * np.pi * 0.2
+        angle_deg = 200 * np.sin(speed * t_s + phase)
+        rate = 200 * speed * np.cos(speed * t_s + phase)
+        gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
+        gyro[:, 2] += 1.002 * rate
+        gyro[:, 0] += 0.04 * np.sin(np.radians(angle_deg) + 1.0)
+        known = {"rate_ref_dps": rate, "table_angle_deg": np.mod(angle_deg, 360)}
+        runs.append(make_run(t_s, gyro, scenario=f"s{cycle}", day=1 + cycle % 2, rate_hz=50.0, **known))
+    best = diagnose(make_session(*runs)).best
+    assert best is not None
+    assert (best.effect.id, best.axis) == ("order_tone", "x")
+    assert best.values["order"] == pytest.approx(1, abs=0.05)
+    assert best.values["A_dps"] == pytest.approx(0.04, rel=0.1)

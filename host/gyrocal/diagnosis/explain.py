@@ -210,7 +210,8 @@ def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Pla
         return _Plan(lead, tuple(base.effects()[i] for i in lead.together))
     alone = _Plan(lead, (lead.effect,)) if len(lead.group) < 2 else _Plan(lead, (), open=lead.group)
     current = Current.of(diagnosis.comparison, lead.axis)
-    pool = overlapping(lead, [c for c in diagnosis.candidates if c.decision in ("add", "suggest")])
+    others = [c for c in diagnosis.candidates if c.decision in ("add", "suggest") and not c.contradicted]
+    pool = overlapping(lead, others)
     again = _pool_with(current, lead, pool, earlier)
     reconsidered = [e.id for e in again if e.id in earlier]
     if len(again) == 1:

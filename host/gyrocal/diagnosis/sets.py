@@ -11,7 +11,7 @@ smaller one predicts as well.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import in_range
-from gyrocal.diagnosis.evidence import added_parameters
+from gyrocal.diagnosis.evidence import added_parameters, judge
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.rivals import cosine
 from gyrocal.effects.base import Effect
@@ -119,9 +119,11 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
             needed = all(_needed(found[ids], found[ids - {e.id}], e, current, tested) for e in members)
             if needed and _certain(gains, POLICY.gain_errors):
                 supported.append(found[ids])
-    best = max(supported, key=lambda s: s.gain, default=None)
-    if best is not None:
-        supported = [s for s in supported if s is best or not (_as_good(s, best) and _excludes(best, s, current))]
+    by_gain = sorted(supported, key=lambda s: -s.gain)
+    best = next((s for s in by_gain if _sound(s, found, current)), None)
+    supported = [
+        s for s in by_gain[by_gain.index(best) :] if s is best or not (_as_good(s, best) and _excludes(best, s, current))
+    ] if best is not None else []  # fmt: skip
     return _chosen(supported, current)
 
 
@@ -176,6 +178,14 @@ def _as_good(other: EffectSet, best: EffectSet) -> bool:
     difference = best.gains - other.gains
     price = POLICY.parameter_gain * max(0, best.parameters - other.parameters)
     return float(difference.sum()) < max(POLICY.rival_errors * (total(difference)[1] or 0.0), price)
+
+
+def _sound(whole: EffectSet, found: dict[frozenset[str], EffectSet], current: Current) -> bool:
+    """True if no member, judged beside the others, is contradicted by what the effect is."""
+    def beside_others(e: Effect) -> Current:
+        return replace(current, fit=found[whole.ids - {e.id}].fitted, changed=True)
+
+    return len(whole.effects) == 1 or not any(judge(beside_others(e), e).contradicted for e in whole.effects)
 
 
 def _excludes(best: EffectSet, other: EffectSet, current: Current) -> bool:

@@ -25,6 +25,10 @@ AT_REST = 0.1
 """Rate, as a fraction of the run's fastest, below which the table passes so slowly that its angle shows noise and no wave."""
 BACK = 0.5
 """Fastest turn back, as a fraction of the fastest turn, from which on a run turns both ways."""
+FEW_TURNS = 0.5
+"""Angle, in turns, that at least one run sweeps where no run makes the turns of a spectrum."""
+WHOLE = (1.0, 2.0, 3.0, 4.0)
+"""Orders that are tried there."""
 HARMONIC = 0.3
 """Amplitude of a harmonic, as a fraction of the strongest line's, from which on the wave is no tone."""
 
@@ -81,6 +85,14 @@ def told_from_frequency(runs: Sequence[Run]) -> bool:
     return bool(several or (known and any(both_ways)))
 
 
+def _few_turns(runs: Sequence[Run], axis: int) -> bool:
+    """True if the runs turn too little for a spectrum over the angle, and their angle is known all the same."""
+    turning = [r for r in runs if _turns(r)]
+    known = all(r.column("table_angle_deg") is not None for r in turning)
+    swept = max((float(np.ptp(turned_turn(r))) for r in turning), default=0.0)
+    return known and swept >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
+
+
 def _harmonic(peak: OrderPeak, strongest: OrderPeak) -> bool:
     ratio = peak.order / strongest.order
     multiple = round(ratio) > 1 and abs(ratio - round(ratio)) * strongest.order < peak.resolution
@@ -132,16 +144,21 @@ class OrderTone(Tone):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         """The strongest line over the table's angle and other significant ones.
 
-        An order is a whole number per turn where the runs cannot tell it from one.
+        An order is a whole number per turn where the runs cannot tell it from one. Over few turns, the first whole numbers
+        are tried.
         """
+        if _few_turns(runs, axis):
+            return [{"order": order, "A_dps": 0.0} for order in WHOLE]
         lines = _lines(runs, axis)[:PEAKS]
         peaks = [p for p in lines if p is lines[0] or p.chance <= POLICY.false_discovery_rate]
         return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
-        return max(1, int(spectrum_over_turns(runs, axis).order.size))
+        return max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size))
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        if _few_turns(runs, axis):
+            return True
         peaks = _lines(runs, axis)
         return bool(peaks) and peaks[0].chance <= POLICY.false_discovery_rate
 
