@@ -207,3 +207,17 @@ def test_the_memory_of_the_reduction_hardly_grows_with_the_boards(folder: Path, 
 
     few = peak(BOARDS)
     assert peak(5 * BOARDS) - few < 4 * BOARDS * 4000
+
+
+def test_a_fleet_that_grows_costs_only_its_new_boards(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    """The drift near which sessions are fitted stays; before, that of other pilot sessions had every board fitted again."""
+    for module in ("drift", "fit"):
+        monkeypatch.setattr(f"gyrocal.fleet.{module}.PILOT", 3)
+    boards = [str(folder / f"board{i:06d}") for i in range(6)]
+    for some in (boards[:4], boards):
+        (tmp_path / "list.json").write_text(json.dumps(some))
+        fitted = fit_fleet(str(tmp_path / "list.json"), Model.open(), InProcess(), tmp_path / "out")
+        assert len(fitted.boards) == len(some)
+        assert len(list((tmp_path / "out" / "results").glob("*.npz"))) == len(some)

@@ -77,6 +77,11 @@ def key_of(folder: Path, model: Model, given: str = "") -> str:
     return digest.hexdigest()
 
 
+def digest_of(model: Model) -> str:
+    """A name for the model and the code, which the sessions of a fleet have in common."""
+    return hashlib.blake2b(model.toml().encode() + code_digest(), digest_size=16).hexdigest()
+
+
 @cache
 def code_digest() -> bytes:
     """A digest of the program's version and of the code on which a summary depends."""

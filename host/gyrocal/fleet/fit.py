@@ -7,7 +7,7 @@ import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,10 @@ import numpy as np
 
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
+from gyrocal.files import replace_text
 from gyrocal.fleet import missing, trend
-from gyrocal.fleet.board import Done, listen, work
-from gyrocal.fleet.drift import FleetDrift, fleet_drifts, pilot
+from gyrocal.fleet.board import Done, digest_of, listen, work
+from gyrocal.fleet.drift import PILOT, FleetDrift, fleet_drifts, pilot
 from gyrocal.fleet.engine import Engine
 from gyrocal.fleet.likelihood import CycleSpreads, Kind, evidence, names_of
 from gyrocal.fleet.listing import sessions
@@ -90,8 +91,7 @@ def fit_fleet(source: str, model: Model, engine: Engine, out: Path, progress: Pr
         results.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{results}: {error.strerror}") from None
-    told = _done(engine, partial(listen, model=model, results=str(results.absolute())), pilot(paths), None)
-    drifts = fleet_drifts(json.loads((results / f"{d.key}.drift.json").read_text()) for d in told if d.key)
+    drifts = _drifts(paths, model, engine, results)
     task = partial(work, model=model, drifts=drifts, results=str(results.absolute()))
     done = _done(engine, task, paths, progress)
     seconds = time.perf_counter() - began
@@ -99,6 +99,18 @@ def fit_fleet(source: str, model: Model, engine: Engine, out: Path, progress: Pr
     if not fitted:
         raise InputError(f"{source}: none of {len(done)} sessions could be fitted; the first: {failed[0].reason}")
     return _pooled(model, results, fitted, failed, drifts, seconds)
+
+
+def _drifts(paths: Sequence[str], model: Model, engine: Engine, results: Path) -> dict[str, FleetDrift]:
+    """The drift near which each session is fitted. A fleet that grows keeps that of its first ``PILOT`` or more sessions."""
+    kept = results / f"{digest_of(model)}.fleet-drift.json"
+    if kept.is_file():
+        return {axis: FleetDrift(**drift) for axis, drift in json.loads(kept.read_text()).items()}
+    told = _done(engine, partial(listen, model=model, results=str(results.absolute())), pilot(paths), None)
+    drifts = fleet_drifts(json.loads((results / f"{d.key}.drift.json").read_text()) for d in told if d.key)
+    if sum(bool(d.key) for d in told) == PILOT:
+        replace_text(kept, json.dumps({axis: asdict(drift) for axis, drift in drifts.items()}))
+    return drifts
 
 
 def _done(engine: Engine, task: Callable[[str], Done], paths: Sequence[str], progress: Progress | None) -> list[Done]:

@@ -13,6 +13,7 @@ import polars as pl
 
 from gyrocal.errors import InputError, first_line
 from gyrocal.files import UNREADABLE, why_unreadable
+from gyrocal.recording.parquet_pages import read_parquet
 
 HEADER = "session.toml"
 LISTS = (".json", ".parquet")
@@ -54,7 +55,7 @@ def _listed(content: Any, name: str) -> list[str]:
     """The paths of a list, which is a path or an open file."""
     try:
         if name.endswith(".parquet"):
-            paths = pl.read_parquet(content)["path"].to_list()
+            paths = read_parquet(content)["path"].to_list()
         else:
             paths = json.loads(content.read_bytes() if isinstance(content, Path) else content.read())
     except (*UNREADABLE, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:

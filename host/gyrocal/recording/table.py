@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.recording.parquet_pages import read_parquet
 from gyrocal.recording.stamps import step_range_s
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -41,7 +42,7 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
     label = str(path) if name is None or path.name == Path(name).name else name
     if path.suffix == ".parquet":
         try:
-            return check_table(pl.read_parquet(path), label), ""
+            return check_table(read_parquet(path), label), ""
         except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise InputError(f"{label}: not a readable Parquet file: {first_line(error)}") from None
     try:

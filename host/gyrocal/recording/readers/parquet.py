@@ -8,6 +8,7 @@ from pathlib import Path
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.recording.parquet_pages import read_parquet
 from gyrocal.recording.source import Source
 
 MAGIC = b"PAR1"
@@ -16,7 +17,7 @@ MAGIC = b"PAR1"
 def read(path: Path, file: Path | io.BytesIO) -> Source:
     """The table of a ``file``, which ``path`` names: its columns of numbers, times and text."""
     try:
-        frame = pl.read_parquet(file)
+        frame = read_parquet(file)
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise InputError(f"{path}: not a readable Parquet file: {first_line(error)}") from None
     kept = []
