@@ -1,5 +1,6 @@
 """References: quaternions, angles, frames and clocks of their own, and what is said of bad ones."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from gyrocal.error_model.correction import correct
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.plausibility import check, references
+from gyrocal.plausibility.runs import Means
 from gyrocal.recording.header import Reference
 from gyrocal.recording.register import registered
 from gyrocal.recording.session import Session
@@ -264,6 +266,24 @@ def test_a_reference_of_another_motion_blocks_and_says_so(shift_s: float | None)
     (warning,) = references.check(with_reference(motion(T_S[:400]), **rates(ref)))
     assert (warning.code, warning.blocking) == ("reference_unrelated", True)
     assert "differ by less than 2 s" in warning.text
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda q: q[:, [1, 2, 3, 0]], lambda q: q * [1.0, -1.0, -1.0, -1.0]], ids=["x, y, z, w", "fixed frame to body"],
+)  # fmt: skip
+def test_inverted_orientations_block_and_are_told(change: Callable[[Array], Array]) -> None:
+    (warning,) = references.check(with_reference(motion(T_S[:400]), **orientation(change(Q))))
+    assert (warning.code, warning.blocking) == ("reference_unrelated", True)
+    assert "only if its orientations are inverted" in warning.text
+
+
+def test_a_gap_in_the_orientations_changes_no_slope() -> None:
+    """What lies in the gap is on a straight line, which the readings do not follow."""
+    q = quaternions(T_S)
+    q[250:650] = np.nan
+    means = Means(registered(with_reference(motion(T_S), **orientation(q))))
+    assert [mean.slope for (mean,) in means.by_axis.values()] == pytest.approx([1.0] * 3, abs=1e-3)
 
 
 def test_rests_beside_a_reference_at_rest_are_not_unrelated() -> None:
