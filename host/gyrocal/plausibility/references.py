@@ -15,6 +15,7 @@ from gyrocal.recording.register import registered
 from gyrocal.recording.registration import Lost, Registration
 from gyrocal.recording.session import Array, Run, Session
 from gyrocal.recording.smoothing import Smoothed
+from gyrocal.recording.stretches import stretches
 from gyrocal.warning import Warning
 
 TOLD = 5
@@ -75,7 +76,7 @@ def _noisy(run: Run) -> list[Warning]:
     noisy = None if run.measured_rates is None else run.measured_rates.noisy
     if noisy is None or not noisy.any():
         return []
-    starts_s = run.t_s[np.flatnonzero(np.diff(noisy, prepend=False) & noisy)]
+    starts_s = run.t_s[stretches(noisy)[0]]
     text = (
         f"the orientations are more than {POLICY.noisy_times:g} times as noisy as usual in {_stretches(starts_s)}. These "
         f"samples, {noisy.mean():.1%} of the run, are left out. Check markers and tracking"

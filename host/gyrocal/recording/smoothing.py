@@ -42,6 +42,8 @@ SLOPE_OF_SPLINE = 0.174
 """Variance of the slope of a spline that smooths twice, for a width of one step: ``1 / pi`` times the integral of
 ``(w H(w))^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^2`` of a motion of the frequency w / width."""
 LONGEST_LINE_S = 1.0
+DIRECT = 129
+"""Values of a window up to which a direct convolution is faster than a Fourier transform."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal variable."""
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
@@ -261,10 +263,11 @@ def _parabola(x: Array, size: int) -> tuple[Array, Array]:
 
     half = size // 2
     basis = np.linalg.qr(np.vander(np.linspace(-1, 1, size), 3))[0]
+    convolve = np.convolve if size <= DIRECT else oaconvolve
     weight = np.empty(x.size)
     fit = np.empty(x.size)
     of_window = np.einsum("ij,ij->i", basis, basis)
-    fit[half : x.size - half] = oaconvolve(x, basis @ basis[half], mode="valid")
+    fit[half : x.size - half] = convolve(x, basis @ basis[half], mode="valid")
     weight[half : x.size - half] = of_window[half]
     fit[:half] = basis[:half] @ (basis.T @ x[:size])
     fit[x.size - half :] = basis[size - half :] @ (basis.T @ x[-size:])
