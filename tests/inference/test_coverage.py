@@ -47,6 +47,12 @@ def test_a_likelihood_with_steps_is_searched_to_its_highest_one(coverage: Any) -
     assert abs(coverage._z(*found["width_dps"])) < 12**0.5 / 2 + 1e-6  # the truth is between the nearest samples
 
 
+def test_samples_that_are_equal_by_chance_are_not_counted_as_repeated(coverage: Any) -> None:
+    """With noise of five counts, six neighbours of 35 000 are equal by chance: half an error of the smallest fraction."""
+    z = [coverage._z(*coverage.one_fit("sampling_fault", "third", seed)["fraction"]) for seed in range(2000, 2016)]
+    assert abs(np.mean(z)) < 2.2 / len(z) ** 0.5
+
+
 def test_fits_are_not_repeated_and_those_of_other_sources_are(coverage: Any, tmp_path: Path) -> None:
     out = tmp_path / "coverage.jsonl"
     done: list[int] = []

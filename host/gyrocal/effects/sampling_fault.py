@@ -44,6 +44,18 @@ def _by_chance(runs: Sequence[Run], equal: int) -> float:
     return float(binom.sf(equal - 1, equal + one + 1, ratio / (6 + ratio)))
 
 
+def _repeated(neighbours: float, two_apart: float, alike: float) -> float:
+    """The fraction of repeated samples from those of equal samples at either distance, of which some are equal by chance.
+
+    Samples two apart are equal because both are repeated, or by chance. Chance makes neighbours equal ``alike`` times as often.
+    """
+    fraction = neighbours
+    for _ in range(5):
+        by_chance = min(alike * max(0.0, two_apart - fraction**2) / (1 - fraction**2 + 1e-300), neighbours)
+        fraction = (neighbours - by_chance) / (1 - by_chance + 1e-300)
+    return fraction
+
+
 class SamplingFault(ReadingFault):
     id = "sampling_fault"
     title = "Repeated or lost samples"
@@ -81,8 +93,9 @@ class SamplingFault(ReadingFault):
         chance = max(chance, _by_chance(runs, equal))
         if chance > 1e-4:
             return None
-        fraction = equal / pairs
-        return Detected({"fraction": fraction}, {"fraction": float(np.sqrt(fraction * (1 - fraction) / pairs))}, chance)
+        neighbours = equal / pairs
+        fraction = _repeated(neighbours, apart / pairs, alike)
+        return Detected({"fraction": fraction}, {"fraction": float(np.sqrt(neighbours * (1 - neighbours) / pairs))}, chance)
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         """Readings [n], deg/s. A stale reading equals the previous reading including its noise."""
