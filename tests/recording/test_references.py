@@ -160,6 +160,20 @@ def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
     assert np.mean(run.reached) > 0.95
 
 
+def test_a_reference_that_is_often_wrong_is_told_and_kept() -> None:
+    """With losses beside nearly every sample of a run, it is not clear whether the tracker or the sensor is wrong."""
+    rng = np.random.default_rng(8)
+    ref = motion(T_S)
+    gyro = ref + rng.normal(0, 0.1, ref.shape)
+    n = np.arange(T_S.size)
+    lost_dps = np.where(n % 40 < 4, 400.0 * (-1.0) ** (n // 40), 0.0)
+    session = with_reference(gyro, Reference(), **rates(ref + lost_dps[:, None]))
+    told = [w for w in check(session) if w.code == "reference_jumps"]
+    assert [w.blocking for w in told] == [False]
+    assert "nothing is left out" in told[0].text
+    assert registered(session).runs[0].reached.all()
+
+
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 120.0, 180.0])
 @pytest.mark.parametrize("offset_s", [-1.9, 0.003, 1.9])
 def test_frame_and_clock_are_found_from_the_readings_alone(angle_deg: float, offset_s: float) -> None:

@@ -131,6 +131,11 @@ class Plausibility:
         0.1, "time on either side of such a stretch that is left out with it, s", larger="short runs lose much of themselves",
         smaller="the smoothed reference beside a loss is fitted", chosen_by=REFERENCES,
     )  # fmt: skip
+    noisy_times: float = threshold(
+        3.0, "noise of orientations over its median in the run, from which on they are left out",
+        larger="moments in which few markers are seen decide the fit", smaller="much of an ordinary recording is left out",
+        chosen_by=REFERENCES,
+    )  # fmt: skip
     lost_most: float = threshold(
         0.3, "part of a run above which it is not clear whether the reference or the sensor is wrong, and all is used",
         larger="a sensor that fails is fitted where it works", smaller="a tracker that often fails spoils the fit",
