@@ -167,6 +167,15 @@ def test_too_few_rests_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Pa
     assert "rests found" in capsys.readouterr().err
 
 
+def test_readings_in_rad_s_are_refused_with_what_to_do(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    session, _ = simulate(campaign="hands", scenarios=8)
+    run = session.runs[0]
+    frame = run.table.with_columns(pl.col("gx_dps", "gy_dps", "gz_dps") * np.pi / 180)
+    session.with_runs([replace(run, frame=frame)]).save(tmp_path / "s")
+    assert main(["calibrate", str(tmp_path / "s")]) == 2
+    assert "If its readings are in rad/s, give the unit when importing" in capsys.readouterr().err
+
+
 def test_rests_that_moved_are_left_out_and_told() -> None:
     session, truth = simulate(campaign="hands", seed=5)
     run = session.runs[0]

@@ -10,8 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from gyrocal.error_model.correction import turning_about
+from gyrocal.errors import InputError
 from gyrocal.gravity.accelerometer import Accelerometer, calibrate
 from gyrocal.gravity.rests import CHUNK_S, Movement, Rest, filled_acc_g, find
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
@@ -88,14 +90,34 @@ class Scene:
         """Find rests and movements. Raises InputError if rests are too few or accelerations are not near 1 g."""
         found = find(session)
         rate_hz = _rate_hz(session)
-        gyro = [session.runs[r.run].gyro_dps[r.start : r.stop] for r in found.rests]
+        gyro = _readings_at(session, found.rests)
         acc = [filled_acc_g(session.runs[r.run])[r.start : r.stop] for r in found.rests]
         gyro_noise, acc_noise = Noise.of(gyro, rate_hz), Noise.of(acc, rate_hz)
         accelerometer = calibrate(found.rests, np.sqrt(np.mean(acc_noise.of_means**2, axis=1)))
         true_g = accelerometer.true_g(np.array([r.acc_g for r in found.rests]))
         up = true_g / np.linalg.norm(true_g, axis=1)[:, None]
         chunks = [c for i, r in enumerate(found.rests) for c in _chunks(session, r, i)]
-        return Scene(session, found.rests, found.movements, chunks, accelerometer, up, gyro_noise, found.warnings)
+        scene = Scene(session, found.rests, found.movements, chunks, accelerometer, up, gyro_noise, found.warnings)
+        scene.refuse_small_rates()
+        return scene
+
+    def refuse_small_rates(self) -> None:
+        """Raise InputError if the readings turn by far less than gravity, which no movement can, whatever its path."""
+        resting = np.array([rows.mean(axis=0) for rows in _readings_at(self.session, self.rests)])
+        parts = []
+        for m in self.movements:
+            run = self.session.runs[m.run]
+            gyro_dps = run.gyro_dps[m.start : m.stop] - (resting[m.before] + resting[m.after]) / 2
+            path_deg = float(np.linalg.norm(gyro_dps, axis=1) @ run.weights[m.start : m.stop]) * run.duration_s / len(run)
+            turned_deg = float(np.rad2deg(np.arccos(np.clip(self.up[m.before] @ self.up[m.after], -1.0, 1.0))))
+            if turned_deg > POLICY.clear_turn_deg:
+                parts.append(path_deg / turned_deg)
+        if parts and (part := float(np.median(parts))) < POLICY.least_path:
+            raise InputError(
+                f"the gyroscope turns by {part:.2g} of the angle that gravity turns between rests, and cannot turn by less "
+                "than all of it. If its readings are in rad/s, give the unit when importing (--map gx_dps=COLUMN:rad/s); if "
+                "they are raw counts, check the size of one count"
+            )
 
     @property
     def white_dps(self) -> Array:
@@ -121,6 +143,11 @@ class Scene:
 
 def _rate_hz(session: Session) -> float:
     return float(np.mean([(len(r) - 1) / float(r.sample_s[-1] - r.sample_s[0]) for r in session.runs]))
+
+
+def _readings_at(session: Session, rests: Sequence[Rest]) -> list[Array]:
+    """The readings [n, 3] of each rest, deg/s."""
+    return [session.runs[r.run].gyro_dps[r.start : r.stop] for r in rests]
 
 
 def _chunks(session: Session, rest: Rest, number: int) -> list[Chunk]:

@@ -25,6 +25,16 @@ class Gravity:
         larger="slow movements count as rests in short sessions", smaller="the accelerometer is calibrated from few poses",
         chosen_by="the nine parameters of an accelerometer need ten poses; chosen by judgement",
     )  # fmt: skip
+    clear_turn_deg: float = threshold(
+        20.0, "smallest turn of gravity in a movement whose path by the gyroscope is held against it, deg",
+        larger="sessions of small movements are not checked for a wrong unit", smaller="errors of the rests decide",
+        chosen_by=RESTS,
+    )  # fmt: skip
+    least_path: float = threshold(
+        0.5, "path by the gyroscope over the turn of gravity, in the median movement, below which the readings are refused",
+        larger="a gyroscope whose range is exceeded is refused", smaller="readings in a wrong unit are calibrated",
+        chosen_by="readings in deg/s have 1 or more, in rad/s 0.02 to 0.1; pytest tests/gravity/test_calibration.py",
+    )  # fmt: skip
     fewest_rests: int = threshold(
         4, "number of rests below which a session is refused",
         larger="short sessions that would give an answer are refused", smaller="a scale is stated from one movement",
