@@ -103,12 +103,13 @@ class Readings:
             name = "time of the device, s; line: mean, band: lowest to highest" if last else ""
             across: charts.Options = {"min": 0, "max": SHOWN_S, "scale": False, "axisTick": {"show": False}, "nameGap": 20}
             x.append(charts.axis(p, name, gridIndex=k, label=without, **across))
+        acceleration = [charts.entry(READINGS[i][0], "line") for i, strip in enumerate(STRIP_OF) if strip == 3]
         colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
         return charts.base(
             p,
             grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
             title=[charts.title(p, name, f"{1 + 18.5 * k}%", 58) for k, name in enumerate(STRIPS)],
-            legend=charts.legend(p, [READINGS[i][0] for i, strip in enumerate(STRIP_OF) if strip == 3], right=12, top="56%"),
+            legend=charts.legend(p, acceleration, right=12, top="56%"),
             xAxis=x,
             yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
             series=[
