@@ -37,6 +37,8 @@ from gyrocal.simulation.simulate import simulate
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "build" / "coverage.jsonl"
 FITS, SAMPLE_FITS = 300, 4
+FIRST_SEED = 100_000
+"""Smaller seeds were looked at while the method was written."""
 SIZES = {"third": 1 / 3, "typical": 1.0, "triple": 3.0}
 LEVELS = {"68": (1.0, 0.6827), "95": (1.96, 0.95)}
 FAMILY_WISE = 0.99
@@ -68,13 +70,25 @@ OWN = {
     "bias_temperature": BENCH, "scale_temperature": BENCH, "thermal_lag": BENCH,
     "warmup": Protocol("paper", 8, 30.0), "drift": Protocol("paper", 8, 30.0), "bias_jumps": Protocol("paper", 8, 20.0),
     "vibration_tone": Protocol("paper", 8, 4.0), "g_sensitivity": FULL, "misalignment": Protocol("full", 1, 12.0, "x"),
-    "scale_nonlinearity": FULL, "scale_asymmetry": FULL, "centripetal": FULL,
+    "scale_nonlinearity": FULL, "scale_asymmetry": FULL, "centripetal": FULL, "order_tone": FULL,
+    "g2_sensitivity": Protocol("shaker", 1, 12.0), "thermal_hysteresis": Protocol("chamber", 6, 400.0),
 }  # fmt: skip
 LEFT_OUT = {
     "earth_rate": "it is computed from the latitude and never fitted",
     "quantization": "the step is read off the readings exactly and has no standard error",
     "saturation": "the limit is read off the readings exactly and has no standard error",
+    "byte_fault": "the step is a power of two of counts, read off the codes, and has no standard error",
 }
+SIZED_BY = {
+    "g_sensitivity": "gz_dps_per_g",  # only az differs between face up and face down
+    "dead_band": "width_dps",
+}
+BESIDE = {"dead_band": {"depth": 1.0}}
+"""Linear parameters beside the size that are planted and not zero: a driver sets small rates to zero."""
+JITTER = {"dead_band": 0.2}
+"""Largest change of the size from session to session, in its logarithm, where the error is a distance between samples."""
+STRUCTURE = {"g2_sensitivity": {"k_dps_per_g2": 0.0}}
+"""What is given of an effect with several structures: below three errors, noise chooses between the sum and one direction."""
 INHERENT = {("scale", "scale"): SCALE, ("bias", "bias_dps"): BIAS_DPS, ("turn_on_bias", "sd_dps"): TURN_ON_SD_DPS}
 """What every session has, by id and parameter: counted over all sizes of an effect together."""
 
@@ -97,15 +111,14 @@ def protocol_of(kind: Effect) -> Protocol:
 def sized(kind: Effect) -> str:
     """The parameter that carries the size: the first linear one with a default, or else the first parameter."""
     candidates = [n for n in kind.linear if kind.parameter(n).default] or list(kind.linear) or [kind.parameters[0].name]
-    name = candidates[-1] if kind.id == "g_sensitivity" else candidates[0]  # only az differs between face up and face down
-    return name
+    return SIZED_BY.get(kind.id, candidates[0])
 
 
 def values_of(kind: Effect, size: str) -> dict[str, float]:
     """What is planted: the size, and nonlinear parameters in the middle of their typical ranges."""
     middle = {p.name: float(np.sqrt(p.typical[0] * p.typical[1])) for p in kind.parameters if p.typical[0] > 0}
     name = sized(kind)
-    others = dict.fromkeys((n for n in kind.linear if n != name), 0.0)
+    others = dict.fromkeys((n for n in kind.linear if n != name), 0.0) | BESIDE.get(kind.id, {})
     return {**others, **{n: middle[n] for n in kind.nonlinear}, name: middle[name] * SIZES[size]}
 
 
@@ -125,8 +138,11 @@ def one_fit(effect_id: str, size: str, seed: int) -> dict[str, list[float | None
     kind = effect(effect_id)
     protocol = protocol_of(kind)
     own_seed = zlib.crc32(f"{effect_id} {size} {seed}".encode())
-    session, record = protocol.simulate([(effect_id, values_of(kind, size))], own_seed)
-    model = Model.builtin("default").with_term(Term(effect_id, protocol.axis))
+    jitter = JITTER.get(effect_id, 0.0)
+    factor = float(np.exp(np.random.default_rng(own_seed).uniform(-jitter, jitter)))
+    planted = values_of(kind, size)
+    session, record = protocol.simulate([(effect_id, {**planted, sized(kind): factor * planted[sized(kind)]})], own_seed)
+    model = Model.builtin("default").with_term(Term(effect_id, protocol.axis, STRUCTURE.get(effect_id, {})))
     fitted = fit(session, model, axes=[protocol.axis]).model
     found: dict[str, list[float | None]] = {}
     term = fitted.term(effect_id, protocol.axis)
@@ -173,7 +189,7 @@ def measured(
     fits: int, wanted: Iterable[str], progress: Callable[[int, int], None], out: Path | None = None, workers: int = 1
 ) -> list[dict[str, Any]]:
     """The rows of all fits, old ones from ``out`` first; new ones are appended to it."""
-    jobs = [(e, size, seed) for seed in range(fits) for e in wanted for size in SIZES]
+    jobs = [(e, size, seed) for seed in range(FIRST_SEED, FIRST_SEED + fits) for e in wanted for size in SIZES]
     stamp, rows = sources(), []
     if out is not None and out.is_file():
         asked = set(jobs)

@@ -9,12 +9,10 @@ from the library, and are read from their folders as users' are. Sessions that t
 
 from __future__ import annotations
 
-import json
 import tempfile
 import time
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ from typing import Any
 import numpy as np
 from benchmarks import field_planted as planted
 from benchmarks import field_sessions as nulls
+from benchmarks.sessions_by_seed import bounds, judged, share
 
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
@@ -121,28 +120,7 @@ def run(
         raise InputError(f"no kind {unknown[0]!r} of session; there are {', '.join(KINDS)}")
     wanted = list(kinds) or (list(SAMPLE) if sample else list(KINDS))
     jobs = [(kind, s) for s in range(seed, seed + (1 if sample else limit)) for kind in wanted]
-    known = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()] if _exists(results) else []
-    rows = [row for row in known if (row["kind"], row["seed"]) in set(jobs)]
-    done = {(row["kind"], row["seed"]) for row in rows}
-    for row in _each([job for job in jobs if job not in done], workers):
-        rows.append(row)
-        if results is not None:
-            with results.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-        progress(len(rows), len(jobs))
-    return summary(rows)
-
-
-def _exists(path: Path | None) -> bool:
-    return path is not None and path.is_file()
-
-
-def _each(jobs: Sequence[tuple[str, int]], workers: int) -> Iterator[dict[str, Any]]:
-    if workers <= 1:
-        yield from map(judge, jobs)
-    else:
-        with ProcessPoolExecutor(workers) as pool:
-            yield from pool.map(judge, jobs)
+    return summary(judged(judge, jobs, results, progress, workers))
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -174,14 +152,6 @@ def _line(kind: str, words: str, rows: Sequence[dict[str, Any]]) -> dict[str, An
     }  # fmt: skip
 
 
-def bounds(count: int, n: int) -> list[float]:
-    """Both ends of the 95 % interval of a rate (Clopper and Pearson)."""
-    from scipy.stats import beta
-
-    low = 0.0 if count == 0 else float(beta.ppf(0.025, count, n - count + 1))
-    return [low, 1.0 if count == n else float(beta.ppf(0.975, count + 1, n - count))]
-
-
 def _spread(z: Sequence[float]) -> dict[str, float] | None:
     if not z:
         return None
@@ -190,9 +160,6 @@ def _spread(z: Sequence[float]) -> dict[str, float] | None:
 
 def show(found: dict[str, Any]) -> None:
     """The table."""
-
-    def share(count: int, bounds: Sequence[float], n: int) -> str:
-        return f"{count}/{n} ({bounds[0]:.0%}-{bounds[1]:.0%})"
 
     def spread(of: dict[str, float] | None) -> str:
         return "-" if of is None else f"{of['rms']:.2f} ({of['n']}), {of['largest']:.1f}"

@@ -229,8 +229,11 @@ EFFECTS: dict[str, tuple[str, str, float, Callable[[Swing], Array]]] = {
 """Effects that an encoder's angle shows: the axis that reads it, its parameter, its size, and its term."""
 
 
-def encoder(steps_deg: tuple[float, ...], planted: bool) -> Callable[[np.random.Generator], Made]:
-    """A swing in four power cycles beside an encoder with steps of one of these sizes, with or without an effect."""
+def encoder(steps_deg: tuple[float, ...], planted: bool, scale_sd: float = 0.0) -> Callable[[np.random.Generator], Made]:
+    """A swing in four power cycles beside an encoder with steps of one of these sizes, with or without an effect.
+
+    ``scale_sd`` is the spread of the scale over power cycles.
+    """
 
     def kind(rng: np.random.Generator) -> Made:
         step_deg, scale, bias = rng.choice(steps_deg), rng.normal(0, 0.01), rng.normal(0, 1)
@@ -240,7 +243,8 @@ def encoder(steps_deg: tuple[float, ...], planted: bool) -> Callable[[np.random.
         for cycle in range(4):
             s = Swing.draw(rng, cycle)
             gyro = rng.normal(0, 0.05, (s.t_s.size, 3))
-            gyro[:, 2] += (1 + scale) * s.rate_dps + bias + rng.normal(0, 0.01)
+            of_cycle = rng.normal(scale, scale_sd) if scale_sd else scale
+            gyro[:, 2] += (1 + of_cycle) * s.rate_dps + bias + rng.normal(0, 0.01)
             if effect:
                 axis, name, size, term = EFFECTS[effect]
                 gyro[:, AXES.index(axis)] += size * term(s)

@@ -9,7 +9,6 @@ again.
 
 from __future__ import annotations
 
-import json
 import time
 import zlib
 from collections.abc import Callable, Sequence
@@ -19,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks import reference_sessions as sessions
-from benchmarks.field import bounds
+from benchmarks.sessions_by_seed import bounds, judged, share
 
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
@@ -50,6 +49,10 @@ KINDS = {
     "orientations": Kind("orientations, own frame and clock", sessions.quaternions),
     "second_file": Kind("a rate in a second file, own clock and sample rate", sessions.second_file),
     "encoder": Kind("an encoder's angle, steps of 0.02-0.2 deg", sessions.encoder((0.02, 0.1, 0.2), planted=False)),
+    "encoder_cycles": Kind(
+        "an encoder's angle, and a scale that differs by 0.05 % between power cycles",
+        sessions.encoder((0.02, 0.1, 0.2), planted=False, scale_sd=5e-4),
+    ),
     "coarse_encoder": Kind("an encoder's angle, steps of 0.5-1 deg", sessions.encoder((0.5, 1.0), planted=False)),
     "encoder_effect": Kind("an effect by an encoder, steps of 0.02-0.5 deg", sessions.encoder((0.02, 0.1, 0.5), planted=True)),
     "turns": Kind("turns of a known angle", sessions.turns),
@@ -57,12 +60,15 @@ KINDS = {
 }
 
 
-def judge(kind: str, seed: int) -> dict[str, Any]:
+def judge(job: tuple[str, int]) -> dict[str, Any]:
     """One session: errors, errors over standard errors by parameter, the verdict, and whether the planted effect is named."""
+    (kind, seed), begun = job, time.process_time()
     make = KINDS[kind].make
-    if make is None:
-        return {"kind": kind, "seed": seed, **_by_hand(seed)}
-    made = make(np.random.default_rng([zlib.crc32(kind.encode()), seed]))
+    found = _by_hand(seed) if make is None else _made(make(np.random.default_rng([zlib.crc32(kind.encode()), seed])))
+    return {"kind": kind, "seed": seed, **found, "seconds": time.process_time() - begun}
+
+
+def _made(made: sessions.Made) -> dict[str, Any]:
     model = Model.builtin("default")
     for effect, axis in made.known:
         model = model.add(effect, axis)
@@ -77,7 +83,7 @@ def judge(kind: str, seed: int) -> dict[str, Any]:
     lines = {(p["effect"], p["axis"], p["name"]): p for p in last.to_json()["parameters"]}
     truth = {key: value for key, value in _truth(made, lines).items() if key in lines}
     return {
-        "kind": kind, "seed": seed, "verdict": last.verdict, "named": named, "false": false,
+        "verdict": last.verdict, "named": named, "false": false,
         "effect": made.effect[0] if made.effect else None,
         "errors": [[*key, lines[key]["value"] - value, lines[key]["se"]] for key, value in truth.items()],
         "where": [[f.axis, f.against, f.note] for f in last.where],
@@ -127,17 +133,8 @@ def run(
         raise InputError(f"no kind {unknown[0]!r} of reference; there are {', '.join(KINDS)}")
     wanted = list(kinds) or (list(SAMPLE) if sample else list(KINDS))
     jobs = [(kind, s) for s in range(seed, seed + (1 if sample else limit)) for kind in wanted]
-    known = results.read_text(encoding="utf-8").splitlines() if results is not None and results.is_file() else []
-    done = {(row["kind"], row["seed"]): row for row in map(json.loads, known)}
-    for count, job in enumerate(jobs, 1):
-        if job not in done:
-            begun = time.process_time()
-            done[job] = {**judge(*job), "seconds": time.process_time() - begun}
-            if results is not None:
-                with results.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(done[job]) + "\n")
-        progress(count, len(jobs))
-    return {"rows": [_line(kind, [done[job] for job in jobs if job[0] == kind]) for kind in wanted]}
+    rows = judged(judge, jobs, results, progress)
+    return {"rows": [_line(kind, [row for row in rows if row["kind"] == kind]) for kind in wanted]}
 
 
 def _line(kind: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -176,16 +173,16 @@ def _spread(of: Sequence[tuple[float, float | None]]) -> dict[str, Any]:
 def show(found: dict[str, Any]) -> None:
     """Two tables: verdicts and names of each kind, and the errors of its parameters."""
 
-    def share(count: int | None, limits: Sequence[float] | None, n: int) -> str:
-        return "-" if count is None or limits is None else f"{count}/{n} ({limits[0]:.0%}-{limits[1]:.0%})"
+    def if_any(count: int | None, limits: Sequence[float] | None, n: int) -> str:
+        return "-" if count is None or limits is None else share(count, limits, n)
 
     rows, errors = [], []
     for line in found["rows"]:
         n, by = line["sessions"], line["by_effect"].values()
         rows.append([
             line["kind"], line["words"], share(line["adequate"], line["adequate_bounds"], n),
-            share(line["named"], line["named_bounds"], sum(of for _, of in by)), str(line["false_names"]),
-            share(line["within"], line["within_bounds"], n),
+            if_any(line["named"], line["named_bounds"], sum(of for _, of in by)), str(line["false_names"]),
+            if_any(line["within"], line["within_bounds"], n),
         ])  # fmt: skip
         for name, of in line["parameters"].items():
             z = [f"{of[key]:.2f}" for key in ("z_rms", "z_largest")] if of["n"] else ["-", "-"]

@@ -1,46 +1,23 @@
-"""docs/recordings.md: each recording goes from the file as published to a diagnosis and a corrected recording.
+"""docs/recordings.md: each recording goes from the file as published to a diagnosis and a corrected recording."""
 
-``GYROCAL_PYTHON`` names the Python of another environment, in which the commands then run: ``make wheel`` sets it.
-"""
-
-import os
-import re
-import shlex
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gyrocal.cli import main
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import AXES, Session
-from real_recordings import REALDATA
+from page_commands import beside, run, sections
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "recordings.md"
-OTHER = os.environ.get("GYROCAL_PYTHON")
-SECTIONS = {
-    title: block.splitlines() for title, block in re.findall(r"^## (.+?)$.*?^```sh\n(.*?)^```", PAGE.read_text(), re.M | re.S)
-}
-
-
-def run(words: list[str]) -> int:
-    if OTHER is None:
-        return main(words)
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run([OTHER, "-m", "gyrocal", *words], env=environment).returncode
+SECTIONS = sections("recordings.md")
 
 
 @pytest.mark.parametrize("title", SECTIONS)
 def test_a_recording_is_imported_diagnosed_and_corrected(
     title: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    lines = [shlex.split(line)[1:] for line in SECTIONS[title]]
-    published = REALDATA / lines[0][1]
-    if not published.exists():
-        pytest.skip(f"{published} is not there; GYROCAL_REALDATA names the folder of real recordings")
-    (tmp_path / published.parent.name).symlink_to(published.parent)
-    monkeypatch.chdir(tmp_path)
+    lines = SECTIONS[title]
+    beside(lines[0][1], tmp_path, monkeypatch)
     for words in lines:
         assert run(words) == 0, capfd.readouterr().err
     assert {words[0] for words in lines} >= {"import", "apply"}

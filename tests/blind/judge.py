@@ -85,15 +85,11 @@ def _explained(session: Session, truth: Truth) -> tuple[Answer, str]:
     """What `explain` names to its end; `group` is what it leaves open, for a set may be named in part."""
     found = explain(session)
     said = found.to_json()
-    named = [
-        (id_, axis)
-        for step in said["steps"]
-        for id_, axis in (
-            zip(step["effects"], step["axes"], strict=True)
-            if len(step["effects"]) == len(step["axes"])
-            else product(step["effects"], step["axes"])
-        )
-    ]
+    named: list[Name] = []
+    for step in said["steps"]:
+        ids, axes = step["effects"], step["axes"]
+        named = [(id_, axis) for id_, axis in named if id_ not in step["removed"] or axis not in axes]
+        named += zip(ids, axes, strict=True) if len(ids) == len(axes) else product(ids, axes)
     left = "; ".join(f"{'/'.join(open_['group'])} on {open_['axis']}" for open_ in said["left"])
     group = tuple(id_ for open_ in said["left"] for id_ in open_["group"]) or tuple(id_ for id_, _ in named[:1])
     error = error_dps(fit(session, found.model), truth)

@@ -10,7 +10,7 @@ import pytest
 from gyrocal.cli import main
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import diagnose
-from gyrocal.diagnosis.explain import Explanation, _falls, explain
+from gyrocal.diagnosis.explain import Explanation, _falls, _without_needless, explain
 from gyrocal.diagnosis.sets import Choice, EffectSet, _chosen, choose
 from gyrocal.effects import base
 from gyrocal.errors import InputError
@@ -138,6 +138,16 @@ def test_a_set_that_predicts_significantly_better_is_chosen_whole() -> None:
     large = one_set(["warmup", "drift"], [30.0, 32.0, 31.0], 3)
     small = one_set(["bias_temperature"], [10.0, 11.8, 10.9], 1)
     assert {e.id for e in chosen_of(large, small).certain} == {"warmup", "drift"}
+
+
+def test_an_effect_that_absorbed_a_part_of_a_later_one_is_taken_out_again(two_effects: Session, explained: Explanation) -> None:
+    """A warm-up that was added before the spin-up stayed in the model, and so was a wrong name."""
+    last = diagnose(two_effects, explained.model.add("warmup", "z"))
+    step, added, dropped = replace(explained.steps[-1], effects=("spin_up",)), {"z": ["warmup", "table_ripple"]}, set()
+    step, last = _without_needless(two_effects, step, last, added, dropped, None)
+    assert step.removed == ("warmup",)
+    assert {t.effect_id for t in last.comparison.fit.model.on("z")} == {t.effect_id for t in explained.model.on("z")}
+    assert dropped == {("z", "warmup")}
 
 
 def test_the_command_writes_model_page_and_json(

@@ -108,6 +108,7 @@ def test_explained_counts_squares_and_needs_a_certain_excess() -> None:
     assert explained(level(2.0, 1.0), level(1.0, 0.1), cycles=8) == pytest.approx(0.75)
     assert explained(level(2.0, 1.0), level(1.0, 0.1), cycles=7) == pytest.approx(0.99)
     assert explained(level(0.05, 0.05), level(0.0, 0.0), cycles=8) is None
+    assert explained(level(0.0, 1.0), level(0.0, 0.5), cycles=8) == pytest.approx(0.75)
 
 
 def test_an_excess_that_no_shape_explains_is_a_finding() -> None:

@@ -1,7 +1,10 @@
 """Errors that no effect of the library describes, or that two of them describe alike, and that were given one wrong name."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.hump import hump
@@ -93,3 +96,50 @@ def test_a_drive_that_sticks_and_slips_is_no_colour_of_the_noise() -> None:
     assert found.band_hz is not None
     assert found.band_hz[0] < 1 / 0.9 < 1.2 * found.band_hz[1]
     assert hump(fitted.axes["x"], "x", alarm=1e-3) is None
+
+
+def ringing(t_s: Array, rng: np.random.Generator) -> Array:
+    """Noise in a band of 1.5 Hz about 41 Hz, rms 0.03."""
+    step = t_s[1] - t_s[0]
+    radius = np.exp(-np.pi * 1.5 * step)
+    ring = lfilter([1], [1, -2 * radius * np.cos(2 * np.pi * 41 * step), radius**2], rng.normal(size=4000 + t_s.size))[4000:]
+    return 0.03 * ring / np.std(ring)
+
+
+def steady(t_s: Array, rng: np.random.Generator) -> Array:
+    return 0.02 * np.sin(2 * np.pi * 41 * t_s + rng.uniform(0, 6))
+
+
+@pytest.mark.parametrize(("wave", "verdict", "name"), [(ringing, "unknown", None), (steady, "add", "vibration_tone")])
+def test_a_line_is_a_vibration_only_if_it_keeps_its_phase(
+    wave: Callable[[Array, np.random.Generator], Array], verdict: str, name: str | None
+) -> None:
+    """Runs are so short that a resonance has a line in their spectrum, and it was named a vibration."""
+    rng = np.random.default_rng(8)
+    t_s = np.arange(round(4 * 200.0)) / 200.0
+    runs = []
+    for cycle in range(12):
+        gyro = rng.normal(0, 0.02, (t_s.size, 3))
+        gyro[:, 2] += 78.0 + wave(t_s, rng)
+        runs.append(make_run(t_s, gyro, scenario=f"s{cycle}", day=1 + cycle % 2, rate_hz=200.0))
+    found = diagnose(make_session(*runs))
+    assert (found.verdict, found.best and found.best.effect.id) == (verdict, name)
+    assert (found.comparison.where[0].axis, found.comparison.where[0].against) == ("z", "frequency")
+
+
+def test_a_drift_within_each_run_excludes_a_leak_of_the_rate() -> None:
+    """Face down always comes later, so that both change with the face. A drift also shows in each run."""
+    rng = np.random.default_rng(9)
+    t_s = np.arange(round(14 * RATE_HZ)) / RATE_HZ
+    runs = []
+    for cycle in range(9):
+        offset = rng.normal(0, 0.002, 3)
+        for start_s, face, rate in ((0.0, "up", 78.0), (16.0, "down", -78.0)):
+            gyro = rng.normal(offset, 0.03, (t_s.size, 3)) + np.array([0.0, 0.0, 1.002 * rate])
+            gyro[:, 0] += 5e-4 * (start_s + t_s)
+            of = {"face": face, "scenario": f"s{cycle}", "day": 1 + cycle % 3, "power_on_s": 10.0 + start_s}
+            runs.append(make_run(t_s, gyro, rate_hz=RATE_HZ, **of))
+    found = diagnose(make_session(*runs))
+    best = found.best
+    assert best is not None
+    assert (best.axis, best.group) == ("x", ("drift",))

@@ -3,12 +3,18 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from gyrocal.diagnosis.candidate import Candidate, Decision
+from gyrocal.diagnosis.decision import meets
+from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.gains import total
 from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.diagnosis.sets import fitted_together
 from gyrocal.effects.base import effect
+from gyrocal.error_model.model import Model
+from gyrocal.inference.fit import fit
+from make_runs import make_run, make_session
 
 SIGNAL = np.sin(np.arange(200) / 9)
 
@@ -58,3 +64,12 @@ def test_the_model_alone_is_the_fit_with_an_empty_set() -> None:
     """A set of one effect left its member alone, and explain stopped with an error."""
     current = SimpleNamespace(fit=SimpleNamespace(terms=["scale", "bias"]), axis="z")
     assert fitted_together(current, []) is current.fit  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("hz", "named"), [(10.9, True), (1.7, False)])
+def test_a_line_that_no_slow_effect_can_make_does_not_hide_one(hz: float, named: bool) -> None:
+    """A line of 90 standard errors at 11 Hz kept a nonlinearity that gains 900 from being named."""
+    line = Finding("z", "frequency", 90.0, 1e-43, 0.055, "a line", band_hz=(hz, hz))
+    curve = candidate("scale_nonlinearity", "suggest", [300.0, 290.0, 310.0], 1)
+    compared = SimpleNamespace(where=[line], fit=fit(make_session(make_run(np.arange(200) / 20)), Model.builtin("default")))
+    assert meets(curve, compared) is named  # type: ignore[arg-type]

@@ -32,10 +32,21 @@ def pid_of_worker() -> int:
     return os.getpid()
 
 
+def profiled(dask_worker: Any) -> int:
+    """Samples of the worker's stack that Dask holds in memory, after it had the time to take a hundred."""
+    time.sleep(1.0)
+    return int(dask_worker.profile_recent["count"]) + sum(one["count"] for _, one in dask_worker.profile_history)
+
+
 def slowly(path: str, task: Callable[[str], Done]) -> Done:
     """A task that lasts long enough to be killed in the middle."""
     time.sleep(0.1)
     return task(path)
+
+
+def slowly_named(job: int) -> int:
+    time.sleep(0.3)
+    return job
 
 
 @dataclass
@@ -69,6 +80,13 @@ def test_a_killed_worker_costs_only_its_unfinished_tasks(
     for name, one in here["population"].items():
         assert there["population"][name] == pytest.approx(one, rel=1e-9, abs=1e-15)
     assert {k: v for k, v in there.items() if k != "sessions_per_s"} == {k: v for k, v in here.items() if k != "sessions_per_s"}
+
+
+def test_a_worker_keeps_no_history_of_what_it_did(require_module: Callable[[str], None]) -> None:
+    require_module("distributed")
+    with engine(1) as cluster:
+        list(cluster.run(slowly_named, range(3)))
+        assert set(cluster.client.run(profiled).values()) == {0}  # type: ignore[attr-defined]
 
 
 def test_options_that_exclude_each_other() -> None:

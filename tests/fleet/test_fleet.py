@@ -2,11 +2,13 @@
 
 import json
 import shutil
+import tracemalloc
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -15,10 +17,11 @@ from gyrocal.calibration.header import render
 from gyrocal.cli import main
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.fleet.board import of_fleet, plain_fit
+from gyrocal.fleet.board import Done, of_fleet, plain_fit
 from gyrocal.fleet.drift import FleetDrift
 from gyrocal.fleet.engine import InProcess
-from gyrocal.fleet.fit import fit_fleet
+from gyrocal.fleet.fit import _estimates, _summaries, fit_fleet
+from gyrocal.fleet.likelihood import CycleSpreads
 from gyrocal.fleet.listing import sessions
 from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Session
@@ -182,3 +185,25 @@ def test_the_docs_commands_lead_to_priors_on_the_device(folder: Path, tmp_path: 
     for words in commands:
         assert main([*words, *(["--workers", "0"] if words[0] == "fleet" else [])]) == 0, words
     assert "gyrocal_prior_mean" in (tmp_path / "headers" / "calibration.h").read_text(encoding="utf-8")
+
+
+def test_the_memory_of_the_reduction_hardly_grows_with_the_boards(folder: Path, fitted: dict[str, Any]) -> None:
+    """Summaries are read one by one; each board leaves its numbers, and no normal equations beside the score's."""
+    results = folder.parent / "out" / "results"
+    keys = [path.stem for path in sorted(results.glob("*.npz"))][:BOARDS]
+
+    def peak(boards: int) -> int:
+        fleet = [Done(f"{i:04d}", keys[i % BOARDS]) for i in range(boards)]
+        tracemalloc.start()
+        collected, numbers = _estimates(_summaries(results, fleet, equations=False))
+        cycles = CycleSpreads()
+        for summary in _summaries(results, fleet):
+            cycles.add(summary.axes["z"], np.array([0.0, 1.0, 0.0]))
+        assert numbers
+        size = tracemalloc.get_traced_memory()[0]
+        tracemalloc.stop()
+        assert len(collected) == boards
+        return size
+
+    few = peak(BOARDS)
+    assert peak(5 * BOARDS) - few < 4 * BOARDS * 4000

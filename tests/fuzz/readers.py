@@ -328,16 +328,17 @@ def fuzz(name: str, seconds: float, seed: int = 0) -> tuple[int, bytes | None, s
     return executions, None, ""
 
 
-def guided(name: str, seconds: int, found: Path) -> None:
+def guided(name: str, seconds: int, found: Path, seed: int = 0) -> None:
     """Let atheris run a reader in this process, which ends with it. The input of a finding goes to ``found``."""
     import atheris
 
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     corpus = found / "corpus"
     corpus.mkdir()
     for k, data in enumerate([*READERS[name][1], *(mutated(name, rng) for _ in range(200))]):
         (corpus / f"{k:04d}").write_bytes(data)
-    limits = [f"-max_total_time={seconds}", f"-max_len={LONGEST}", "-rss_limit_mb=0", "-print_final_stats=1"]
+    limits = [f"-max_total_time={seconds}", f"-max_len={LONGEST}", f"-seed={seed + 1}"]  # 0 would be the time of day
+    limits += ["-rss_limit_mb=0", "-print_final_stats=1"]
     atheris.Setup([sys.argv[0], *limits, f"-artifact_prefix={found}/", str(corpus)], lambda data: check(name, data))
     atheris.Fuzz()
 
@@ -347,18 +348,18 @@ import sys, atheris
 sys.path.insert(0, sys.argv[1])
 with atheris.instrument_imports(include=["gyrocal", "tomllib"]):
     import readers
-readers.guided(sys.argv[2], int(sys.argv[3]), readers.Path(sys.argv[4]))
+readers.guided(sys.argv[2], int(sys.argv[3]), readers.Path(sys.argv[4]), int(sys.argv[5]))
 """
 
 
-def _run(name: str, seconds: int, found: Path) -> tuple[int, str]:
+def _run(name: str, seconds: int, found: Path, seed: int) -> tuple[int, str]:
     """The executions and the finding of one reader, by atheris if it is installed."""
     if find_spec("atheris") is None:
-        executions, data, why = fuzz(name, seconds)
+        executions, data, why = fuzz(name, seconds, seed)
         if data is not None:
             (found / "input").write_bytes(data)
         return executions, why
-    command = [sys.executable, "-c", GUIDED, str(Path(__file__).parent), name, str(seconds), str(found)]
+    command = [sys.executable, "-c", GUIDED, str(Path(__file__).parent), name, str(seconds), str(found), str(seed)]
     done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
     said = done.stderr.decode(errors="replace")
     counts = re.findall(r"stat::number_of_executed_units:\s+(\d+)|^#(\d+)\t", said, re.MULTILINE)
@@ -370,12 +371,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("readers", nargs="*", default=list(READERS), metavar="READER", help=", ".join(READERS))
     parser.add_argument("--seconds", type=int, default=600)
+    parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     print("| Reader | Executions | Found |\n|---|---:|---|")
     failed = False
     for name in chosen.readers:
         found = Path(tempfile.mkdtemp(prefix=f"gyrocal-fuzz-{name}-"))
-        executions, why = _run(name, chosen.seconds, found)
+        executions, why = _run(name, chosen.seconds, found, chosen.seed)
         failed = failed or bool(why)
         print(f"| `{name}` | {executions} | {found if why else 'nothing'} |", flush=True)
         if why:

@@ -40,6 +40,13 @@ def test_intervals_cover_the_truth_as_often_as_they_say(coverage: Any, effect_id
         assert 0.5 < np.sqrt(np.mean(z**2)) < 1.7, name
 
 
+def test_a_likelihood_with_steps_is_searched_to_its_highest_one(coverage: Any) -> None:
+    """A dead band of full depth: a search that stops on another step finds a depth that is many errors below 1."""
+    found = coverage.one_fit("dead_band", "triple", 999)
+    assert abs(coverage._z(*found["depth"])) < 4.0
+    assert abs(coverage._z(*found["width_dps"])) < 12**0.5 / 2 + 1e-6  # the truth is between the nearest samples
+
+
 def test_fits_are_not_repeated_and_those_of_other_sources_are(coverage: Any, tmp_path: Path) -> None:
     out = tmp_path / "coverage.jsonl"
     done: list[int] = []
@@ -77,6 +84,8 @@ def test_every_effect_has_cells_or_a_reason(coverage: Any) -> None:
     assert left == set(coverage.LEFT_OUT)
     for effect_id in coverage.covered_effects():
         kind = effects()[effect_id]
+        protocol = coverage.protocol_of(kind)
+        assert kind.missing(protocol.simulate([], 0)[0].runs, "xyz".index(protocol.axis)) is None, effect_id
         sizes = [coverage.values_of(kind, size)[coverage.sized(kind)] for size in coverage.SIZES]
         assert sizes[1] == pytest.approx(3 * sizes[0])
         assert sizes[2] == pytest.approx(3 * sizes[1])

@@ -1,6 +1,7 @@
 """What the importer mends, counts and tells in files that are not as they should be; every verb reads what it wrote."""
 
 import json
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,33 @@ def test_a_damaged_row_without_times_leaves_its_gap(tmp_path: Path) -> None:
     t_s = found.session.runs[0].t_s
     assert t_s[-1] == pytest.approx((N - 1) / RATE_HZ)
     assert np.count_nonzero(np.diff(t_s) > 1.5 / RATE_HZ) == 3
+
+
+def test_a_cut_counts_the_rows_of_the_file_whether_damaged_or_not(tmp_path: Path) -> None:
+    found = read(lines(tmp_path, ragged), cuts=[Cut.parse("a:150:250"), Cut.parse("b:199:202")])
+    a, b = found.session.runs
+    assert a.gyro_dps[0, 2] == recording()["z"][150]
+    assert (len(a), len(b)) == (99, 2)
+
+
+@pytest.mark.parametrize("kind", ["npz", "parquet"])
+def test_whole_columns_are_not_copied(tmp_path: Path, kind: str) -> None:
+    """NumPy's memory at its peak: the file's columns once, and no other array of their length."""
+    columns = {"t": np.arange(300_000) / 200, **{a: np.random.default_rng(0).normal(size=300_000) for a in "xyz"}}
+    path = tmp_path / f"log.{kind}"
+    if kind == "npz":
+        np.savez(path, **columns)  # type: ignore[arg-type]
+    else:
+        pl.DataFrame(columns).write_parquet(path)
+    read(path)
+    tracemalloc.start()
+    try:
+        read(path)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    size = columns["t"].nbytes
+    assert peak < (4.6 * size if kind == "npz" else 0.6 * size)
 
 
 def test_quotes_semicolons_and_decimal_commas_at_once(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """References: quaternions, angles, frames and clocks of their own, and what is said of bad ones."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from gyrocal.error_model.correction import correct
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.plausibility import check, references
+from gyrocal.plausibility.runs import Means
 from gyrocal.recording.header import Reference
 from gyrocal.recording.register import registered
 from gyrocal.recording.session import Session
@@ -158,6 +160,20 @@ def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
     assert np.mean(run.reached) > 0.95
 
 
+def test_a_reference_that_is_often_wrong_is_told_and_kept() -> None:
+    """With losses beside nearly every sample of a run, it is not clear whether the tracker or the sensor is wrong."""
+    rng = np.random.default_rng(8)
+    ref = motion(T_S)
+    gyro = ref + rng.normal(0, 0.1, ref.shape)
+    n = np.arange(T_S.size)
+    lost_dps = np.where(n % 40 < 4, 400.0 * (-1.0) ** (n // 40), 0.0)
+    session = with_reference(gyro, Reference(), **rates(ref + lost_dps[:, None]))
+    told = [w for w in check(session) if w.code == "reference_jumps"]
+    assert [w.blocking for w in told] == [False]
+    assert "nothing is left out" in told[0].text
+    assert registered(session).runs[0].reached.all()
+
+
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 120.0, 180.0])
 @pytest.mark.parametrize("offset_s", [-1.9, 0.003, 1.9])
 def test_frame_and_clock_are_found_from_the_readings_alone(angle_deg: float, offset_s: float) -> None:
@@ -250,6 +266,24 @@ def test_a_reference_of_another_motion_blocks_and_says_so(shift_s: float | None)
     (warning,) = references.check(with_reference(motion(T_S[:400]), **rates(ref)))
     assert (warning.code, warning.blocking) == ("reference_unrelated", True)
     assert "differ by less than 2 s" in warning.text
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda q: q[:, [1, 2, 3, 0]], lambda q: q * [1.0, -1.0, -1.0, -1.0]], ids=["x, y, z, w", "fixed frame to body"],
+)  # fmt: skip
+def test_inverted_orientations_block_and_are_told(change: Callable[[Array], Array]) -> None:
+    (warning,) = references.check(with_reference(motion(T_S[:400]), **orientation(change(Q))))
+    assert (warning.code, warning.blocking) == ("reference_unrelated", True)
+    assert "only if its orientations are inverted" in warning.text
+
+
+def test_a_gap_in_the_orientations_changes_no_slope() -> None:
+    """What lies in the gap is on a straight line, which the readings do not follow."""
+    q = quaternions(T_S)
+    q[250:650] = np.nan
+    means = Means(registered(with_reference(motion(T_S), **orientation(q))))
+    assert [mean.slope for (mean,) in means.by_axis.values()] == pytest.approx([1.0] * 3, abs=1e-3)
 
 
 def test_rests_beside_a_reference_at_rest_are_not_unrelated() -> None:

@@ -10,7 +10,7 @@ from gyrocal.effects.base import table_angle_rad
 from gyrocal.inference.blocks import reduce_run
 from gyrocal.plausibility import check
 from gyrocal.recording.importer import import_recording
-from gyrocal.recording.stamps import goes_back, in_bursts, period_s, regression
+from gyrocal.recording.stamps import PART, goes_back, in_bursts, period_s, regression, step_range_s
 from gyrocal.warning import Warning
 from make_runs import make_run
 
@@ -114,3 +114,11 @@ def test_import_repairs_repeated_times_and_tells(tmp_path: Path) -> None:
     assert "samples are missing" in told[0].text
     assert np.std(session.runs[0].t_s - true_s) < 3e-3
     assert not [w for w in check(session) if w.code == "sample_rate"]
+
+
+@pytest.mark.parametrize("n", [3, PART, PART + 1, 2 * PART + 7])
+def test_steps_and_interval_part_by_part_are_those_of_the_whole(n: int) -> None:
+    t_s = 5.0 + np.arange(n) / 200 + np.random.default_rng(n).normal(0, 2e-4, n)
+    steps = np.diff(t_s)
+    assert step_range_s(t_s) == (steps.min(), steps.max())
+    assert period_s(t_s) == pytest.approx(np.polyfit(np.arange(n), t_s, 1)[0], rel=1e-9)

@@ -13,12 +13,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.decision import in_range, proven, sure_gain
+from gyrocal.diagnosis.decision import in_range, meets, proven, sure_gain
 from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.explained import explained
+from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.sets import choose, fitted_together
+from gyrocal.effects.base import Effect
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
 
@@ -40,6 +45,20 @@ def beside_first(candidates: Sequence[Candidate], comparison: Comparison) -> lis
 
     kept = dict(zip(map(id, others), each(still, others, comparison.fit.session.rows), strict=True))
     return [c if kept.get(id(c), True) else replace(c, decision="suggest", group=()) for c in candidates]
+
+
+def excludes(c: Candidate, rival: Candidate, comparison: Comparison) -> bool:
+    """True if a candidate is needed beside a rival, and the rival is not needed beside the candidate (encompassing).
+
+    A few held-out units have a large error of their difference. The likelihood ratios of the model with both know more
+    (Mizon and Richard, Econometrica 54 (1986) 657).
+    """
+    current = Current.of(comparison, c.axis)
+
+    def chance_beside(known: Candidate, other: Candidate) -> float:
+        return judge(current.with_effect(known.effect, known.values), other.effect, unless=0.0).chance
+
+    return chance_beside(rival, c) < POLICY.needed and chance_beside(c, rival) > POLICY.needless
 
 
 def _gains(again: Candidate, first: Candidate, tested: int) -> bool:
@@ -76,6 +95,8 @@ def _set_of(pool: Sequence[Candidate], comparison: Comparison, tested: int) -> d
     """The members of the best set of one axis by id, each with its evidence beside the others."""
     current = Current.of(comparison, pool[0].axis)
     choice = choose(current, [c.effect for c in pool], tested)
+    if choice.certain and not meets(_as_one(choice.certain, current), comparison):
+        return {}
     ids = tuple(e.id for e in choice.certain)
     changed = {}
     for effect in choice.certain:
@@ -90,3 +111,13 @@ def _set_of(pool: Sequence[Candidate], comparison: Comparison, tested: int) -> d
         if choice.open and c.effect.id == choice.open[0]:
             changed[c.effect.id] = replace(c, decision="add", group=choice.open)
     return changed
+
+
+def _as_one(members: Sequence[Effect], current: Current) -> Candidate:
+    """A set as one candidate with its held-out gain and the part of the excess that it explains."""
+    fitted = fitted_together(current, members)
+    if fitted is None:
+        return Candidate(members[0], current.axis, "reject")
+    gain = total(held_out_gain(current.fit, fitted, current.folds))[0]
+    part = explained(current, fitted, np.zeros(0), chance=0.0).part
+    return Candidate(members[0], current.axis, "suggest", gain=gain, explained=part)

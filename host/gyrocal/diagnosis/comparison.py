@@ -29,7 +29,7 @@ from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import Fit
-from gyrocal.inference.noise_shape import of_angle
+from gyrocal.inference.noise_shape import of_slopes
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
@@ -192,8 +192,8 @@ def _with_left_over(
     out = []
     for axis in fitted.axes:
         current, found = fitted.axes[axis], [f for f in misfit.found if f.axis == axis]
-        # the rate of a measured angle has noise that no floor of rates describes
-        if axis in judged and squares[axis].samples and axis in misfit.nearest and not of_angle(current):
+        # the slope of measured angles has noise that no floor of rates describes
+        if axis in judged and squares[axis].samples and axis in misfit.nearest and not of_slopes(current):
             excess = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
             large = excess.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within
             told = sum(drawn_power(current, f) for f in found)

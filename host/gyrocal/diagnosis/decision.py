@@ -8,6 +8,7 @@ from dataclasses import replace
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES
 from gyrocal.variables.reading import Reading
@@ -31,19 +32,27 @@ def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Cand
     out = []
     for c in candidates:
         if c.decision != "not_measurable" and c.q_value is not None and c.q_value < POLICY.false_discovery_rate:
-            named = proven(c, tested) and in_range(c) and c.enough and _meets(c, comparison)
+            named = proven(c, tested) and in_range(c) and c.enough and meets(c, comparison)
             c = replace(c, decision="add" if named else "suggest")
         out.append(c)
     return out
 
 
-def _meets(c: Candidate, comparison: Comparison) -> bool:
+def meets(c: Candidate, comparison: Comparison) -> bool:
     """True if the candidate explains a substantial part of this axis's strongest finding, or most of the excess."""
     if c.effect.fault_of(c.values) or (c.explained or 0.0) > POLICY.main_cause:
         return True
-    others = [f for f in comparison.where if f.axis == c.axis and f.against != Reading.name and not _own_line(c, f, comparison)]
+    others = [
+        f for f in comparison.where
+        if f.axis == c.axis and f.against != Reading.name and not _own_line(c, f, comparison) and not _too_fast(c, f)
+    ]  # fmt: skip
     gains = [max(f.strength, f.snr) ** 2 / 2 for f in others]
     return (c.gain or 0.0) >= POLICY.of_finding * max(gains, default=0.0)
+
+
+def _too_fast(c: Candidate, finding: Finding) -> bool:
+    """True if a slow candidate has no part in a line or a band, whose frequencies block means do not show."""
+    return not c.effect.fast and finding.band_hz is not None and finding.band_hz[0] > 0.5 / BLOCK_S
 
 
 def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:

@@ -12,11 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from gyrocal.diagnosis import naming
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison, measure
+from gyrocal.diagnosis.finding import Finding
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model
 from gyrocal.recording.session import Session
@@ -66,11 +67,23 @@ def diagnose(
     judged = naming.candidates(comparison, own, progress=progress)
     if not comparison.where and not comparison.implausible:
         comparison = replace(comparison, where=naming.findings(comparison, judged))
-    verdict = _verdict(comparison, judged)
+    verdict = verdict_on(comparison, judged)
     return Diagnosis(verdict, judged, _unknown(comparison) if verdict == "unknown" else None, comparison)
 
 
-def _verdict(comparison: Comparison, judged: Sequence[Candidate]) -> str:
+class Compared(Protocol):
+    """What a comparison says of its model, whether it is judged by rates or by angles."""
+
+    @property
+    def implausible(self) -> bool:
+        """True if a blocking warning applies to the session's own axis."""
+
+    @property
+    def where(self) -> Sequence[Finding]:
+        """The findings."""
+
+
+def verdict_on(comparison: Compared, judged: Sequence[Candidate]) -> str:
     """The verdict on candidates that are sorted best first."""
     if comparison.implausible:
         return "implausible"

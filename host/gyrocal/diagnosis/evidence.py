@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.coherence import keeps_its_phase
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.explained import Explained, explained
 from gyrocal.diagnosis.gains import held_out_gain, total
@@ -15,7 +16,7 @@ from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
-from gyrocal.effects.wave import Wave
+from gyrocal.effects.wave import Tone, Wave
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import UNIDENTIFIED, Mask
 from gyrocal.inference.fitted import AxisFit
@@ -109,8 +110,11 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if the sizes of a wave in the runs contradict the dependence of its size on the rate."""
+    """True if a tone changes its phase within the runs, or if a wave's sizes contradict their dependence on the rate."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
+    columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
+    if isinstance(wave, Tone) and not keeps_its_phase(fitted, columns):
+        return True
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:
         return False

@@ -79,8 +79,25 @@ class Open:
         return {"group": list(self.group), "axis": self.axis, "next_measurement": self.next_measurement}
 
 
+class Concluded:
+    """What the diagnosis of the final model, ``last``, concludes."""
+
+    last: Any
+
+    @property
+    def verdict(self) -> str:
+        """The verdict on the final model."""
+        return str(self.last.verdict)
+
+    @property
+    def model(self) -> Model:
+        """The final model, with its parameters fitted to all data."""
+        fitted: Model = self.last.comparison.fit.model
+        return fitted
+
+
 @dataclass(frozen=True, repr=False, eq=False)
-class Explanation(Shown):
+class Explanation(Concluded, Shown):
     """The result of :func:`explain`. ``first`` and ``last`` are the diagnoses of the given model and of the final model."""
 
     steps: list[Step]
@@ -89,16 +106,6 @@ class Explanation(Shown):
     last: Diagnosis = field(repr=False)
     limited: bool = False
     """True if it ended because no more steps were allowed."""
-
-    @property
-    def verdict(self) -> str:
-        """The verdict on the final model."""
-        return self.last.verdict
-
-    @property
-    def model(self) -> Model:
-        """The final model, with its parameters fitted to all data."""
-        return self.last.comparison.fit.model
 
     def to_json(self) -> dict[str, Any]:
         compared = self.last.comparison.to_json()
@@ -131,6 +138,7 @@ def explain(
     steps: list[Step] = []
     added: dict[str, list[str]] = {}
     refused: set[tuple[str, frozenset[str]]] = set()
+    dropped: set[tuple[str, str]] = set()
     while True:
         plans = list(_plans(last, added, progress))
         left = [plan.left for plan in plans if plan.left is not None]
@@ -142,11 +150,13 @@ def explain(
             left += [Open(tuple(e.id for e in p.new), p.lead.axis, p.lead.next_measurement) for p in vain]
             steps = [_over_one_floor(s, last.comparison) for s in steps]
             return Explanation(steps, [*left, *_unproven(last)], first, last, limited)
-        step, last = taken
+        step, last = _without_needless(session, *taken, added, dropped, progress)
         steps.append(step)
         refused.clear()  # what did not decrease the excess beside a larger error may do so now
         for axis in step.axes:
-            added[axis] = [*(i for i in added.get(axis, []) if i not in step.removed), *step.effects]
+            model = last.comparison.fit.model
+            known = [*added.get(axis, []), *step.effects]
+            added[axis] = [i for i in known if any(t.effect_id == i for t in model.on(axis))]
 
 
 REPEAT = "record the same runs again in another power cycle; no run of this session can be left out to test a prediction"
@@ -253,6 +263,35 @@ def _taken(
         return None
     step = Step(tuple(e.id for e in plan.new), tuple(sorted(axes)), plan.removed, before, after, within=falls[0])
     return step, following
+
+
+def _without_needless(
+    session: Session, step: Step, last: Diagnosis, added: dict[str, list[str]], dropped: set[tuple[str, str]],
+    progress: Progress | None,
+) -> tuple[Step, Diagnosis]:
+    """The step without effects of earlier steps that are no longer significant beside its own, and its diagnosis.
+
+    The first effect of an axis can absorb a part of one that is found later. No effect is dropped twice, so that the steps end.
+    """
+    tested = sum(c.decision != "not_measurable" for c in last.candidates)
+
+    def needless(axis: str, effect_id: str) -> bool:
+        effect = base.effects().get(effect_id)
+        if effect is None or effect.fast or effect_id in step.removed or (axis, effect_id) in dropped:
+            return False
+        stripped = without(Current.of(last.comparison, axis), [effect_id])
+        return judge(stripped, effect, unless=0.0).chance * tested >= POLICY.name_alarm
+
+    drop = {(axis, i) for axis in step.axes for i in added.get(axis, []) if needless(axis, i)}
+    if not drop:
+        return step, last
+    dropped |= drop
+    model = last.comparison.fit.model
+    for axis, effect_id in sorted(drop):
+        model = model.without(effect_id, axis)
+    following = diagnose(session, model, progress=progress)
+    removed = (*step.removed, *dict.fromkeys(effect_id for _, effect_id in sorted(drop)))
+    return replace(step, removed=removed, after=following.comparison), following
 
 
 def _alone(c: Candidate) -> bool:

@@ -20,4 +20,5 @@ def held_out_gain(current: AxisFit, fitted: AxisFit, folds: list[heldout.Fold]) 
 def total(gains: Array) -> tuple[float | None, float | None]:
     """Sum of the gains [units] and its standard error; None where there are too few units, or one that is not predicted."""
     error = float(np.sqrt(gains.size) * np.std(gains, ddof=1)) if gains.size > 1 and np.isfinite(gains).all() else None
-    return (float(np.sum(gains)) if gains.size else None), error
+    least = float(np.min(gains, initial=0.0))  # beside a unit that is ruled out, no gain counts
+    return (None if not gains.size else least if np.isneginf(least) else float(np.sum(gains))), error

@@ -123,18 +123,16 @@ def excess_of(difference: float, error: float, white: float) -> tuple[float, flo
 def explained(before: Level, after: Level, cycles: int) -> float | None:
     """``1 - (excess after / excess before)^2``, over one floor.
 
-    It is None if the excess before is below ``Policy.excess_errors`` standard errors, or if the floor holds the whole rms.
-    With fewer than ``Policy.few_cycles`` power cycles the excess within them is used, because the offset and scale of a few
-    cycles decide the rest.
+    With fewer than ``Policy.few_cycles`` power cycles, or if the whole excess is not certain, the excess within power cycles is
+    used, because the offset and scale of the power cycles decide the rest. It is None if the excess before is below
+    ``Policy.excess_errors`` standard errors.
     """
-    few = cycles < POLICY.few_cycles
-    old, se = (before.excess_within_dps, before.excess_within_se_dps) if few else (before.excess_dps, before.excess_se_dps)
-    new = after.excess_within_dps if few else after.excess_dps
-    if not before.excess_dps or old is None or se is None or new is None:
-        return None
-    if old < POLICY.excess_errors * se:
-        return None
-    return 1 - (new / old) ** 2
+    whole = (before.excess_dps, before.excess_se_dps, after.excess_dps)
+    within = (before.excess_within_dps, before.excess_within_se_dps, after.excess_within_dps)
+    for old, se, new in (within,) if cycles < POLICY.few_cycles else (whole, within):
+        if old and se is not None and new is not None and old >= POLICY.excess_errors * se:
+            return 1 - (new / old) ** 2
+    return None
 
 
 def pooled(squares: Iterable[MeanSquares], floors: Iterable[Floor]) -> Level:

@@ -7,7 +7,7 @@ from itertools import chain
 
 import numpy as np
 
-from gyrocal.diagnosis.beside import as_sets, beside_first
+from gyrocal.diagnosis.beside import as_sets, beside_first, excludes
 from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
@@ -36,7 +36,9 @@ def candidates(
         return _on_axis(Current.of(comparison, axis), own, unless, progress)
 
     judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
-    judged = as_sets(beside_first(with_groups(decide(with_q_values(judged), comparison)), comparison), comparison)
+    decided = decide(with_q_values(judged), comparison)
+    grouped = with_groups(decided, lambda c, rival: excludes(c, rival, comparison))
+    judged = as_sets(beside_first(grouped, comparison), comparison)
     unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
     return sorted(with_suggested_groups(judged, unnamed), key=best_first)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +12,13 @@ from gyrocal.diagnosis.gains import total
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
+Excludes = Callable[[Candidate, Candidate], bool]
 
-def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
+
+def with_groups(candidates: Sequence[Candidate], excludes: Excludes | None = None) -> list[Candidate]:
     """Give each candidate with decision ``add`` its group: the candidates that this session cannot tell from it.
+
+    ``excludes`` says whether a fit of both shows that the first candidate acts and the second does not.
 
     The signals of the members overlap, and their held-out gains do not differ significantly. Of two candidates with the same
     shape, the simpler one is preferred unless the other gains enough for each further parameter. A candidate that reached only
@@ -27,7 +31,7 @@ def with_groups(candidates: Sequence[Candidate]) -> list[Candidate]:
         return [r for r in passed if r is not c and r.axis == c.axis]
 
     unmeasured = [c for c in candidates if c.decision == "not_measurable"]
-    grouped = (_grouped(c, rivals(c)) if c.decision == "add" else c for c in candidates)
+    grouped = (_grouped(c, rivals(c), excludes) if c.decision == "add" else c for c in candidates)
     return [_with_unmeasured(c, unmeasured) if c.decision == "add" else c for c in grouped]
 
 
@@ -62,7 +66,7 @@ def with_suggested_groups(candidates: Sequence[Candidate], axes: Iterable[str]) 
     return out
 
 
-def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:
+def _grouped(c: Candidate, rivals: Sequence[Candidate], excludes: Excludes | None) -> Candidate:
     group = [c]
     for rival in rivals:
         overlap = cosine(c.signal, rival.signal)
@@ -72,6 +76,8 @@ def _grouped(c: Candidate, rivals: Sequence[Candidate]) -> Candidate:
         if same and rival.parameters < c.parameters and rival.decision == "add":
             return replace(c, decision="suggest", group=())  # the simpler candidate has the same shape
         if same and rival.parameters > c.parameters:
+            continue
+        if not same and excludes is not None and excludes(c, rival):
             continue
         group.append(rival)
     group.sort(key=lambda x: -(x.gain or 0.0))

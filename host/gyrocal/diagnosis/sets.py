@@ -119,6 +119,9 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
             needed = all(_needed(found[ids], found[ids - {e.id}], e, current, tested) for e in members)
             if needed and _certain(gains, POLICY.gain_errors):
                 supported.append(found[ids])
+    best = max(supported, key=lambda s: s.gain, default=None)
+    if best is not None:
+        supported = [s for s in supported if s is best or not (_as_good(s, best) and _excludes(best, s, current))]
     return _chosen(supported, current)
 
 
@@ -173,6 +176,20 @@ def _as_good(other: EffectSet, best: EffectSet) -> bool:
     difference = best.gains - other.gains
     price = POLICY.parameter_gain * max(0, best.parameters - other.parameters)
     return float(difference.sum()) < max(POLICY.rival_errors * (total(difference)[1] or 0.0), price)
+
+
+def _excludes(best: EffectSet, other: EffectSet, current: Current) -> bool:
+    """True if all effects of both sets, fitted together, need those of the best set and not those of the other."""
+    if other.ids <= best.ids or cosine(_change(best, current), _change(other, current)) > POLICY.same_shape:
+        return False
+    both = fitted_together(current, [*best.effects, *(e for e in other.effects if e.id not in best.ids)])
+    if both is None:
+        return False
+
+    def chance_without(some: EffectSet) -> float:
+        return likelihood_ratio(some.fitted, both, max(1, added_parameters(some.fitted, both)))[1]
+
+    return chance_without(other) < POLICY.needed and chance_without(best) > POLICY.needless
 
 
 def _same_but_simpler(other: EffectSet, than: EffectSet, current: Current) -> bool:

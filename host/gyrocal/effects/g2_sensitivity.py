@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.quantities import acceleration_g
+from gyrocal.effects.quantities import acceleration_g, means_of_tenths
 from gyrocal.recording.session import Array, Run
 
 TOTAL = "k_dps_per_g2"
@@ -15,7 +15,6 @@ ALONG = {"kx_dps_per_g2": 0, "ky_dps_per_g2": 1, "kz_dps_per_g2": 2}
 ALL = 3
 """The first argument of the C twin if the acceleration of all three axes counts."""
 LEAST_CHANGE_G2 = 0.05
-PARTS = 10
 LINE, LINE_HZ = 100.0, 0.2
 """Power of a line over the median of the spectrum, and the distance in Hz within which two lines are one."""
 
@@ -83,11 +82,7 @@ class G2Sensitivity(Effect):
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """The names whose mean square over a tenth of a run changes between or within runs."""
-        means = [
-            np.append(part.mean(axis=0), part.sum(axis=1).mean())
-            for r in runs
-            if (a := acceleration_g(r)) is not None
-            for part in np.array_split(a**2, min(PARTS, len(a)))
-        ]
-        moved_g2 = np.ptp(means, axis=0) if means else np.zeros(ALL + 1)
+        means = [means_of_tenths(a**2) for r in runs if (a := acceleration_g(r)) is not None]
+        squares_g2 = np.vstack(means) if means else np.zeros((1, 3))
+        moved_g2 = np.ptp(np.column_stack([squares_g2, squares_g2.sum(axis=1)]), axis=0)
         return [name for name, i in {TOTAL: ALL, **ALONG}.items() if moved_g2[i] >= LEAST_CHANGE_G2]

@@ -96,6 +96,12 @@ def acceleration_g(run: Run) -> Array | None:
     return np.column_stack([_filled(run.acc_g[:, i], run.t_s) for i in range(3)])
 
 
+def means_of_tenths(values: Array) -> Array:
+    """Means of ``values`` [n, k] over ten successive parts of a run, as even as possible; shape [min(n, 10), k]."""
+    edges = np.linspace(0, len(values), min(10, len(values)) + 1).astype(np.intp)
+    return np.asarray(np.add.reduceat(values, edges[:-1], axis=0) / np.diff(edges)[:, None])
+
+
 def temperature_moves(runs: Sequence[Run]) -> bool:
     """True if the temperature changes by 1 degC or more over the runs that have a thermometer."""
     means = [temperature_by_second(r)[1] for r in runs if r.temp_c is not None]

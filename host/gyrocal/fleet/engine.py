@@ -110,6 +110,7 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
         yield InProcess()
         return
     try:
+        import dask
         from distributed import Client, LocalCluster
     except ImportError:
         raise InputError("a cluster needs Dask: pip install 'gyrocal[fleet]', or give --workers 0") from None
@@ -123,5 +124,9 @@ def engine(workers: int | None = None, scheduler: str | None = None) -> Iterator
         return
     count = workers or os.cpu_count() or 1
     quiet = {"dashboard_address": ":0", "silence_logs": "CRITICAL"}
-    with LocalCluster(n_workers=count, threads_per_worker=1, processes=True, **quiet) as here, Client(here) as client:
+    with (
+        dask.config.set({"distributed.worker.profile.enabled": False}),  # whose history is 250 MB of a worker after 1000 s
+        LocalCluster(n_workers=count, threads_per_worker=1, processes=True, **quiet) as here,
+        Client(here) as client,
+    ):
         yield OnDask(client)

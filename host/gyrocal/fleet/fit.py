@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import time
+from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ class Estimates:
 
 @dataclass(frozen=True)
 class Fleet:
-    """A fleet as one population. ``boards`` has a summary of each fitted session, in the order of the paths."""
+    """A fleet as one population. ``boards`` has each fitted session without its axes, in the order of the paths."""
 
     model: Model
     boards: list[Summary]
@@ -116,21 +117,24 @@ def _summaries(results: Path, fitted: Sequence[Done], equations: bool = True) ->
 
 
 def drift_weights(
-    boards: Sequence[Summary], drifts: dict[str, FleetDrift]
+    boards: Iterable[Summary], drifts: dict[str, FleetDrift]
 ) -> tuple[dict[str, FleetDrift], dict[str, Array]]:  # fmt: skip
     """The drift of each axis from all boards, and the weights [3] of their equations at the drifts near the first one."""
+    said = {axis: np.zeros(3) for axis in drifts}
+    for board in boards:
+        for axis in board.axes.keys() & said.keys():
+            said[axis] += board.axes[axis].drift_loglik
     refined, weights = dict(drifts), {axis: np.ones(1) for axis in AXES}
     for axis, drift in drifts.items():
-        said = [b.axes[axis].drift_loglik for b in boards if axis in b.axes]
-        refined[axis], weights[axis] = drift.refined(np.sum(said, axis=0) if said else np.zeros(3))
+        refined[axis], weights[axis] = drift.refined(said[axis])
     return refined, weights
 
 
 def _pooled(
     model: Model, results: Path, fitted: Sequence[Done], failed: list[Done], drifts: dict[str, FleetDrift], seconds: float
 ) -> Fleet:  # fmt: skip
-    boards = list(_summaries(results, fitted, equations=False))
-    drifts, weights = drift_weights(boards, drifts)
+    boards, estimates = _estimates(_summaries(results, fitted, equations=False))
+    drifts, weights = drift_weights(_summaries(results, fitted, equations=False), drifts)
     cycles = {axis: CycleSpreads() for axis in AXES}
     names: dict[str, set[str]] = {axis: set() for axis in AXES}
     for summary in _summaries(results, fitted):
@@ -138,7 +142,6 @@ def _pooled(
             cycles[axis].add(one, weights[axis])
             names[axis] |= set(names_of([one]))
     spreads = {kind: sd for axis in AXES for kind, sd in cycles[axis].fit().items()}
-    estimates = _estimates(boards)
     board, rig = labelled([b.board for b in boards]), labelled([b.rig for b in boards])
     population, found = {}, []
     for name, of in estimates.items():
@@ -163,20 +166,24 @@ NOISE = {f"white_noise.{axis}.sd_dps" for axis in AXES}
 """The level of the noise is not a parameter of the population, but boards can be outliers in it."""
 
 
-def _estimates(boards: Sequence[Summary]) -> dict[str, Estimates]:
-    collected: dict[str, list[tuple[int, float, float]]] = {}
-    for i, summary in enumerate(boards):
+def _estimates(summaries: Iterable[Summary]) -> tuple[list[Summary], dict[str, Estimates]]:
+    """The boards without their axes, which a large fleet does not hold in memory, and the numbers of all boards by name."""
+    boards: list[Summary] = []
+    collected: dict[str, tuple[array[int], array[float], array[float]]] = {}
+    for i, summary in enumerate(summaries):
+        boards.append(replace(summary, axes={}))
         for axis, one in summary.axes.items():
-            for name, value in one.values.items():
-                se = one.se.get(name)
+            white = f"white_noise.{axis}.sd_dps"
+            for name, value in (one.values | {white: one.noise["white_sd_dps"]}).items():
+                se = 0.0 if name == white else one.se.get(name)
                 if se is not None and np.isfinite(se) and np.isfinite(value):
-                    collected.setdefault(name, []).append((i, value, se))
-            collected.setdefault(f"white_noise.{axis}.sd_dps", []).append((i, one.noise["white_sd_dps"], 0.0))
-    found = {}
-    for name, rows in sorted(collected.items()):
-        of = np.array([i for i, _, _ in rows], dtype=np.intp)
-        found[name] = Estimates(of, np.array([value for _, value, _ in rows]), np.array([se for _, _, se in rows]))
-    return found
+                    of, values, errors = collected.setdefault(name, (array("q"), array("d"), array("d")))
+                    of.append(i)
+                    values.append(value)
+                    errors.append(se)
+    found = {name: Estimates(np.array(of, dtype=np.intp), np.array(values), np.array(errors))
+             for name, (of, values, errors) in sorted(collected.items())}  # fmt: skip
+    return boards, found
 
 
 def _evidence(

@@ -36,7 +36,7 @@ class CycleSpreads:
         """Add the power cycles of one session on one axis, at the drift that ``weights`` [3] say."""
         if one.random:
             p, cycles = 1 + len(one.columns), one.at_drift(weights)
-            self.cycles.setdefault((kind_of(one), len(cycles)), []).append(cycles[:, :p, :p])
+            self.cycles.setdefault((kind_of(one), len(cycles)), []).append(cycles[:, :p, :p].copy())  # the candidates' is freed
 
     def fit(self) -> dict[Kind, Array]:
         """Spreads over power cycles [k], in the units of the columns, for each kind of board (see :func:`kind_of`)."""

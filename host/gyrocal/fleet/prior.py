@@ -52,11 +52,10 @@ def _term(term: Term, population: dict[str, Pooled]) -> Term:
 
 def _noise(fleet: Fleet, axis: str) -> AxisNoise:
     """The noise of a board of the fleet: medians of the boards' white levels, the fleet's drift and turn-on spreads."""
-    on_axis = [b.axes[axis] for b in fleet.boards if axis in b.axes]
-    wanted = fleet.model.noise_on(axis)
-    if not on_axis:
+    wanted, levels = fleet.model.noise_on(axis), fleet.estimates.get(f"white_noise.{axis}.sd_dps")
+    if levels is None:
         return wanted
-    white = float(np.median([one.noise["white_sd_dps"] for one in on_axis]))
+    white = float(np.median(levels.values))
     noise = AxisNoise(white)
     if wanted.drift is not None:
         drift = fleet.drifts[axis]

@@ -11,6 +11,8 @@ import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.decision import proven
+from gyrocal.diagnosis.diagnose import verdict_on
+from gyrocal.diagnosis.explain import Concluded
 from gyrocal.effects.base import effects
 from gyrocal.error_model.formula import effect_or_formula
 from gyrocal.error_model.model import Model, Term
@@ -67,10 +69,7 @@ def diagnose(session: Session, model: Model | str | Path | None = None, formulas
         comparison = replace(comparison, where=findings(comparison, judged))
     if comparison.implausible:
         judged = [replace(c, decision="suggest") if c.decision == "add" else c for c in judged]
-        return Diagnosis("implausible", judged, comparison)
-    if judged and judged[0].decision == "add":
-        return Diagnosis("ambiguous" if len(judged[0].group) > 1 else "add", judged, comparison)
-    return Diagnosis("unknown" if comparison.where else "adequate", judged, comparison)
+    return Diagnosis(verdict_on(comparison, judged), judged, comparison)
 
 
 class Added(NamedTuple):
@@ -143,22 +142,12 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Explanation:
+class Explanation(Concluded):
     """The steps, the candidates that cannot be distinguished, and the diagnosis of the final model."""
 
     steps: list[Step]
     left: list[Candidate]
     last: Diagnosis = field(repr=False)
-
-    @property
-    def verdict(self) -> str:
-        """The verdict on the final model."""
-        return self.last.verdict
-
-    @property
-    def model(self) -> Model:
-        """The final model."""
-        return self.last.comparison.fit.model
 
     def to_json(self) -> dict[str, Any]:
         told = self.last.comparison.to_json()

@@ -75,6 +75,12 @@ def of_angle(current: AxisFit) -> bool:
     return any(m is not None and m.left_deg is not None for m in about)
 
 
+def of_slopes(current: AxisFit) -> bool:
+    """True if the true rate about the axis is the slope of one measured angle or of orientations."""
+    runs = [b.run for b in current.design.blocks if b.run.axis_index == current.design.axis or b.run.three_axes]
+    return any(r.measured_rates is not None and r.measured_rates.derived for r in runs)
+
+
 def _with_noise_of_angle(current: AxisFit) -> AxisFit:
     """The fit with the likeliest noise of the angle at the ends of the blocks.
 

@@ -15,6 +15,8 @@ NEARBY, MOVES = 3.0, 5
 """A single parameter is searched within so many of its steps, and again about what was found if that is at the edge."""
 EXACT = 3e-3
 """Fraction of a step to which a parameter is determined."""
+GRID, GRIDS = 13, 4
+"""Points of a grid over a likelihood with steps, and number of grids, each over three spacings of the one before."""
 
 Cost = Callable[[Array], float]
 
@@ -42,7 +44,9 @@ def refine(current: AxisFit) -> AxisFit:
 
         runs = [b.run for b in current.design.blocks]
         steps = np.array([term.effect.step(name, term.values, runs) for name in names])
-        better = at(_one(cost, x0, bounds, steps) if len(names) == 1 else _several(cost, x0, bounds, steps))
+        stairs = len(names) == 1 and term.effect.resolution(names[0], term.values, runs, current.design.axis) > 0
+        search = _stairs if stairs else _one if len(names) == 1 else _several
+        better = at(search(cost, x0, bounds, steps))
         if profile_loglik(better) > profile_loglik(current):
             current, moved = better, True
     return fit_noise(current.design, start=current) if moved else current
@@ -62,6 +66,16 @@ def _one(cost: Cost, x0: Array, bounds: Array, steps: Array) -> Array:
             break
     ends = [np.array([v]) for v in (low, high) if abs(x - v) < 0.05 * step]  # Brent's method never tries an end itself
     return min([np.array([x]), *ends], key=cost)
+
+
+def _stairs(cost: Cost, x0: Array, bounds: Array, steps: Array) -> Array:
+    """The minimum of one parameter between whose values the cost has steps: the middle of the lowest, by ever finer grids."""
+    (low, high), half, x = bounds[0], NEARBY * float(steps[0]), float(x0[0])
+    for _ in range(GRIDS):
+        grid = np.clip(np.linspace(x - half, x + half, GRID), low, high)
+        costs = np.array([cost(np.array([v])) for v in grid])
+        x, half = float(grid[costs == costs.min()].mean()), 3 * half / (GRID - 1)
+    return np.array([x])
 
 
 def _several(cost: Cost, x0: Array, bounds: Array, steps: Array) -> Array:

@@ -93,10 +93,14 @@ def _named(term: Term, current: AxisFit, of: Joint, mine: list[int]) -> tuple[Va
 
 
 def _nonlinear_errors(current: AxisFit, i: int, of: Joint) -> Values:
-    """Errors of a term's nonlinear parameters."""
+    """Errors of a term's nonlinear parameters.
+
+    Where the likelihood has steps, the truth is uniformly distributed between two of them, with a standard deviation of half
+    their distance over the square root of three.
+    """
     mine = [k for k, (term, _) in enumerate(of.nonlinear) if term == i]
     errors = of.errors(lambda _, log_values: np.exp(log_values[mine])) if mine else np.zeros(0)
     term, runs = current.design.terms[i], [b.run for b in current.design.blocks]
     names = [of.nonlinear[k][1] for k in mine]
     spacing = [term.effect.resolution(name, term.values, runs, current.design.axis) for name in names]
-    return {name: float(np.hypot(e, s)) for name, e, s in zip(names, errors, spacing, strict=True)}
+    return {name: float(max(e / 3**0.5, s) if s else e) for name, e, s in zip(names, errors, spacing, strict=True)}

@@ -118,7 +118,7 @@ def _at_penalty(basis: Array, penalty: Array, size: float, mean: Array, weight: 
 
     def cost(x: Array) -> float:
         eta = basis @ x
-        return float(weight @ (eta + mean * np.exp(np.minimum(-eta, 700.0))) + 0.5 * x @ penalty @ x)
+        return float(weight @ (eta + mean * np.exp(np.minimum(-eta, 600.0))) + 0.5 * x @ penalty @ x)
 
     at = cost(x)
     for _ in range(NEWTON_STEPS):

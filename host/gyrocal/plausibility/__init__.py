@@ -22,8 +22,9 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
     if session.reference.kind == "gravity":  # no true rate is known, and the rests are checked when they are found
         return accepted([*columns.check(session), *header.check(session)], session.accept)
     session = registered(session)
-    dead = readings.constant(session)
-    useless = readings.cut_off(session) | columns.mistimed_turns(session)
+    levels_dps = readings.clip_levels_dps(session)
+    dead = readings.constant(session, levels_dps)
+    useless = readings.cut_off(session, levels_dps) | columns.mistimed_turns(session)
     means = Means(session, skip={(w.axis, w.file) for w in dead} | useless)
     lines = slopes.lines(means)
     moved = rests.moved(means, lines)
@@ -33,10 +34,10 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *moved,
         *dead,
         *noise.unit_unsure(session),
-        *readings.clipped(session, Model.open(model)),
+        *readings.clipped(session, Model.open(model), levels_dps),
         *columns.check(session),
         *references.check(session),
-        *readings.first_sample(session),
+        *readings.first_sample(session, levels_dps),
         *header.check(session),
     ]
     return accepted(found, session.accept)

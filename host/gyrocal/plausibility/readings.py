@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import erf, sqrt
 
 import numpy as np
@@ -20,14 +21,17 @@ from gyrocal.warning import Warning
 USUAL_RANGES_DPS = (125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0)
 
 
-def constant(session: Session) -> list[Warning]:
+Levels = Sequence[float | None]
+
+
+def constant(session: Session, levels_dps: Levels) -> list[Warning]:
     """``constant_reading`` and ``axis_absent``: readings that do not change although they should."""
     out: list[Warning] = []
     own = set(AXES) if session.three_axes else {session.axis, *(r.axis for r in session.runs)}
     for i, axis in enumerate(AXES):
         session = session.about(axis)
         still_runs = [r for r in session.runs if np.ptp(r.gyro_dps[:, i]) == 0]
-        level = clip_level_dps(session, i)
+        level = levels_dps[i]
         if len(still_runs) == len(session.runs) and not all(_at(r.gyro_dps[0, i], level) for r in still_runs):
             if axis in own and _should_move(session, i):
                 text = f"{axis} reads {still_runs[0].gyro_dps[0, i]:.6g} dps in every sample. Check wiring and driver"
@@ -129,7 +133,12 @@ def _at(value: float, level: float | None) -> bool:
     return level is not None and abs(abs(value) - level) < 1e-6
 
 
-def clip_level_dps(session: Session, axis: int) -> float | None:
+def clip_levels_dps(session: Session) -> Levels:
+    """The reading at which each axis is clipped, deg/s; None for one that is not."""
+    return [_clip_level_dps(session, i) for i in range(len(AXES))]
+
+
+def _clip_level_dps(session: Session, axis: int) -> float | None:
     """The reading at which an axis is clipped, deg/s; None if it is not clipped.
 
     Readings accumulate at the largest value that occurs, and this value is the end of a range. It is the stated range or a
@@ -178,24 +187,22 @@ def _rates_differ(session: Session, axis: int, at: list[Mask], limit: float) -> 
     return False
 
 
-def cut_off(session: Session) -> set[tuple[str | None, str | None]]:
+def cut_off(session: Session, levels_dps: Levels) -> set[tuple[str | None, str | None]]:
     """(axis, file) of runs whose mean is unreliable, because too many of their readings are clipped."""
     out: set[tuple[str | None, str | None]] = set()
-    for i, axis in enumerate(AXES):
-        level = clip_level_dps(session, i)
+    for i, (axis, level) in enumerate(zip(AXES, levels_dps, strict=True)):
         if level is not None:
             parts = {r.file: np.mean(np.abs(r.gyro_dps[:, i]) > level - 1e-6) for r in session.runs}
             out |= {(axis, file) for file, part in parts.items() if part > POLICY.clipped_part}
     return out
 
 
-def clipped(session: Session, model: Model) -> list[Warning]:
+def clipped(session: Session, model: Model, levels_dps: Levels) -> list[Warning]:
     """``clipped``: readings at full scale, unless the model contains a fault that excludes such readings."""
     out = []
-    for i, axis in enumerate(AXES):
+    for i, (axis, level) in enumerate(zip(AXES, levels_dps, strict=True)):
         known = any(term.fault is not None and term.fault.clips for term in model.on(axis))
-        level = None if known else clip_level_dps(session, i)
-        if level is None:
+        if level is None or known:
             continue
         count = sum(int(np.count_nonzero(np.abs(r.gyro_dps[:, i]) > level - 1e-6)) for r in session.runs)
         text = (
@@ -206,14 +213,13 @@ def clipped(session: Session, model: Model) -> list[Warning]:
     return out
 
 
-def first_sample(session: Session) -> list[Warning]:
+def first_sample(session: Session, levels_dps: Levels) -> list[Warning]:
     """``first_sample``: the first readings of a run deviate from the line through the following readings.
 
     Readings at the end of the range (``clipped``) deviate by what the range cut off.
     """
     out = []
-    for i, axis in enumerate(AXES):
-        level = clip_level_dps(session, i)
+    for i, (axis, level) in enumerate(zip(AXES, levels_dps, strict=True)):
         whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[:FIRST, i])]
         off = {r.file: apart for r in whole if (apart := _first_apart_dps(r, i)) is not None}
 

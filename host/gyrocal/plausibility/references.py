@@ -1,16 +1,21 @@
-"""Checks of measured columns: a reference that jumps, mirrors the motion or leaves its offset open, and unknown noise."""
+"""Checks of measured columns: a reference that jumps, an inverted or mirrored one, an open offset, and unknown noise."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+import polars as pl
 
+from gyrocal.errors import InputError
 from gyrocal.policy import POLICY
+from gyrocal.recording.measured_rates import QUATERNION, RATES
 from gyrocal.recording.register import registered
-from gyrocal.recording.registration import Lost
-from gyrocal.recording.session import Run, Session
+from gyrocal.recording.registration import Lost, Registration
+from gyrocal.recording.session import Array, Run, Session
 from gyrocal.recording.smoothing import Smoothed
+from gyrocal.recording.stretches import stretches
 from gyrocal.warning import Warning
 
 TOLD = 5
@@ -30,9 +35,17 @@ def check(session: Session) -> list[Warning]:
                 "are left out. Check markers and tracking, or leave the cells of the bad samples empty"
             )
             out.append(Warning("reference_jumps", None, run.file, text))
+        out += _noisy(run)
     fit = registered(session).registration_fit
     if fit is None:
         return out
+    if fit.left > POLICY.inverted_part and _inverse_left(session) < POLICY.inverted_part * fit.left:
+        text = (
+            "the reference shows the motion of the readings only if its orientations are inverted. If its columns are in the "
+            "order x, y, z, w, map ref_qw to the last of them; if they turn the fixed frame to the body, negate three of them "
+            "(--map ref_qx=qx*-1, and likewise ref_qy and ref_qz)"
+        )
+        return [*out, Warning("reference_unrelated", None, None, text, True)]
     if fit.left > POLICY.unrelated_part and fit.readings_dps > POLICY.unrelated_dps:
         text = (
             f"the reference does not show the motion of the readings: at its best offset, turned to fit best, it explains "
@@ -58,15 +71,52 @@ def check(session: Session) -> list[Warning]:
     return out
 
 
+def _noisy(run: Run) -> list[Warning]:
+    """``reference_jumps`` for stretches in which a tracker is much noisier than usual."""
+    noisy = None if run.measured_rates is None else run.measured_rates.noisy
+    if noisy is None or not noisy.any():
+        return []
+    starts_s = run.t_s[stretches(noisy)[0]]
+    text = (
+        f"the orientations are more than {POLICY.noisy_times:g} times as noisy as usual in {_stretches(starts_s)}. These "
+        f"samples, {noisy.mean():.1%} of the run, are left out. Check markers and tracking"
+    )
+    return [Warning("reference_jumps", None, run.file, text)]
+
+
+def _stretches(starts_s: Array) -> str:
+    at_s = ", ".join(f"{t:.1f}" for t in starts_s[:TOLD]) + (" ..." if starts_s.size > TOLD else "")
+    return f"{'one stretch' if starts_s.size == 1 else f'{starts_s.size} stretches'} (at {at_s} s)"
+
+
+def _inverse_left(session: Session) -> float:
+    """Part of the readings' power that inverted orientations leave; infinite if the reference has none."""
+    if any(run.column(QUATERNION[0]) is None or run.column(RATES[0]) is not None for run in session.runs):
+        return float("inf")
+    runs = (
+        replace(run, frame=run.table.with_columns(-pl.col(QUATERNION[1:])), registration=Registration(), lost=None)
+        for run in session.runs
+    )
+    try:
+        fit = registered(replace(session, runs=tuple(runs), registration_fit=None)).registration_fit
+    except InputError:
+        return float("inf")
+    return float("inf") if fit is None else fit.left
+
+
 def _lost(found: Lost) -> Warning:
     """``reference_jumps`` for stretches in which the reference and the readings show different motions."""
-    times = found.starts_s
-    at_s = ", ".join(f"{t:.1f}" for t in times[:TOLD]) + (" ..." if times.size > TOLD else "")
-    stretches = "one stretch" if times.size == 1 else f"{times.size} stretches"
+    kept = (
+        f"These are {found.part:.0%} of the run. That is too much to tell whether the reference or the readings are wrong, and "
+        "nothing is left out. Check markers and tracking, the axes and the range of the sensor"
+    )
+    left = (
+        f"The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, are left out. Check markers "
+        "and tracking"
+    )
     text = (
-        f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {stretches} (at {at_s} s), and usually "
-        f"by {found.usual_dps:.2g} dps. The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, "
-        "are left out. Check markers and tracking"
+        f"the reference and the readings differ by up to {found.largest_dps:.3g} dps in {_stretches(found.starts_s)}, and "
+        f"usually by {found.usual_dps:.2g} dps. {left if found.left_out else kept}"
     )
     return Warning("reference_jumps", None, found.file, text)
 

@@ -69,10 +69,11 @@ class Means:
 
 
 def _mean(run: Run, axis: int) -> Mean:
-    y, rate = run.gyro_dps[:, axis], run.rate_dps
+    known = run.reached if run.reached.any() else np.ones(len(run), dtype=bool)  # without what lies in a gap of the reference
+    y, rate = run.gyro_dps[known, axis], run.rate_dps[known]
     varies_dps = 0.0 if run.rate_is_mean else float(np.std(rate))
     if varies_dps > POLICY.rest_dps and (varies_dps > POLICY.rate_varies_dps or _follows(y, rate)):
-        lag, others = lag_samples(y, rate, longest_lag(run)), _others_dps(run)
+        lag, others = lag_samples(y, rate, longest_lag(run)), _others_dps(run)[:, known]
         others = np.array([_shifted(y, other, lag)[1] for other in others])
         y, rate = _shifted(y, rate, lag)
         samples = round(POLICY.slow_s * run.sample_rate_hz) if run.three_axes else 1

@@ -241,6 +241,19 @@ class Diagnosis:
         smaller="a tone in half of the runs is named",
         chosen_by="square root of ln 2 for noise alone (Rayleigh); chosen between this and 0",
     )  # fmt: skip
+    coherent: float = threshold(
+        0.5, "smallest part of a tone's power that keeps one phase within each run",
+        larger="a motor whose speed wanders is no tone", smaller="a resonance of the mount is named a vibration",
+        chosen_by="half of the power; pytest tests/diagnosis/test_mistaken.py has a resonance and a tone",
+    )  # fmt: skip
+    most_parts: int = threshold(
+        8, "largest number of parts of a run in which the phase of a tone is compared, of at least four periods each",
+        larger="each part knows the phase of a weak tone less well", smaller="a resonance keeps its phase over a part of a run",
+    )  # fmt: skip
+    coherence_errors: float = threshold(
+        4.0, "standard errors by which power without a common phase must exceed noise to speak against a tone",
+        larger="a weak resonance is named a vibration", smaller="noise speaks against a weak tone",
+    )  # fmt: skip
     one_size: float = threshold(
         0.25, "ratio of the sums of squares of a wave's sizes about one size and about a size in proportion to the rate, "
         "below which (or above the inverse of which) the other kind of wave is not named",
@@ -291,6 +304,15 @@ class Diagnosis:
     rival_errors: float = threshold(
         2.0, "standard errors by which a held-out gain must exceed that of a rival",
         larger="larger groups", smaller="one of two equally good effects is named by chance",
+    )  # fmt: skip
+    needed: float = threshold(
+        1e-3, "probability of a candidate's gain beside a rival below which it is needed there",
+        larger="one of two equally good effects is named by chance", smaller="larger groups",
+        chosen_by="3.3 standard errors, which a difference of 5 reaches in 95 %; pytest tests/diagnosis/test_mistaken.py",
+    )  # fmt: skip
+    needless: float = threshold(
+        0.05, "probability of a rival's gain beside a candidate above which it is not needed there",
+        larger="a rival that noise makes look needed stays in the group", smaller="a rival that acts too is left out",
     )  # fmt: skip
     parameter_gain: float = threshold(
         2.0, "held-out log-likelihood that each further parameter must gain over a rival of the same shape",

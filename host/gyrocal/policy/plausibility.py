@@ -103,6 +103,13 @@ class Plausibility:
         larger="a reference that is often lost is not reported", smaller="fast motions are called a lost reference",
         chosen_by=REFERENCES,
     )  # fmt: skip
+    inverted_part: float = threshold(
+        0.1, "part of the readings' power that orientations must leave, and part of that which their inverses may leave, for "
+        "them to be called inverted",
+        larger="a reference that misses a part of the motion is called inverted",
+        smaller="inverted orientations of a motion with large errors are not recognised",
+        chosen_by="pytest tests/recording/test_references.py: inverted orientations leave 0.4, right ones a millionth",
+    )  # fmt: skip
     unrelated_part: float = threshold(
         0.5, "part of the readings' power that a reference about three axes, or by its own clock, leaves at its best offset",
         larger="a reference of another recording is fitted all the same",
@@ -123,6 +130,11 @@ class Plausibility:
     lost_beside_s: float = threshold(
         0.1, "time on either side of such a stretch that is left out with it, s", larger="short runs lose much of themselves",
         smaller="the smoothed reference beside a loss is fitted", chosen_by=REFERENCES,
+    )  # fmt: skip
+    noisy_times: float = threshold(
+        3.0, "noise of orientations over its median in the run, from which on they are left out",
+        larger="moments in which few markers are seen decide the fit", smaller="much of an ordinary recording is left out",
+        chosen_by=REFERENCES,
     )  # fmt: skip
     lost_most: float = threshold(
         0.3, "part of a run above which it is not clear whether the reference or the sensor is wrong, and all is used",

@@ -104,6 +104,7 @@ def print_comparison(c: Comparison) -> None:
         title = "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
         table(title, ANGLES, [*levels, angle_row(everything, c.angles.level())])
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
+    print_note(reference_words(c))
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
@@ -111,6 +112,12 @@ def print_comparison(c: Comparison) -> None:
         table("What has moved", MOVED, moved_rows(c.moved))
         print_note(c.note)
     stdout.print(headline(c), style="bold")
+
+
+def reference_words(c: Comparison) -> str:
+    """What the session shows of its reference's frame and clock, with standard errors; empty if it has neither of its own."""
+    found = [f"{p.effect} {p.name} {plus_minus(p.value, p.se)}" for p in c.fit.session.registration_parameters]
+    return f"reference: {', '.join(found)}" if found else ""
 
 
 MOVED = ["parameter:", "axis:", "file", "this session", "moved by", "±", "z", "unit:"]

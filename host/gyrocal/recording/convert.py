@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,15 +27,33 @@ ANGLE_SMOOTHING = 16.0
 
 @dataclass(frozen=True)
 class Converted:
-    """Columns [n] by target in a session's units; ``entry`` [n] is the place of each row among the table's samples, from 0."""
+    """Columns [n] by target in a session's units; ``gaps`` are the rows without a sample before the last one, from 0."""
 
     columns: Mapping[str, Array]
-    entry: Index
+    gaps: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     damage: str = ""
     left_out: int = 0
     """Rows without a sample: damaged ones and lines of text."""
     cells: int = 0
     """Text in optional columns, taken as missing."""
+
+    @property
+    def size(self) -> int:
+        """Samples of the table."""
+        return next(iter(self.columns.values())).size
+
+    @property
+    def height(self) -> int:
+        """Rows of the table up to its last sample."""
+        return self.size + self.gaps.size
+
+    def place(self, row: int) -> int:
+        """The number of the first sample in a row of the table, or in one after it."""
+        return row - int(np.searchsorted(self.gaps, row))
+
+    def row(self, place: int) -> int:
+        """The row of the table that holds a sample."""
+        return int(np.delete(np.arange(self.height), self.gaps)[place])
 
 
 def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None) -> Converted:
@@ -43,8 +61,11 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
 
     InputError where more than a few rows hold no number in a column that every sample has.
     """
+    values = {m.target: source.numbers(m) for m in mappings}
+    if _is_whole(source, mappings, values):
+        return _finished(Converted(values), rate_hz)
     kept = _where_not(source.blank())
-    values = {m.target: _rows(source.numbers(m), kept) for m in mappings}
+    values = {name: _rows(column, kept) for name, column in values.items()}
     text = {m.target: _rows(source.has_text(m), kept) for m in mappings}
     lacking = {m.target: _missing(values[m.target]) for m in mappings if m.target in REQUIRED}
     bad = np.any([rows for rows in lacking.values() if rows.any()] or [np.zeros(kept.size, dtype=bool)], axis=0)
@@ -59,12 +80,25 @@ def convert(source: Source, mappings: Sequence[ColumnMap], rate_hz: float | None
             cells += int(wrong.sum())
     good = _where_not(bad)
     columns = {name: _rows(column, good) for name, column in values.items()}
+    damage = _words(source, mappings, kept, damaged, footer, lacking)
+    gaps = np.flatnonzero(bad & ~_after_last(~bad))
+    return _finished(Converted(columns, gaps, damage, int(bad.sum()), cells), rate_hz)
+
+
+def _is_whole(source: Source, mappings: Sequence[ColumnMap], values: Mapping[str, Array]) -> bool:
+    """True if every row of the table is a sample and no cell a text, which is seen without an array of rows."""
+    numbers = all(source.frame[m.column].dtype.is_numeric() for m in mappings)
+    return numbers and all(all_finite(values[name]) for name in REQUIRED if name in values)
+
+
+def _finished(table: Converted, rate_hz: float | None) -> Converted:
+    """The table with times, if it has none, and with an angle that is not folded into a turn."""
+    columns = dict(table.columns)
     if "t_s" not in columns and rate_hz is not None:
-        columns["t_s"] = good / rate_hz
+        columns["t_s"] = np.delete(np.arange(table.height), table.gaps) / rate_hz
     if "ref_angle_deg" in columns:
         columns["ref_angle_deg"] = unwrapped(columns["ref_angle_deg"])
-    damage = _words(source, mappings, kept, damaged, footer, lacking)
-    return Converted(columns, good, damage, int(bad.sum()), cells)
+    return replace(table, columns=columns)
 
 
 def _missing(column: Array) -> Booleans:

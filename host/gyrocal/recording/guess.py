@@ -200,6 +200,12 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scalin
     if np.all(values == np.rint(values)) and largest > COUNTS_ABOVE:
         if scaling.lsb_dps is not None:
             return ":counts", "whole numbers"
+        turned = float(np.mean((values > 49152) | ((values >= 0) & (values < 16384))))
+        if values.min() >= 0 and largest > 49152 and turned > 0.99:
+            raise InputError(
+                f"{source.label}: {names[0]} holds counts of 16 bits without their sign: those above 32767 are negative. "
+                "Subtract 65536 from these, then say how many make a deg/s, as by --map gx_dps=COLUMN/131"
+            )
         raise InputError(
             f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say how many make a deg/s: "
             f"--map gx_dps={names[0]}/131, or '({names[0]}-32768)/131' for unsigned ones, or --lsb-dps 0.0076"

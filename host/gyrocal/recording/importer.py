@@ -23,7 +23,7 @@ from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamps import goes_back, period_s
-from gyrocal.recording.table import REQUIRED, all_finite, check_table, write_table
+from gyrocal.recording.table import OPTIONAL, REQUIRED, all_finite, check_table, write_table
 from gyrocal.warning import Warning
 
 SAME_RATE = 0.02
@@ -297,15 +297,16 @@ def _run(
     reference: Reference, warn: Callable[[Warning], None],
 ) -> Run:  # fmt: skip
     """One cut as a run, checked; its time starts at 0."""
-    height = int(table.entry[-1]) + 1 if table.entry.size else 0
     start = _place(table, cut.start, 0)
-    end = _place(table, cut.end, table.entry.size)
-    if not 0 <= start < end <= table.entry.size or end - start < 2:
-        raise InputError(f"{source.label}: run {cut.name}: it must hold two samples at least, and the table has {height} rows")
+    end = _place(table, cut.end, table.size)
+    if not 0 <= start < end <= table.size or end - start < 2:
+        what = f"it must hold two samples at least, and the table has {table.height} rows"
+        raise InputError(f"{source.label}: run {cut.name}: {what}")
     columns = {name: values[start:end] for name, values in table.columns.items()}
     file = f"{cut.name}.csv"
     t_s = columns["t_s"]
-    columns["t_s"], warning = even(t_s - t_s[0], lambda repeated: source.row(int(table.entry[start + repeated])), file)
+    t_s = t_s - t_s[0] if t_s[0] else t_s
+    columns["t_s"], warning = even(t_s, lambda repeated: source.row(table.row(start + repeated)), file)
     if warning is not None:
         warn(warning)
     if any(m.is_angle_of_rate for m in mappings):
@@ -314,8 +315,7 @@ def _run(
     run_axis = meta.get("axis") or axis
     if f"g{run_axis}_dps" not in columns:
         raise InputError(f"run {cut.name}: its axis is {run_axis}, and nothing is mapped to g{run_axis}_dps; see --axis")
-    for name in REQUIRED[1:]:
-        columns.setdefault(name, np.zeros(end - start))
+    columns |= {name: np.zeros(end - start) for name in REQUIRED[1:] if name not in columns}
     _check_reference(cut, columns, reference)
     return Run(
         index, file, meta.get("scenario", "s000"), meta.get("face", "up"), run_axis,  # type: ignore[arg-type]
@@ -343,7 +343,8 @@ def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Referenc
 
 def _frame(columns: Mapping[str, Array]) -> pl.DataFrame:
     frame = pl.DataFrame({name: columns[name] for name in TARGETS if name in columns})
-    return frame if all(map(all_finite, columns.values())) else frame.fill_nan(None)
+    missing = [name for name in frame.columns if name in OPTIONAL and not all_finite(columns[name])]
+    return frame.with_columns(pl.col(missing).fill_nan(None)) if missing else frame
 
 
 def _place(table: Converted, edge: Edge | None, default: int) -> int:
@@ -351,8 +352,7 @@ def _place(table: Converted, edge: Edge | None, default: int) -> int:
     if edge is None:
         return default
     if not edge.in_seconds:
-        last = int(table.entry[-1]) + 1 if table.entry.size else 0
-        return int(np.searchsorted(table.entry, edge.value)) if edge.value <= last else -1
+        return table.place(int(edge.value)) if edge.value <= table.height else -1
     return int(np.searchsorted(np.maximum.accumulate(table.columns["t_s"]), edge.value - 0.5e-6))
 
 

@@ -7,10 +7,11 @@ import numpy as np
 from gyrocal.policy import POLICY
 from gyrocal.recording.registration import Lost
 from gyrocal.recording.run import AXES, Run
+from gyrocal.recording.stretches import stretches
 
 
 def lost(run: Run) -> Lost | None:
-    """The stretches of a registered run; None if there are none, or so many that it is not clear which of both is wrong.
+    """The stretches of a registered run; None if there are none.
 
     Reference and readings differ there by most of the larger of the two, and by far more than in the rest of the run. Readings
     near the end of their range do not count.
@@ -25,14 +26,11 @@ def lost(run: Run) -> Lost | None:
     size[known] = np.maximum(size[known], np.linalg.norm(true_dps[known], axis=1))
     usual_dps = float(np.median(apart[known]))
     off = known & (apart > POLICY.lost_part * size) & (apart > max(POLICY.lost_times * usual_dps, POLICY.lost_dps))
-    start = np.flatnonzero(np.diff(off, prepend=False) & off)
-    length = np.flatnonzero(np.diff(off, append=False) & off) + 1 - start
+    start, length = stretches(off)
     start, length = start[length >= POLICY.lost_samples], length[length >= POLICY.lost_samples]
     if not start.size:
         return None
     samples, beside = np.zeros(len(run), dtype=bool), round(POLICY.lost_beside_s * run.sample_rate_hz)
     for first, count in zip(start, length, strict=True):
         samples[max(0, first - beside) : first + count + beside] = True
-    if samples.mean() > POLICY.lost_most:
-        return None
     return Lost(run.file, samples, run.t_s[start], float(samples.mean()), float(apart[off].max()), usual_dps)

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from gyrocal.errors import InputError
-from gyrocal.recording.orientation import jumps, turned_deg
+from gyrocal.recording.angle_slopes import angle_slopes
+from gyrocal.recording.orientation import turned_deg
 from gyrocal.recording.registration import Registration
-from gyrocal.recording.timing import REACH, SYNCHRONOUS, Motion, smooth
+from gyrocal.recording.smoothing import Smoothed
+from gyrocal.recording.timing import REACH, SYNCHRONOUS, Motion
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -24,12 +26,8 @@ QUATERNION = ("ref_qw", "ref_qx", "ref_qy", "ref_qz")
 THREE_AXES = (*RATES, *QUATERNION)
 ANGLE = "ref_angle_deg"
 REFERENCES = (*THREE_AXES, "rate_ref_dps", ANGLE)
-TRIMMED = 5
-"""Samples at each end of a stretch of angles whose slope is not relied on."""
 END_STEPS = 10
 """Steps of the reference from each of its ends within which a smooth curve through it is not relied on."""
-GAP_STEPS = 3.5
-"""An angle that is missing for more of its usual steps than this gives no rate in between."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,10 @@ class MeasuredRates:
     jumps: int = 0
     derived: bool = False
     """True if the rates are slopes of angles, whose noise grows with frequency."""
+    steadier: Smoothed | None = None
+    """Of orientations: the rates with less noise, by which the readings are sorted and whose multiples are fitted; [n, 3]."""
+    noisy: Mask | None = None
+    """Of orientations: True for the samples [n] that were left out because they are much noisier than usual."""
     left_deg: Array | None = None
     """Of one measured angle, whose slopes the rates are: the angle minus the smooth curve through it, [n], deg."""
     interpolated: bool = False
@@ -86,6 +88,15 @@ class MeasuredRates:
             rates = np.where(self._inside(at_s)[:, None], moved, np.nan)
         return np.asarray(rates @ registration.matrix[axis] if self.three_axes else rates[:, 0])
 
+    def steadier_about(self, axis: int, registration: Registration) -> Smoothed | None:
+        """The rate about a sensor's axis with less noise, [n], deg/s; None unless the rates come from orientations."""
+        if self.steadier is None or not self.known.any():
+            return None
+        row, known = registration.matrix[axis], self.known
+        at_s = registration.moment_s(self.t_s)
+        values, error = self.steadier.values[known] @ row, self.steadier.error[known] @ row**2
+        return Smoothed(values, error, self.steadier.noise).at(at_s, self.t_s[known])
+
     def slope_about(self, axis: int, registration: Registration) -> Array:
         """The rate's slope at the moment that each sample shows, [n], deg/s^2: minus its derivative by the offset."""
         at_s = registration.moment_s(self.t_s)
@@ -120,8 +131,8 @@ def measured_rates(column: Column, t_s: Array, label: str) -> MeasuredRates | No
     angle = column(ANGLE)
     if angle is None:
         return None
-    found, left_deg = _of_steps(t_s, np.isfinite(angle), lambda rows: np.diff(angle[rows])[:, None])
-    return replace(found, left_deg=left_deg[:, 0])
+    found = angle_slopes(t_s, np.isfinite(angle), lambda rows: np.diff(angle[rows])[:, None])
+    return MeasuredRates(t_s, found.rates, found.jumps, derived=True, left_deg=found.left_deg[:, 0])
 
 
 def _together(column: Column, names: tuple[str, ...], label: str) -> Array | None:
@@ -142,32 +153,12 @@ def _of_orientation(t_s: Array, quaternion: Array, label: str) -> MeasuredRates:
             f"{label}: no row has an orientation. Leave out ref_qw, ref_qx, ref_qy, ref_qz and give the run's true rate: "
             "table_rate_dps = 0 if it was at rest (--rate 0 when importing)"
         )
-    return _of_steps(t_s, known, lambda rows: turned_deg(quaternion[rows], label))[0]
 
+    def turned(rows: Index) -> Array:
+        return turned_deg(quaternion[rows], label)
 
-def _of_steps(t_s: Array, known: Mask, turned: Callable[[Index], Array]) -> tuple[MeasuredRates, Array]:
-    """The rate from the angles that are turned from sample to sample: the slope of a smooth curve through their sum.
-
-    The sum is exact whatever the steps are, so that the rate's integral is the measured angle. The curve is a smoothing spline
-    (:func:`gyrocal.recording.timing.smooth`), piece by piece between gaps and jumps. The second result is what it leaves of the
-    sum, [n, k], deg, NaN where there is no rate.
-    """
-    from scipy.interpolate import CubicSpline
-
-    rows = np.flatnonzero(known)
-    steps_deg = turned(rows)
-    rates, left_deg = np.full((2, t_s.size, steps_deg.shape[1]), np.nan)
-    steps_s = np.diff(t_s[rows])
-    usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
-    jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
-    cuts = np.flatnonzero(jumped | (steps_s > GAP_STEPS * usual_s)) + 1
-    for piece in np.split(np.arange(rows.size), cuts):
-        if piece.size <= 2 * TRIMMED:
-            continue
-        mine, at_s = steps_deg[piece[:-1]], t_s[rows[piece]]
-        angle_deg = np.vstack([np.zeros(mine.shape[1]), np.cumsum(mine, axis=0)])
-        curves = np.column_stack([smooth(at_s, a, twice=True) for a in angle_deg.T])
-        inner = rows[piece[TRIMMED:-TRIMMED]]
-        rates[inner] = CubicSpline(at_s, curves)(at_s, 1)[TRIMMED:-TRIMMED]
-        left_deg[inner] = (angle_deg - curves)[TRIMMED:-TRIMMED]
-    return MeasuredRates(t_s, rates, int(jumped.sum()), derived=True), left_deg
+    found = angle_slopes(t_s, known, turned, steadier=True)
+    noisy = found.noisy()
+    if noisy.any():
+        found = angle_slopes(t_s, known & ~noisy, turned, steadier=True)
+    return MeasuredRates(t_s, found.rates, found.jumps, derived=True, steadier=found.steadier, noisy=noisy)

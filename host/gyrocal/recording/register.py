@@ -73,7 +73,7 @@ def registered(session: Session) -> Session:
     fit = search.fit(own_clock)
     moved = [r.registered(fit.registration) for r in session.runs]
     gone = {found.file: found for r in moved if r.three_axes and (found := lost(r)) is not None}
-    seen = [r.without_reference(gone[r.file].samples) if r.file in gone else r for r in moved]
+    seen = [r.without_reference(gone[r.file].samples) if r.file in gone and gone[r.file].left_out else r for r in moved]
     return replace(session.with_runs(seen), registration_fit=replace(fit, lost=tuple(gone.values())))
 
 

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.policy import POLICY
+
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -55,7 +57,11 @@ class ReferenceParameter(NamedTuple):
 @dataclass(frozen=True)
 class Lost:
     """The stretches of a run in which its reference shows another motion than the sensor: the samples [n]
-    in or beside them, where they begin, s, their part of the run, and how far both differ there and usually, deg/s."""
+    in or beside them, where they begin, s, their part of the run, and how far both differ there and usually, deg/s.
+
+    The reference is not used there. If this is so large a part that it is not clear which of both is wrong, it is used
+    everywhere (``left_out`` is False).
+    """
 
     file: str
     samples: np.ndarray[Any, np.dtype[np.bool_]]
@@ -63,6 +69,11 @@ class Lost:
     part: float
     largest_dps: float
     usual_dps: float
+
+    @property
+    def left_out(self) -> bool:
+        """True if the part is small enough to tell that the reference is wrong."""
+        return self.part <= POLICY.lost_most
 
 
 @dataclass(frozen=True)

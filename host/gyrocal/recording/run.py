@@ -12,8 +12,9 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError
+from gyrocal.recording.angle_slopes import GAP_STEPS
 from gyrocal.recording.header import Axis, Face, Reference
-from gyrocal.recording.measured_rates import GAP_STEPS, MeasuredRates, measured_rates
+from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
 from gyrocal.recording.registration import Registration
 from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
 from gyrocal.recording.stamps import in_bursts, regression, weights
@@ -226,9 +227,11 @@ class Run:
         The rate of a rest is zero. The residual holds the reference's noise, so a column of what is left of it at rest
         would fit it.
         """
-        reference = self.reference_dps
-        if reference is None or not self.smooth or (self.measured_rates is not None and self.measured_rates.derived):
+        reference, measured = self.reference_dps, self.measured_rates
+        if reference is None or not self.smooth:
             return None
+        if measured is not None and measured.derived:
+            return measured.steadier_about(self.axis_index, self.registration)
         known = np.isfinite(reference)
         found = smoothed(reference[known], self.reference.ref_noise_dps).at_rest()
         return found if known.all() else found.at(self.sample_s, self.sample_s[known])

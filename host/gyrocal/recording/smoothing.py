@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.recording.stretches import stretches
+
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 SEGMENT = 256
@@ -36,6 +38,12 @@ TURNS_BACK = 0.25
 """Fraction of a thermometer's steps that undo the step before, above which noise decides between two codes."""
 SECOND_S = 1.0
 """Heat needs longer than this to pass through a package: temperatures are smoothed from their means over this time, s."""
+SLOPE_OF_SPLINE = 0.174
+"""Variance of the slope of a spline that smooths twice, for a width of one step: ``1 / pi`` times the integral of
+``(w H(w))^2`` over w > 0, with the spline's part ``H = 1 - (1 - 1 / (1 + w^4))^2`` of a motion of the frequency w / width."""
+LONGEST_LINE_S = 1.0
+DIRECT = 129
+"""Values of a window up to which a direct convolution is faster than a Fourier transform."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal variable."""
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
@@ -76,8 +84,7 @@ class Smoothed:
     def at_rest(self) -> Smoothed:
         """The same column, zero for ``AT_REST`` or more successive values that do not differ from zero by more than noise."""
         hidden = self.values**2 < HIDDEN**2 * self.error
-        start = np.flatnonzero(np.diff(hidden, prepend=False) & hidden)
-        length = np.flatnonzero(np.diff(hidden, append=False) & hidden) + 1 - start
+        start, length = stretches(hidden)
         for first, count in zip(start[length < AT_REST], length[length < AT_REST], strict=True):
             hidden[first : first + count] = False
         return Smoothed(np.where(hidden, 0.0, self.values), np.where(hidden, 0.0, self.error), self.noise)
@@ -175,6 +182,36 @@ def _between_starts(values: Array) -> NoiseLevel:
     return NoiseLevel(float(np.median(third)) / (MEDIAN_OF_NORMAL * 20**0.5), float(3 / third.size**0.5))
 
 
+def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: float) -> tuple[Array, Array]:
+    """Slopes of a noisy angle [n] at times [n], s, with less noise than those of its smoothing spline, and their variance, [n].
+
+    ``sd`` is the noise of the angle, and ``slope`` [n] and ``width`` are slope and bandwidth of the spline
+    (:func:`gyrocal.recording.timing.best_width`).
+    Where lines over windows that grow as in :func:`smoothed` agree with it, theirs is taken. Uneven steps are made even first.
+    """
+    even_s = np.linspace(t_s[0], t_s[-1], t_s.size)
+    step_s = float(even_s[1] - even_s[0])
+    x, chosen = np.interp(even_s, t_s, values), np.interp(even_s, t_s, slope)
+    of_chosen = np.full(x.size, SLOPE_OF_SPLINE * (sd / step_s) ** 2 / max(width, 1.0) ** 3)
+    widest, of_widest = chosen, of_chosen
+    low, high = chosen - AGREE * of_chosen**0.5, chosen + AGREE * of_chosen**0.5
+    growing, size = np.full(x.size, sd > 0), 3
+    while growing.any() and size <= min(x.size, round(LONGEST_LINE_S / step_s)):
+        half = size // 2
+        numbers = np.arange(-half, half + 1.0)
+        squares = float(numbers @ numbers)
+        variance = (sd / step_s) ** 2 / squares
+        if variance < of_chosen[0] / 2:
+            line = np.full(x.size, np.nan)
+            line[half : x.size - half] = np.convolve(x, numbers[::-1], mode="valid") / (squares * step_s)
+            low, high = np.fmax(low, line - AGREE * variance**0.5), np.fmin(high, line + AGREE * variance**0.5)
+            growing &= (low <= high) & np.isfinite(line)
+            chosen, of_chosen = np.where(growing, widest, chosen), np.where(growing, of_widest, of_chosen)
+            widest, of_widest = np.where(growing, line, widest), np.where(growing, variance, of_widest)
+        size = 2 * size - 1
+    return np.interp(t_s, even_s, chosen), np.interp(t_s, even_s, of_chosen)
+
+
 def _typical(power: Array) -> float:
     """The median over segments of a band's mean power [segments, bins], as an unbiased mean of gamma variables."""
     freedom = power.shape[1]  # two degrees of freedom a bin, and two bins are one independent value
@@ -226,10 +263,11 @@ def _parabola(x: Array, size: int) -> tuple[Array, Array]:
 
     half = size // 2
     basis = np.linalg.qr(np.vander(np.linspace(-1, 1, size), 3))[0]
+    convolve = np.convolve if size <= DIRECT else oaconvolve
     weight = np.empty(x.size)
     fit = np.empty(x.size)
     of_window = np.einsum("ij,ij->i", basis, basis)
-    fit[half : x.size - half] = oaconvolve(x, basis @ basis[half], mode="valid")
+    fit[half : x.size - half] = convolve(x, basis @ basis[half], mode="valid")
     weight[half : x.size - half] = of_window[half]
     fit[:half] = basis[:half] @ (basis.T @ x[:size])
     fit[x.size - half :] = basis[size - half :] @ (basis.T @ x[-size:])

@@ -13,11 +13,21 @@ import polars as pl
 from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
+from gyrocal.recording.stamps import step_range_s
 from gyrocal.recording.table import all_finite
 
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 TOO_LONG = "in a row of too many cells"
 """Stands in each cell of such a row: nobody knows which cell belongs to which column."""
+MISSING = ("", "nan", "null", "none", "nil", "na", "n/a", "#n/a", "-", "--", "?")
+"""Words of a cell without a value, in lower case."""
+WRAP = 2.0**32
+"""A microcontroller's counter of micro- or milliseconds begins again here."""
+AT_WRAP = 0.01
+"""Part of the counter's range, before and after which a step back is one of these."""
+DAY_NS = 86_400_000_000_000
+CLOCK_12_H = ("%m/%d/%Y %I:%M:%S%.f %p", "%Y-%m-%d %I:%M:%S%.f %p")
+"""Dates with AM and PM, month first."""
 LOOKED_AT = 20
 """Cells by which times written as text are recognized."""
 SHOWN_COLUMNS = 40
@@ -62,9 +72,10 @@ class Source:
             whole = column.cast(pl.Int64, strict=False)
             if whole.null_count() == _as_float(column).null_count() and whole.null_count() < len(whole):
                 first = whole.drop_nulls()[0]  # nanoseconds since 1970 do not fit a float64
-                return _finite((whole - first).cast(pl.Float64)) * factor
+                return _unrolled(_finite((whole - first).cast(pl.Float64)), float(first)) * factor
         values = _finite(_as_float(column))
         if mapping.target == "t_s":
+            values = _unrolled(values)
             first = values[0] if values.size and np.isfinite(values[0]) else next(iter(values[np.isfinite(values)]), 0.0)
             values = values - first if first else values
         if factor == 1.0 and mapping.offset == 0.0:
@@ -82,7 +93,7 @@ class Source:
         column, _ = self._column(mapping)
         if column.dtype != pl.String or not (wrong := _as_float(column).is_null()).any():
             return np.zeros(len(column), dtype=bool)
-        empty = column.str.to_lowercase().is_in(["", "nan", "null", "none", "n/a", TOO_LONG]).fill_null(True)
+        empty = column.str.to_lowercase().is_in([*MISSING, TOO_LONG]).fill_null(True)
         return (wrong & ~empty).to_numpy()
 
     def blank(self) -> Booleans:
@@ -99,6 +110,15 @@ def _as_float(column: pl.Series) -> pl.Series:
 def _finite(column: pl.Series) -> Array:
     values = column.to_numpy().astype(np.float64, copy=False)
     return values if all_finite(values) else np.where(np.isfinite(values), values, np.nan)
+
+
+def _unrolled(counter: Array, first: float = 0.0) -> Array:
+    """A counter [n] of 32 bits, less ``first``, that does not begin again; any other column as it is."""
+    if step_range_s(counter)[0] > -WRAP * (1 - 2 * AT_WRAP):
+        return counter
+    before, after = counter[:-1] + first, counter[1:] + first
+    again = (before > WRAP * (1 - AT_WRAP)) & (before < WRAP) & (after >= 0) & (after < WRAP * AT_WRAP)
+    return counter + WRAP * np.concatenate([[0], np.cumsum(again)])
 
 
 def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: bool = False) -> Source:
@@ -135,7 +155,12 @@ def moments_ns(column: pl.Series) -> pl.Series | None:
     text = column.str.strip_chars().str.replace(r"(?:Z|[+-]\d\d:?\d\d)$", "")
     if not text.drop_nulls().head(LOOKED_AT).str.contains(r"\d:\d\d:\d\d").any():
         return None
+    for form in CLOCK_12_H:
+        moments = text.str.to_datetime(form, time_unit="ns", strict=False)
+        if moments.null_count() < len(moments):
+            return moments.cast(pl.Int64)
     try:
         return text.str.to_datetime(time_unit="ns", strict=False).cast(pl.Int64)
     except pl.exceptions.ComputeError:
-        return text.str.to_time("%H:%M:%S%.f", strict=False).cast(pl.Int64)
+        of_day = text.str.to_time("%H:%M:%S%.f", strict=False).cast(pl.Int64)
+        return of_day + DAY_NS * (of_day.diff() < -DAY_NS // 2).fill_null(False).cum_sum().cast(pl.Int64)

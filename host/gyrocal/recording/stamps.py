@@ -34,6 +34,8 @@ KNOT_S = 60.0
 """The interval may change slowly: the regression is a chain of lines between moments this far apart, s."""
 LATEST_S = 5.0
 """Stamps that go back by more are those of another recording, s."""
+PART = 2**15
+"""Samples of a part that is computed at once."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +56,23 @@ class Stamps:
         return int(self.number[-1]) + 1 - self.number.size
 
 
+def step_range_s(t_s: Array) -> tuple[float, float]:
+    """The shortest and the longest step of times [n], s; of fewer than two times, infinity and minus infinity.
+
+    They are taken part by part, because memory for all steps costs more than the steps.
+    """
+    least, largest = np.inf, -np.inf
+    for first in range(0, t_s.size - 1, PART):
+        steps = np.diff(t_s[first : first + PART + 1])
+        least, largest = min(least, float(steps.min())), max(largest, float(steps.max()))
+    return least, largest
+
+
 def in_bursts(t_s: Array) -> bool:
     """True if stamps [n], s, repeat, go back, or come in bursts that no sampler makes."""
-    steps = np.diff(t_s)
-    if _no_step_is_short(steps):
+    if _no_step_is_short(t_s):
         return False
+    steps = np.diff(t_s)
     short = steps < BURST * _mean_step_s(steps)
     return bool(np.any(steps <= 0)) or (steps.size >= WINDOW and float(np.mean(short)) > LEAST_BURSTS)
 
@@ -83,7 +97,7 @@ def typical_step_s(t_s: Array) -> float:
 
 def period_s(t_s: Array) -> float:
     """The sampling interval of stamps [n], s, which may jitter, come in bursts, or have lost some samples between them."""
-    return _numbered(t_s)[1]
+    return _even_interval_s(t_s) if _is_even(t_s) else _numbered(t_s)[1]
 
 
 def regression(t_s: Array) -> Stamps:
@@ -100,10 +114,8 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
     n = t_s.size
     if n < 3:
         return np.arange(n), float(t_s[-1] - t_s[0]) / max(1, n - 1)
-    steps = np.diff(t_s)
-    if _no_step_is_short(steps) and float(steps.max()) < LONG * float(steps.mean()):
-        number = np.arange(n)
-        return number, _slope_s(number, t_s)
+    if _is_even(t_s):
+        return np.arange(n), _even_interval_s(t_s)
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
@@ -116,9 +128,28 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
     return number, interval_s
 
 
-def _no_step_is_short(steps_s: Array) -> bool:
-    """True if no step [n], s, is shorter than a sampler makes. The mean of all steps bounds that without gaps from above."""
-    return float(steps_s.min(initial=np.inf)) > max(0.0, BURST * float(steps_s.mean() if steps_s.size else 0.0))
+def _mean_with_gaps_s(t_s: Array) -> float:
+    return float(t_s[-1] - t_s[0]) / max(1, t_s.size - 1)
+
+
+def _no_step_is_short(t_s: Array) -> bool:
+    """True if no step of stamps [n], s, is shorter than a sampler makes: the mean with gaps bounds that without from above."""
+    return step_range_s(t_s)[0] > max(0.0, BURST * _mean_with_gaps_s(t_s))
+
+
+def _is_even(t_s: Array) -> bool:
+    """True if stamps [n], s, three or more, are not in bursts and none is missing between them."""
+    return t_s.size > 2 and _no_step_is_short(t_s) and step_range_s(t_s)[1] < LONG * _mean_with_gaps_s(t_s)
+
+
+def _even_interval_s(t_s: Array) -> float:
+    """The least-squares slope of stamps [n], s, on the numbers 0 to n - 1, without an array of these."""
+    n, start = t_s.size, float(t_s[0])
+    moment = 0.0
+    for first in range(0, n, PART):
+        part = t_s[first : first + PART] - start
+        moment += float(part @ (np.arange(first, first + part.size) - (n - 1) / 2))
+    return 12 * moment / (n * (float(n) ** 2 - 1))
 
 
 def _slope_s(number: Index, t_s: Array) -> float:

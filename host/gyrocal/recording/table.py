@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.recording.stamps import step_range_s
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 REQUIRED = ("t_s", "gx_dps", "gy_dps", "gz_dps")
@@ -79,9 +80,9 @@ def write_table(table: pl.DataFrame, path: Path) -> None:
 
 
 def all_finite(values: Array) -> bool:
-    """True if every value of an array [n] is finite. A finite sum has no other terms, and is computed at once."""
+    """True if every value of an array [n] is finite. A finite sum of squares has no other terms, and is computed at once."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return bool(np.isfinite(values.sum())) or bool(np.isfinite(values).all())
+        return bool(np.isfinite(values @ values)) or bool(np.isfinite(values).all())
 
 
 def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
@@ -109,7 +110,7 @@ def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
     if largest > LARGEST_DPS:
         raise InputError(f"{label}: a rate of {largest:.3g} deg/s is none a gyroscope reads; check the unit")
     t_s = table["t_s"].to_numpy()
-    surely_forward = float(np.diff(t_s).min()) > 2e-6
+    surely_forward = step_range_s(t_s)[0] > 2e-6
     if not surely_forward and (back := np.flatnonzero(np.diff(np.rint(t_s * 1e6)) <= 0)).size:
         row = int(back[0]) + 1
         word = "repeats" if t_s[row] == t_s[row - 1] else "goes back or moves by less than 1 us"

@@ -135,36 +135,50 @@ class Motion:
 
 
 def smooth(t_s: Array, values: Array, twice: bool = False) -> Array:
-    """A noisy reference [n] at times [n], s, smoothed by a cubic smoothing spline; the times may be uneven.
+    """A noisy reference [n] at times [n], s, smoothed by a cubic smoothing spline of the best width (:func:`best_width`)."""
+    return smooth_by(t_s, values, best_width(t_s, values, noise_sd(t_s, values), twice))
 
-    The bandwidth is the one with the least expected error by Mallows' criterion, ``mean square of the residual + 2 sd^2 c``,
-    where c is a sample's weight in its own smoothed value and sd the noise (:func:`noise_sd`). A reference whose noise is far
-    below what the motion does from sample to sample is left as it is.
+
+def smooth_by(t_s: Array, values: Array, width: float) -> Array:
+    """A reference [n] at times [n], s, smoothed by a spline of a width in mean steps; of width 0, it is left as it is.
 
     A spline of the width h takes the part ``(2 pi f h)^4`` from a motion of the frequency f, which is as much as the scale of a
-    good sensor is off. The residual is smoothed too and added (Tukey's twicing), so only the square of that part is lost. With
-    ``twice``, the bandwidth is the best one for a motion smoothed twice. It is wider, and one that takes a significant part of
-    the motion is not used.
+    good sensor is off. The residual is smoothed too and added (Tukey's twicing), so only the square of that part is lost.
     """
-    step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
-    sd = noise_sd(t_s, values)
-    if sd <= NEGLIGIBLE_NOISE * float(np.std(np.diff(values))):
+    if width == 0:
         return values
-    best, least = values, 2 * sd**2
+    once = _spline_of(t_s, values, width)
+    return np.asarray(once + _spline_of(t_s, values - once, width))
+
+
+def best_width(t_s: Array, values: Array, sd: float, twice: bool = False) -> float:
+    """The width, in mean steps, of the spline that smooths a reference [n] at times [n], s, with the noise ``sd`` best.
+
+    It is the one with the least expected error by Mallows' criterion, ``mean square of the residual + 2 sd^2 c``, where c is a
+    sample's weight in its own smoothed value. A reference whose noise is far below what the
+    motion does from sample to sample is left as it is. With ``twice``, the width is the best one for a motion smoothed twice;
+    it is wider, and one that takes a significant part of the motion is not used.
+    """
+    if sd <= NEGLIGIBLE_NOISE * float(np.std(np.diff(values))):
+        return 0.0
+    best, least = 0.0, 2 * sd**2
     for width in WIDTHS:
-        penalty = (width * step_s) ** 4 / step_s
-        trial = smoothing_spline(t_s, values, penalty)
+        trial = smooth_by(t_s, values, width) if twice else _spline_of(t_s, values, width)
         weight = 1 / (8**0.5 * width)  # of the equivalent kernel
         if twice:
-            trial = trial + smoothing_spline(t_s, values - trial, penalty)
             taken = float((values - trial) @ trial) - 0.273 * weight * values.size * sd**2  # the last: of noise alone
-            if abs(taken) > LARGEST_LOSS * sd * float(np.sqrt(trial @ trial)):
+            if taken > LARGEST_LOSS * sd * float(np.sqrt(trial @ trial)):
                 break
             weight = 1.25 * weight
         risk = float(np.mean((values - trial) ** 2)) + 2 * sd**2 * weight
         if risk < least:
-            best, least = trial if twice else trial + smoothing_spline(t_s, values - trial, penalty), risk
-    return np.asarray(best)
+            best, least = width, risk
+    return best
+
+
+def _spline_of(t_s: Array, values: Array, width: float) -> Array:
+    step_s = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
+    return smoothing_spline(t_s, values, (width * step_s) ** 4 / step_s)
 
 
 def between(known_s: Array, values: Array, t_s: Array, gap_s: float) -> Array:

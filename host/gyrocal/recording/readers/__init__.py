@@ -6,12 +6,16 @@
 from __future__ import annotations
 
 import gzip
+import io
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from gyrocal.errors import InputError, first_line
 from gyrocal.recording.source import Source
+
+HEAD_BYTES = 1024
+"""Bytes of a file's beginning that show its format."""
 
 
 def read(
@@ -34,20 +38,22 @@ def read(
         raise InputError(f"{path}: a folder without metadata.yaml, which a ROS 2 bag has; give the file itself")
     try:
         with path.open("rb") as handle:
-            head = handle.read(128)
+            head = handle.read(HEAD_BYTES)
         if rosbag.is_bag(head):
             return rosbag.read(path, topic)
         if head.startswith(ulog.MAGIC):
             return ulog.read(path, topic)
         if head.startswith(arrays.ZIP):
             return arrays.read_npz(path)
-        data = path.read_bytes()
+        file: Path | io.BytesIO = path
         if head[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
+            file = io.BytesIO(gzip.decompress(path.read_bytes()))
+            head = file.getvalue()[:HEAD_BYTES]
+        if head[:4] == parquet.MAGIC:
+            return parquet.read(path, file)
+        if arrays.is_mat(head):
+            return arrays.read_mat(path, file, head)
+        data = file.read_bytes() if isinstance(file, Path) else file.getvalue()
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or first_line(error)}") from None
-    if data[:4] == parquet.MAGIC:
-        return parquet.read(path, data)
-    if arrays.is_mat(data):
-        return arrays.read_mat(path, data)
     return text.read(path, data, names, columns, skip)

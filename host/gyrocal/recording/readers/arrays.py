@@ -18,7 +18,7 @@ MATLAB_4_TYPES = (0, 10, 20, 30, 40, 50)
 
 
 def is_mat(data: bytes) -> bool:
-    """True for MATLAB's binary files; its ``save -ascii`` makes a text."""
+    """True for the first bytes of MATLAB's binary files; its ``save -ascii`` makes a text."""
     first = int.from_bytes(data[:4], "little")
     old = len(data) > 20 and first in MATLAB_4_TYPES and int.from_bytes(data[12:16], "little") in (0, 1) and data[4] != 0
     return data.startswith((MATLAB, HDF5)) or data[512:520] == HDF5 or old
@@ -31,6 +31,8 @@ def read_npz(path: Path) -> Source:
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {}
+            if not any(name.endswith(".npy") for name in archive.zip.namelist()):
+                raise InputError(f"{path}: {_what_else(archive.zip.namelist())}")
             for name in archive.files:
                 try:
                     arrays[name] = archive[name]
@@ -41,14 +43,24 @@ def read_npz(path: Path) -> Source:
     return of_arrays(path, arrays)
 
 
-def read_mat(path: Path, data: bytes) -> Source:
-    """The arrays of a ``.mat`` up to version 7 as columns; the fields of a structure are ``structure.field``."""
+def _what_else(members: list[str]) -> str:
+    """What a ZIP archive without arrays is, and what to do with it."""
+    if any(name.startswith("xl/") or name == "content.xml" for name in members):
+        return "a spreadsheet, which is not read; save its sheet as CSV (File, Save As, CSV UTF-8)"
+    return f"a ZIP archive of {', '.join(members[:5]) or 'nothing'}; unpack it, and import a file of it or the folder"
+
+
+def read_mat(path: Path, file: Path | io.BytesIO, head: bytes) -> Source:
+    """The arrays of a ``.mat`` up to version 7 as columns; the fields of a structure are ``structure.field``.
+
+    ``path`` names the ``file``, which begins with ``head``.
+    """
     from scipy.io import loadmat
 
-    if HDF5 in data[:520]:
+    if HDF5 in head:
         raise InputError(f"{path}: a MATLAB file of version 7.3, which is not read; save it with: save FILE -v7")
     try:
-        loaded = loadmat(io.BytesIO(data), simplify_cells=True)
+        loaded = loadmat(file, simplify_cells=True)
     except Exception as error:  # scipy raises many kinds on a damaged file
         raise InputError(f"{path}: not a readable MATLAB file: {first_line(error)}") from None
     return of_arrays(path, dict(_flat(loaded)))

@@ -13,10 +13,10 @@ from gyrocal.recording.source import Source
 MAGIC = b"PAR1"
 
 
-def read(path: Path, data: bytes) -> Source:
-    """The file's table: its columns of numbers, times and text."""
+def read(path: Path, file: Path | io.BytesIO) -> Source:
+    """The table of a ``file``, which ``path`` names: its columns of numbers, times and text."""
     try:
-        frame = pl.read_parquet(io.BytesIO(data))
+        frame = pl.read_parquet(file)
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise InputError(f"{path}: not a readable Parquet file: {first_line(error)}") from None
     kept = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import csv
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,8 +19,9 @@ HEAD_BYTES = 1024
 """Bytes of a file's beginning, among which a text has no zero."""
 TAIL_BYTES = 4096
 """Bytes of a file's end that are looked at in one step."""
+MINUS = "\u2212".encode()
 QUOTES = " \t\"'"
-SEPARATORS = ",\t; "
+SEPARATORS = ",\t;| "
 NUMBERS = b"0123456789.+-eE\n"
 """What a table is made of whose every cell is a number; with a comma that separates no cells, it is text."""
 UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
@@ -32,9 +35,7 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
 
     The header is the line that holds all ``names``; without names, the line above the first two rows of numbers.
     """
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    data = _plain(data)
     end = _end(data)
     if end == 0:
         raise InputError(f"{path}: the file is empty")
@@ -54,6 +55,17 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
     # the reader takes the number of columns from its first row, which is one wider than the table
     table = b"".join([len(columns) * separator.encode() + b"\n", memoryview(data)[starts[first] : end]])
     return Source(str(path), _frame(path, table, separator, list(columns), list(names)), first + 1)
+
+
+def _plain(data: bytes) -> bytes:
+    """A text in UTF-8 with lines that end in a line feed and the minus sign of a keyboard."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.decode("utf-16", errors="replace").encode()
+    data = data.removeprefix(codecs.BOM_UTF8)
+    for old, new in ((b"\r\n", b"\n"), (b"\r", b"\n"), (MINUS, b"-")):
+        if old in data:
+            data = data.replace(old, new)
+    return data
 
 
 def _end(data: bytes) -> int:
@@ -105,9 +117,18 @@ def _frame(path: Path, body: bytes, separator: str, columns: list[str], names: l
     if beyond.any():
         table = table.with_columns(pl.when(~beyond).then(pl.all()).otherwise(pl.lit(TOO_LONG)))
     cells = table.select(pl.col(place).str.strip_chars(QUOTES).alias(name) for name, place in wanted.items())
-    if separator != "," and b"," in body:
-        cells = cells.with_columns(pl.all().str.replace(",", ".", literal=True))
+    if b"," in body:
+        cells = cells.with_columns(pl.col(name).map_batches(_with_points) for name in cells.columns)
     return cells
+
+
+def _with_points(cells: pl.Series) -> pl.Series:
+    """Cells without separators of thousands and with decimal points; those that are of neither kind stay as they are."""
+    for thousands, comma in ((",", "."), (".", ",")):
+        grouped = cells.str.contains(rf"^[-+]?\d{{1,3}}(?:[{thousands}]\d{{3}})+[{comma}]\d*$")
+        cells = cells.zip_with(~grouped.fill_null(False), cells.str.replace_all(thousands, "", literal=True))
+    decimal = cells.str.contains(r"^[-+]?\d*,\d+(?:[eE][-+]?\d+)?$").fill_null(False)
+    return cells.zip_with(~decimal, cells.str.replace(",", ".", literal=True))
 
 
 def _parsed(body: bytes, separator: str, width: int, types: Mapping[str, pl.DataType]) -> tuple[pl.DataFrame, pl.Series]:
@@ -130,7 +151,9 @@ def _largest(column: pl.Series) -> float:
 
 
 def _split(line: str, separator: str) -> list[str]:
-    return line.split() if separator == " " else line.split(separator)
+    if separator == " ":
+        return line.split()
+    return next(csv.reader([line], delimiter=separator), []) if '"' in line else line.split(separator)
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -193,17 +216,31 @@ def _find_any_header(path: Path, lines: list[str], skip: int | None) -> tuple[in
         rows = [(number, _cells(line, separator)) for number, line in enumerate(lines[: HEADER_SEARCH_LINES + 3])]
         for (number, header), (_, row), (_, next_row) in zip(rows, rows[1:], rows[2:], strict=False):
             fits = len(_without_tail(header)) <= len(row) == len(next_row) > 1 and (skip is None or number == skip)
-            fits = fits and len(header) >= len(row)
+            fits = fits and len(header) >= len(_without_tail(row))
             if fits and not _is_number(header[0]) and _mostly_numbers(row) and _mostly_numbers(next_row):
                 found.append((len(header), number, separator))
                 break
     if not found:
         raise InputError(
-            f"{path}: no header above rows of numbers; {_shown(lines, skip)} (no header: --columns a,b,c; "
-            "else name the columns by --map)"
+            f"{path}: no header above rows of numbers; {_shown(lines, skip)} ({_why_no_table(lines)})"
         )
     _, number, separator = max(found, key=lambda f: f[0])
     return number, separator
+
+
+def _why_no_table(lines: list[str]) -> str:
+    """What to do with a text in which no table is found."""
+    start = lines[0].lstrip()[:1]
+    if start in ("{", "["):
+        return "this is JSON; save it as CSV, as pandas.read_json(FILE, lines=True).to_csv does"
+    if start == "<":
+        return "this is XML or HTML; save the table in it as CSV"
+    last = lines[-1]
+    if re.search(r"\b0[xX][0-9a-fA-F]+\b", last):
+        return "hexadecimal numbers are not read; write decimal ones"
+    if labelled := re.search(r"[A-Za-z]\w*[:=]\s*[-+.\d]+", last):
+        return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
+    return "no header: --columns a,b,c; else name the columns by --map"
 
 
 def _find_data(path: Path, lines: list[str], columns: Sequence[str], names: Sequence[str], skip: int | None) -> tuple[int, str]:

@@ -1,0 +1,57 @@
+"""Whether a wave keeps its phase and size within the runs.
+
+A vibration of one frequency does. A resonance of the mount, which noise excites, changes phase within a few periods over its
+bandwidth, and an error in proportion to the motion changes with it. Both have lines in the spectra of short runs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyrocal.inference.fitted import AxisFit
+from gyrocal.policy import POLICY
+from gyrocal.recording.session import Array
+
+LEAST_PERIODS = 4
+"""Number of periods in a part."""
+
+
+def keeps_its_phase(fitted: AxisFit, own: list[int]) -> bool:
+    """True unless the parts of the runs contradict that the last term of a fit is one wave in each run.
+
+    ``own`` lists the wave's columns, a cosine and a sine for each amplitude, among the coefficients of the design. The wave is
+    fitted to each part of a run alone. What the parts gain beyond the whole run is noise if the wave keeps its phase. With v
+    for the variance of white noise and k parts of m columns, it is v times a chi-square with m·(k - 1) degrees of freedom.
+    """
+    of_run = incoherent = degrees = 0.0
+    for i, block in enumerate(fitted.design.blocks):
+        columns = fitted.design.columns(i)[1:]
+        weight = np.sqrt(block.n)
+        wave = (columns[own] * weight).T
+        coefficients = np.concatenate([
+            fitted.solution.beta, fitted.run_coefficients(i, fitted.solution.beta, fitted.spreads)
+        ])[own]  # fmt: skip
+        y = fitted.block_residuals(i) * weight + wave @ coefficients
+        parts = np.array_split(np.arange(len(y)), _parts(wave))
+        if len(parts) < 2 or not np.any(wave):
+            continue
+        whole = _fitted_power(wave, y)
+        of_run += whole
+        incoherent += sum(_fitted_power(wave[p], y[p]) for p in parts) - whole
+        degrees += wave.shape[1] * (len(parts) - 1)
+    noise = fitted.noise.white_sd_dps**2
+    beyond = incoherent - degrees * noise
+    certain = beyond > POLICY.coherence_errors * noise * np.sqrt(2 * degrees)
+    return not certain or of_run > POLICY.coherent * (of_run + beyond)
+
+
+def _parts(wave: Array) -> int:
+    """The number of parts of a run, from the periods of its wave [n, columns]: a column changes sign twice in a period."""
+    signs = np.signbit(wave[:, 0])
+    periods = np.count_nonzero(signs[1:] != signs[:-1]) / 2
+    return int(np.clip(periods // LEAST_PERIODS, 1, POLICY.most_parts))
+
+
+def _fitted_power(wave: Array, y: Array) -> float:
+    """Sum of squares of what the columns [n, k] take from y [n]."""
+    return float(np.sum((wave @ np.linalg.lstsq(wave, y, rcond=None)[0]) ** 2))

@@ -1,0 +1,140 @@
+"""Rates as the slopes of measured angles: of an encoder's angle, or of the rotations between a tracker's orientations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gyrocal.policy import POLICY
+from gyrocal.recording.orientation import jumps
+from gyrocal.recording.smoothing import MEDIAN_OF_NORMAL, NoiseLevel, Smoothed, steadier_slope
+from gyrocal.recording.timing import best_width, noise_sd, smooth_by
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
+Index = np.ndarray[Any, np.dtype[np.intp]]
+
+TRIMMED = 5
+"""Samples at each end of a stretch of angles whose slope is not relied on."""
+GAP_STEPS = 3.5
+"""An angle that is missing for more of its usual steps than this gives no rate in between."""
+SEGMENT, LEAST_SEGMENT = 256, 64
+"""Samples of a segment of the spectrum. Shorter angles have no spectrum; their noise is estimated from differences."""
+OCTAVE_PART, OCTAVE = 2 ** (1 / 3), 3
+"""The spectrum's bands are thirds of an octave, so many of which make one."""
+LOWEST = 4
+"""The first value of a segment's spectrum that is used."""
+FLAT = 2.0
+"""The spectrum is flat where the levels of its bands differ by less than this factor."""
+RISES = 4.0
+"""Below that octave, the level of a tracker's noise rises by up to this factor. The motion then rises by more."""
+OF_MOTION = 0.1
+"""Noise is below this part of the motion. A motion whose spectrum is flat up to some frequency exceeds it."""
+NEIGHBOURS = 24
+"""Samples over which the noise of angles is compared."""
+STEADIER_SE = 0.5
+"""Standard error of the variance of a steadier rate, as a fraction of it: a tracker's noise is not the same everywhere."""
+
+
+class AngleSlopes(NamedTuple):
+    """Rates [n, k], deg/s, NaN where there are none; the number of jumps; and what the smooth curves leave of the angles,
+    [n, k], deg, NaN where no angle was measured. ``steadier`` are the rates with less noise, [n, k].
+    """
+
+    rates: Array
+    jumps: int
+    left_deg: Array
+    steadier: Smoothed | None
+
+    def noisy(self) -> Mask:
+        """True for the angles [n] among neighbours with much more noise than usual: a tracker sees few markers."""
+        rows = np.flatnonzero(np.isfinite(self.left_deg).all(axis=1))
+        found = np.zeros(len(self.left_deg), dtype=bool)
+        if rows.size < 4 * NEIGHBOURS:
+            return found
+        beside = (NEIGHBOURS // 2, NEIGHBOURS // 2)
+        square = np.cumsum(np.pad(np.sum(self.left_deg[rows] ** 2, axis=1), beside, mode="reflect"))
+        level = (square[NEIGHBOURS:] - square[:-NEIGHBOURS])[: rows.size]
+        found[rows] = level > POLICY.noisy_times**2 * np.median(level)
+        return found if found[rows].mean() <= POLICY.lost_most else np.zeros_like(found)
+
+
+def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, steadier: bool = False) -> AngleSlopes:
+    """The rates at times ``t_s`` [n], s; ``turned`` gives the angles from each of m rows to the next, [m - 1, k], deg.
+
+    Rows that are ``known`` [n] have an angle. The rate is the slope of a smooth curve through the sum of the angles, which is
+    exact whatever they are, so that the rate's integral is the measured angle. The curve is a smoothing spline
+    (:func:`gyrocal.recording.timing.smooth_by`), piece by piece between gaps and jumps. Samples between two angles have a rate
+    too: a tracker or an encoder may be slower than the sensor.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rows = np.flatnonzero(known)
+    steps_deg = turned(rows)
+    rates, left_deg, steady, error = np.full((4, t_s.size, steps_deg.shape[1]), np.nan)
+    steps_s = np.diff(t_s[rows])
+    usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
+    jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
+    cuts = np.flatnonzero(jumped | (steps_s > GAP_STEPS * usual_s)) + 1
+    pieces = [p for p in np.split(np.arange(rows.size), cuts) if p.size > 2 * TRIMMED]
+    times_s = [t_s[rows[p]] for p in pieces]
+    angles_deg = [np.cumsum(np.vstack([np.zeros_like(steps_deg[:1]), steps_deg[p[:-1]]]), axis=0) for p in pieces]
+    widths = _typical(lambda t, a: best_width(t, a, angle_noise_deg(t, a), twice=True), times_s, angles_deg)
+    sds = _typical(angle_noise_deg, times_s, angles_deg) if steadier else []
+    for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
+        curves = np.column_stack([smooth_by(at_s, a, width) for a, width in zip(angle_deg.T, widths, strict=True)])
+        slopes = CubicSpline(at_s, curves)
+        inner = slice(TRIMMED, piece.size - TRIMMED)
+        inside = (t_s >= at_s[inner][0]) & (t_s <= at_s[inner][-1])
+        rates[inside] = slopes(t_s[inside], 1)
+        for k, sd in enumerate(sds):
+            pair = steadier_slope(at_s, angle_deg[:, k], sd, slopes(at_s, 1)[:, k], widths[k])
+            steady[inside, k], error[inside, k] = (np.interp(t_s[inside], at_s, values) for values in pair)
+        left_deg[rows[piece[inner]]] = (angle_deg - curves)[inner]
+    if not sds:
+        return AngleSlopes(rates, int(jumped.sum()), left_deg, None)
+    inside = np.isfinite(rates).all(axis=1)
+    level = np.median(np.abs(rates[inside] - steady[inside]), axis=0) / MEDIAN_OF_NORMAL
+    return AngleSlopes(rates, int(jumped.sum()), left_deg, Smoothed(steady, error, NoiseLevel(float(level.max()), STEADIER_SE)))
+
+
+def _typical(of: Callable[[Array, Array], float], times_s: Sequence[Array], angles_deg: Sequence[Array]) -> list[float]:
+    """A number of each column of the angles of all pieces [n, k] at their times [n], s: the median over their samples.
+
+    One width of the splines for all leaves noise of one kind. Narrow splines in one piece and wide ones in another would look
+    like noise of two levels.
+    """
+    found = np.array([[of(t, a) for a in angle.T] for t, angle in zip(times_s, angles_deg, strict=True)])
+    share = np.repeat(np.arange(len(times_s)), [t.size for t in times_s])
+    return [float(np.sort(column[share])[share.size // 2]) for column in found.T]
+
+
+def angle_noise_deg(t_s: Array, angle_deg: Array) -> float:
+    """The noise of measured angles [n] at times [n], s: the standard deviation of white noise of the same density, deg.
+
+    The spectrum of a motion falls with frequency and that of white noise is flat. Angles that were brought from a slower
+    tracker's times to those of the sensor have noise below half of the tracker's rate alone. The noise is found at the
+    highest octave over which the spectrum is flat, and is its level there or at the frequencies below, where the noise of most
+    trackers rises somewhat. Lines do not count.
+    """
+    size = min(SEGMENT, 2 ** int(np.log2(max(angle_deg.size / 2, 1))))
+    steps = np.diff(np.interp(np.linspace(t_s[0], t_s[-1], t_s.size), t_s, angle_deg))
+    count = steps.size // size
+    if size < LEAST_SEGMENT or not count:
+        return noise_sd(t_s, angle_deg)
+    window = np.blackman(size)
+    parts = steps[: count * size].reshape(count, size)
+    power = np.abs(np.fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)) ** 2 / (window @ window)
+    level = power.mean(axis=0)[1:] / (4 * np.sin(np.pi * np.arange(1, size // 2 + 1) / size) ** 2)
+    edges = np.unique(np.round(size / 2 * OCTAVE_PART ** -np.arange(0.0, 12.0)).astype(int))
+    edges = edges[edges >= LOWEST]
+    bands = np.array([np.median(level[a:b]) for a, b in pairwise(edges)])[::-1]
+    for first in range(bands.size - OCTAVE + 1):
+        octave = bands[first : first + OCTAVE]
+        if octave.max() <= FLAT * octave.min() and octave.min() ** 0.5 < OF_MOTION * float(np.std(angle_deg)):
+            ends = np.append(np.flatnonzero(bands[first:] > RISES * octave.min()), bands.size - first)[0]
+            return float(bands[first : first + ends].max() ** 0.5)
+    return noise_sd(t_s, angle_deg)

@@ -1,0 +1,111 @@
+"""Rates from the orientations of a noisy tracker: slower than the sensor, interpolated, and bad for moments."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from gyrocal.diagnosis.compare import compare
+from gyrocal.plausibility import check
+from gyrocal.recording.angle_slopes import angle_noise_deg
+from gyrocal.recording.header import Reference
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
+
+Array = NDArray[np.float64]
+SENSOR_HZ, TRACKER_HZ, SECONDS = 200.0, 120.0, 60.0
+NOISE_DEG, SCALE = 0.08, 0.004
+
+
+def strength(t_s: Array) -> Array:
+    """The part [n] of the strongest motion at times [n], s."""
+    return np.asarray(0.1 + 0.9 * np.sin(np.pi * t_s / 20) ** 8)
+
+
+@cache
+def moved() -> tuple[Array, Array, Rotation]:
+    """Times [n], s, body rates [n, 3], deg/s, and orientations in steps of 1/1200 s: by turns slow and fast."""
+    rng = np.random.default_rng(5)
+    t_s = np.arange(round(SECONDS * 1200)) / 1200
+    f, p, a = rng.uniform(0.1, 2.5, (8, 3)), rng.uniform(0, 7, (8, 3)), rng.normal(0, 20, (8, 3))
+    rates = strength(t_s)[:, None] * np.sum(a * np.sin(2 * np.pi * f * t_s[:, None, None] + p), axis=1)
+    steps = Rotation.from_rotvec(np.deg2rad((rates[1:] + rates[:-1]) / 2) / 1200)
+    at, out = np.array([1.0, 0, 0, 0]), np.empty((t_s.size, 4))
+    for k, (x, y, z, w) in enumerate(np.vstack([steps.as_quat(), [0, 0, 0, 1]])):
+        out[k] = at
+        a0, a1, a2, a3 = at
+        at = np.array([
+            a0 * w - a1 * x - a2 * y - a3 * z, a0 * x + a1 * w + a2 * z - a3 * y,
+            a0 * y - a1 * z + a2 * w + a3 * x, a0 * z + a1 * y - a2 * x + a3 * w,
+        ])  # fmt: skip
+    return t_s, rates, Rotation.from_quat(out[:, [1, 2, 3, 0]])
+
+
+def tracked(seed: int, *, interpolated: bool, burst: float = 1.0) -> Session:
+    """A sensor with a scale error, beside a tracker whose noise is ``burst`` times as large from 31 to 33 s."""
+    rng = np.random.default_rng(seed)
+    t_s, rates, orientation = moved()
+    seen = orientation[::10]
+    tracker_s = t_s[::10]
+    noise_deg = NOISE_DEG * np.where((tracker_s > 31) & (tracker_s < 33), burst, 1.0)
+    seen = seen * Rotation.from_rotvec(np.deg2rad(noise_deg[:, None] * rng.standard_normal((len(seen), 3))))
+    at_s = t_s[::6][: round((SECONDS - 0.1) * SENSOR_HZ)]
+    gyro = (1 + SCALE) * rates[::6][: at_s.size] + 0.1 * rng.standard_normal((at_s.size, 3))
+    q = Slerp(tracker_s, seen)(at_s).as_quat()[:, [3, 0, 1, 2]]
+    if not interpolated:  # each measurement stands in the row that is nearest to it
+        rows = np.unique(np.searchsorted(at_s, tracker_s[tracker_s <= at_s[-1]]).clip(0, at_s.size - 1))
+        q = np.where(np.isin(np.arange(at_s.size), rows)[:, None], q, np.nan)
+    columns = {name: q[:, i] for i, name in enumerate(("ref_qw", "ref_qx", "ref_qy", "ref_qz"))}
+    run = replace(make_run(at_s, gyro, table_rate_dps=None, **columns), reference=Reference())
+    return make_session(run, reference=Reference())
+
+
+@pytest.mark.parametrize("interpolated", [True, False])
+def test_a_slower_tracker_gives_a_scale_without_attenuation(interpolated: bool) -> None:
+    session = tracked(1, interpolated=interpolated)
+    found = compare(session)
+    assert found.verdict == "adequate"
+    printed = found.to_json()
+    assert printed["rms_dps"] < 2.5  # interpolated and differentiated, the noise alone would be 17 dps
+    scales = [p for p in printed["parameters"] if p["effect"] == "scale"]
+    assert len(scales) == 3
+    for scale in scales:
+        assert abs(scale["value"] - SCALE) < 4 * scale["se"] < 4e-3
+
+
+def test_the_steadier_rate_has_the_error_that_it_says() -> None:
+    _, rates, _ = moved()
+    run = tracked(2, interpolated=True).runs[0]
+    for k, axis in enumerate("xyz"):
+        found = run.about(axis).smooth_rate
+        assert found is not None
+        true, seen, error = (x[20:-20] for x in (rates[::6][: len(run), k], found.values, found.error))
+        slow = strength(run.t_s[20:-20]) < 0.2
+        for part in (slow, ~slow):  # the motion bends within the windows, by about as much as the noise
+            assert 0.7 < np.sqrt(np.mean((seen - true)[part] ** 2) / np.mean(error[part])) < 2
+        assert abs(np.polyfit(seen[slow], true[slow], 1)[0] - 1) < 0.03  # a spline's slope attenuates it by a tenth and more
+
+
+def test_moments_in_which_a_tracker_is_noisy_are_told_and_left_out() -> None:
+    session = tracked(3, interpolated=True, burst=8.0)
+    measured = session.runs[0].measured_rates
+    assert measured is not None
+    assert measured.noisy is not None
+    t_s = session.runs[0].t_s
+    assert measured.noisy[(t_s > 31.2) & (t_s < 32.8)].all()
+    assert not measured.noisy[(t_s < 30.8) | (t_s > 33.2)].any()
+    assert [w.code for w in check(session)] == ["reference_jumps"]
+    assert "in one stretch (at 3" in check(session)[0].text
+    assert compare(session).verdict == "adequate"
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_the_noise_of_interpolated_angles_is_that_of_the_measured_ones(every: int) -> None:
+    rng = np.random.default_rng(0)
+    t_s = np.arange(12_000) / 200
+    angle_deg = np.interp(t_s, t_s[::every], 0.1 * rng.standard_normal(t_s[::every].size))
+    angle_deg += 100 * np.sin(2 * np.pi * 0.3 * t_s)
+    assert angle_noise_deg(t_s, angle_deg) == pytest.approx(0.1 * every**0.5, rel=0.35)

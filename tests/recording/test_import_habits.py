@@ -1,0 +1,114 @@
+"""How other programs write a table: each is read as what it means, or refused in one line that says what to do."""
+
+import datetime
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gyrocal.errors import InputError
+from gyrocal.recording.importer import Options, read_recording
+
+N = 300
+RNG = np.random.default_rng(0)
+T_S = np.arange(N) / 100
+GYRO_DPS = np.round(RNG.normal([0, 0, 78], 0.1, (N, 3)), 5)
+HEAD = ["time", "gyro_x", "gyro_y", "gyro_z"]
+ROWS = [[f"{t:.3f}", *(f"{v:.5f}" for v in w)] for t, w in zip(T_S, GYRO_DPS, strict=True)]
+START = datetime.datetime(2026, 5, 3, 23, 59, 59, tzinfo=datetime.timezone(datetime.timedelta(hours=2)))
+
+
+def text(rows: list[list[str]] = ROWS, head: list[str] = HEAD, separator: str = ",", end: str = "\n") -> str:
+    return end.join(separator.join(row) for row in [head, *rows]) + end
+
+
+def timed(form: str) -> str:
+    """The table with dates or times of day, which pass midnight."""
+    moments = [START + datetime.timedelta(seconds=float(t)) for t in T_S]
+    return text([[m.strftime(form), *row[1:]] for m, row in zip(moments, ROWS, strict=True)])
+
+
+def counted(first: int, step: int) -> str:
+    """The table with the times of a 32-bit counter."""
+    return text([[str((first + i * step) % 2**32), *row[1:]] for i, row in enumerate(ROWS)], ["micros", *HEAD[1:]])
+
+
+def with_commas(rows: list[list[str]], quote: str = "") -> list[list[str]]:
+    return [[quote + cell.replace(".", ",") + quote for cell in row] for row in rows]
+
+
+HABITS: dict[str, str | bytes] = {
+    "byte order mark": "\ufeff" + text(),
+    "UTF-16": text().encode("utf-16"),
+    "Latin-1": text(head=["Time [s]", "Gyro X [°/s]", "Gyro Y [°/s]", "Gyro Z [°/s]"]).encode("latin-1"),
+    "lines of Windows": text(end="\r\n"),
+    "lines of an old Mac": text(end="\r"),
+    "sep= of Excel": "sep=;\r\n" + text(with_commas(ROWS), separator=";", end="\r\n"),
+    "quoted decimal commas": text(with_commas(ROWS, '"')),
+    "thousands": text([[f'"{1e3 * t:,.1f}"', *row[1:]] for t, row in zip(T_S, ROWS, strict=True)]),
+    "thousands by points": text(
+        [[f"{1e3 * t:,.1f}".translate({44: ".", 46: ","}), *row[1:]] for t, row in zip(T_S, with_commas(ROWS), strict=True)],
+        separator=";",
+    ),
+    "bars": text(separator="|"),
+    "tabs": text(separator="\t"),
+    "fixed width": "".join("".join(f"{cell:>12}" for cell in row) + "\n" for row in [HEAD, *ROWS]),
+    "a row of units": text([["s", "deg/s", "deg/s", "deg/s"], *ROWS]),
+    "comments": "# logger 2\n# 100 Hz\n" + text(),
+    "header in a comment": "# " + text(),
+    "minus signs of a word processor": text().replace("-", "\u2212"),
+    "separator at the end of rows alone": text([[*row, ""] for row in ROWS]),
+    "a number of rows": text([[str(i), *row] for i, row in enumerate(ROWS)], ["", *HEAD]),
+    "words for nothing": text([[*row, ("NA", "-", "#N/A", "24.5")[i % 4]] for i, row in enumerate(ROWS)], [*HEAD, "temp"]),
+    "typing error in a unit": text(head=["time", *(f"gyro_{a} (g/s)" for a in "xyz")]),
+    "dates with a zone": timed("%Y-%m-%dT%H:%M:%S.%f%z"),
+    "dates by points": timed("%d.%m.%Y %H:%M:%S.%f"),
+    "dates with AM and PM": timed("%m/%d/%Y %I:%M:%S.%f %p"),
+    "times of day across midnight": timed("%H:%M:%S.%f"),
+    "nanoseconds since 1970": text([[str(1_770_000_000_123_456_789 + i * 10**7), *r[1:]] for i, r in enumerate(ROWS)]),
+    "a counter that begins again": counted(2**32 - 1_000_000, 10_000),
+    "a counter that nearly begins again": counted(2**32 - 4_000_000, 10_000),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("habit", HABITS)
+def test_a_habit_is_read_as_what_it_means(habit: str, tmp_path: Path) -> None:
+    written = HABITS[habit]
+    (tmp_path / "log.csv").write_bytes(written if isinstance(written, bytes) else written.encode())
+    run = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 78.0})).session.runs[0]
+    assert np.array_equal(run.gyro_dps, GYRO_DPS)
+    assert run.t_s == pytest.approx(T_S, abs=1e-6)
+
+
+COUNTS = np.rint(GYRO_DPS * 131).astype(int)
+UNSIGNED = COUNTS % 65536
+REFUSED: dict[str, tuple[str, str]] = {
+    "16 bits without a sign": (text([[r[0], *map(str, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "Subtract 65536"),
+    "counts about a zero": (text([[r[0], *map(str, c + 32768)] for r, c in zip(ROWS, COUNTS, strict=True)]), "-32768)/131"),
+    "hexadecimal": (text([[r[0], *map(hex, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "write decimal ones"),
+    "JSON": ("\n".join(f'{{"t":{r[0]},"gz":{r[3]}}}' for r in ROWS), "this is JSON"),
+    "HTML": ("<table>\n<tr><td>1</td></tr>\n", "XML or HTML"),
+    "a plotter's labels": (text([[f"{h}:{c}" for h, c in zip(HEAD, r, strict=True)] for r in ROWS]), "write the names once"),
+}
+
+
+@pytest.mark.parametrize("habit", REFUSED)
+def test_what_cannot_be_read_says_what_to_do(habit: str, tmp_path: Path) -> None:
+    written, says = REFUSED[habit]
+    (tmp_path / "log.csv").write_text(written)
+    with pytest.raises(InputError) as told:
+        read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 78.0}))
+    assert says in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("member", "says"),
+    [("xl/workbook.xml", "save its sheet as CSV"), ("content.xml", "save its sheet"), ("log.csv", "unpack it")],
+)
+def test_archives_say_what_they_are(member: str, says: str, tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        archive.writestr(member, text())
+    with pytest.raises(InputError, match=says):
+        read_recording(tmp_path / "log.zip", Options())
