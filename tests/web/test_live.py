@@ -99,6 +99,8 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     assert abs(rates(page)[2] - down_dps) < 1.0
     assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
 
+    fold, around = (page.locator(f"[aria-label=results]{of}").bounding_box() for of in (" summary", ""))
+    assert fold["y"] + fold["height"] <= around["y"] + around["height"]  # the answer and its fold are not cut off
     page.get_by_text("All answers").click()
     results = page.locator("[aria-label=results] tbody tr")
     methods = {row.split("\t")[1] for row in results.all_inner_texts()}
