@@ -60,7 +60,8 @@ def test_a_port_opens_live_and_the_chart_begins_with_the_first_sample(
         from_s, points = drawn
         assert from_s >= 0
         assert all(t_s >= from_s - 0.1 and min(abs(value - mean) for mean in means_dps(scenario)) < 2 for t_s, value in points)
-        told = page.evaluate(f"() => {{ const o = {CHART}.getOption(); return [o.xAxis[4].name, o.legend[0].data]; }}")
+        words = f"const o = {CHART}.getOption(); return [o.xAxis[4].name, o.legend[0].data.map(e => e.name)];"
+        told = page.evaluate(f"() => {{ {words} }}")
         assert told[0].startswith("time of the device, s")
         assert told[1] == ["a x", "a y", "a z"]
 
