@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 FUZZ_SECONDS ?= 600
+# PyTorch without gigabytes of GPU libraries, which the one of PyPI brings on Linux; where it cannot be reached, that one is taken
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PIP := $(BIN)/pip --disable-pip-version-check
 
 .PHONY: demo test docs coverage fuzz lowest wheel clean
@@ -51,6 +53,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
+	-$(PIP) install --quiet --no-deps -c constraints.txt --index-url $(TORCH_INDEX) --timeout 10 --retries 1 torch
 	$(PIP) install --quiet -c constraints.txt -e '.[train,dev]'
 	touch $@ $(VENV)/.installed
 

@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 from matplotlib.figure import Figure
 
-from gyrocal.api import InputError, Model, Session, add, calibrate, compare, diagnose, import_recording, simulate
+from gyrocal.api import InputError, Model, Session, add, calibrate, compare, diagnose, explain, import_recording, simulate
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -26,7 +26,7 @@ def session() -> Session:
 def results(session: Session) -> dict[str, Any]:
     found = diagnose(session)
     return {"Session": session, "Diagnosis": found, "Comparison": found.comparison, "Calibration": calibrate(session),
-            "Model": found.comparison.fit.model}  # fmt: skip
+            "Model": found.comparison.fit.model, "Fit": found.comparison.fit, "Explanation": explain(session)}  # fmt: skip
 
 
 def test_the_steps_of_the_readme(session: Session) -> None:
@@ -48,7 +48,7 @@ def test_the_lines_of_the_docs_pass_mypy_strict(page: str, tmp_path: Path) -> No
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("kind", ["Session", "Diagnosis", "Comparison", "Calibration", "Model"])
+@pytest.mark.parametrize("kind", ["Session", "Diagnosis", "Comparison", "Calibration", "Model", "Fit", "Explanation"])
 def test_results_show_themselves(results: dict[str, Any], kind: str) -> None:
     shown = results[kind]
     assert repr(shown).startswith(f"<{kind}: ")
@@ -73,6 +73,7 @@ def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Sess
     )
     assert results["Diagnosis"].to_dataframe()["effect"][0] == "table_ripple"
     assert results["Calibration"].to_dataframe()["scale"].to_list() == [e.scale for e in results["Calibration"]]
+    assert results["Explanation"].to_dataframe()["effects"].to_list() == [["table_ripple"]]
     model = results["Model"]
     (row,) = model.to_dataframe().filter(effect="scale", axis="z", parameter="scale").rows()
     assert row[3] == model.value("scale", "z", "scale")
@@ -105,9 +106,16 @@ def test_a_session_from_frames(session: Session, kind: str) -> None:
 T = {"t_s": np.arange(9) / 10, "gx_dps": np.zeros(9), "gy_dps": np.zeros(9), "gz_dps": np.ones(9)}
 
 
+def test_a_session_by_gravity_and_its_origin_from_frames() -> None:
+    frame = {**T, "ax_g": np.zeros(9), "ay_g": np.zeros(9), "az_g": np.ones(9)}
+    session = Session.from_frames([frame], [{}], reference={"kind": "gravity"}, board="b1", made_on="2026-05-03")
+    assert (session.reference.kind, session.board, session.made_on) == ("gravity", "b1", "2026-05-03")
+
+
 @pytest.mark.parametrize(
     ("frames", "runs", "header", "says"),
     [
+        ([], [], {}, "no frames"),
         ([T], [], {}, "1 frames and 0 runs"),
         ([T], [{"fase": "up"}], {}, "did you mean face"),
         ([T], [{"table_rate_dps": "fast"}], {}, "table_rate_dps"),

@@ -74,6 +74,22 @@ def test_help_imports_nothing_heavy() -> None:
     assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL).returncode == 0
 
 
+def test_a_verb_imports_only_what_it_uses(session: str) -> None:
+    heavy = ("matplotlib", "onnxruntime", "nicegui", "torch")
+    asked = f"any(m in sys.modules for m in {heavy})"
+    code = f"import sys; from gyrocal.cli import main; main(['compare', {session!r}]); sys.exit({asked})"
+    assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL).returncode == 0
+
+
+def test_training_never_brings_gpu_libraries_unasked() -> None:
+    """PyPI's PyTorch does on Linux, so whatever names the extra names the other index too."""
+    root = Path(__file__).parents[1]
+    texts = [*(root / "docs").rglob("*.md"), *(root / "host").rglob("*.py"), *(root / "model_export").rglob("*.py")]
+    for path in texts:
+        for line in path.read_text(encoding="utf-8").splitlines():
+            assert "gyrocal[train]" not in line or "--extra-index-url https://download.pytorch.org/whl/cpu" in line, path
+
+
 def test_help_starts_fast() -> None:
     """A quarter of a second of processor time above that of Python itself, the best of three."""
 

@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable
 
+INSTALL_TRAIN = "pip install 'gyrocal[train]' --extra-index-url https://download.pytorch.org/whl/cpu"
+"""Installs what training needs, with PyTorch for the CPU: PyPI's brings gigabytes of GPU libraries on Linux."""
+
 
 class GyrocalError(Exception):
     """A failure that is neither the user's nor the device's. ``exit_code`` is what the command line returns."""

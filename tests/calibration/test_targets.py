@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,15 @@ def test_kalibr_reads_its_yaml() -> None:
         render("kalibr", planted())
 
 
+def test_kalibr_is_given_no_random_walk_of_zero() -> None:
+    """Kalibr stops at a value that is not positive, so a model without drift leaves the line to be filled in."""
+    model = planted()
+    still = replace(model, noise={axis: replace(model.noise_on(axis), drift=None) for axis in "xyz"})
+    rendered = render("kalibr", still, 200.0)
+    assert "gyroscope_random_walk" not in yaml.safe_load(rendered.text)
+    assert "gyroscope_random_walk" in rendered.left
+
+
 def test_the_random_walk_is_that_of_the_drift_for_short_times() -> None:
     """An Ornstein-Uhlenbeck process with variance s^2 moves by 2·s^2·(1 - exp(-t/tau)), about (2·s^2/tau)·t for short t."""
     walk = yaml.safe_load(render("kalibr", planted(), 200.0).text)["gyroscope_random_walk"]
@@ -71,10 +81,17 @@ def test_px4_computes_the_bias_of_the_model(temp_c: float) -> None:
 
 @pytest.mark.parametrize("temp_c", [-10.0, 35.0, 60.0])
 def test_ardupilot_computes_the_bias_of_the_model(temp_c: float) -> None:
-    """ArduPilot's offset: INS_GYROFFS plus 1e-6 times the cubic in the temperature above 35 degC."""
+    """ArduPilot's offset: INS_GYROFFS plus 1e-6 times the cubic above 35 degC, less that at the temperature of the offsets.
+
+    Both temperatures are clipped to INS_TCAL1_TMIN and TMAX; a temperature of the offsets that is not set is -300.
+    """
     read = parameters(render("ardupilot", planted()).text, ",", 0, 1)
-    d = temp_c - 35.0
-    offset = read["INS_GYROFFS_Z"] + 1e-6 * sum(read[f"INS_TCAL1_GYR{k}_Z"] * d**k for k in (1, 2, 3))
+
+    def cubic(at_c: float) -> float:
+        d = min(max(at_c, -20.0), 70.0) - 35.0
+        return 1e-6 * sum(read[f"INS_TCAL1_GYR{k}_Z"] * d**k for k in (1, 2, 3))
+
+    offset = read["INS_GYROFFS_Z"] + cubic(temp_c) - cubic(read.get("INS_GYR1_CALTEMP", -300.0))
     warm = temp_c - 25
     assert offset / RAD == pytest.approx(0.5 + 0.02 * warm - 0.001 * warm**2 + 1e-5 * warm**3)
     assert all(len(name) <= 16 for name in read)  # MAVLink's longest parameter name

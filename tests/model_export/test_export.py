@@ -204,7 +204,7 @@ def test_training_without_torch_says_what_to_install() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert "pip install 'gyrocal[train]'" in done.stderr
+    assert "pip install 'gyrocal[train]' --extra-index-url https://download.pytorch.org/whl/cpu" in done.stderr
 
 
 def test_the_verify_command(

@@ -41,11 +41,24 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
         return None
     if peak.amplitude_dps < 2 * np.pi * peak.frequency_hz * measured_angle_noise_deg(fitted.session, axis):
         return None  # the steps of an encoder make lines, whose angle is below its noise
+    if _of_angles(fitted) and _in_readings_dps(fitted, axis, peak.frequency_hz) < POLICY.read_part * peak.amplitude_dps:
+        return None  # the reference has it, and the sensor has not
     noise_dps = float(np.sqrt(np.median(spectrum.level) * fitted.session.sample_rate_hz / 2))
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
     note = f"a line of {rate_text(peak.amplitude_dps)} at {peak.frequency_hz:.4g} Hz"
     line_hz = peak.frequency_hz
     return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
+
+
+def _in_readings_dps(fitted: Fit, axis: str, frequency_hz: float) -> float:
+    """Amplitude of the readings at a frequency, the largest of all runs, deg/s."""
+    found = []
+    for run in (b.run for b in fitted.blocks):
+        window = np.hanning(len(run))
+        read_dps = run.gyro_dps[:, AXES.index(axis)]
+        wave = np.exp(-2j * np.pi * frequency_hz * run.sample_s)
+        found.append(2 * abs(np.sum(window * (read_dps - read_dps.mean()) * wave)) / float(window.sum()))
+    return float(max(found))
 
 
 def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:

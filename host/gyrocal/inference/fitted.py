@@ -16,6 +16,7 @@ from gyrocal.inference.reml import Equations, Solution, Spreads, fit_spreads
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.whitening import Noise
 from gyrocal.recording.session import Array, Session
+from gyrocal.shown import Shown
 
 
 @dataclass(frozen=True)
@@ -107,8 +108,8 @@ class AxisFit:
         return out
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Shown):
     """A fitted model: one :class:`AxisFit` for each axis that the model covers."""
 
     session: Session

@@ -15,6 +15,8 @@ from gyrocal.recording.session import Array
 LOWEST_HZ = 1.0
 LONGEST_SAMPLES = 1 << 14
 LEAST_SAMPLES = 32
+NO_POWER = 1e-30
+"""Power of a reading that never changes, as a fraction of its segment's."""
 PAD = 2
 """Zero-padding factor of the periodogram. A line may lie between the frequencies of the unpadded one."""
 BUMP_WIDTHS_HZ = (2.0, 4.0, 8.0)
@@ -139,12 +141,11 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     if np.count_nonzero(use) < 8 or not power.any():
         return Spectrum(empty, empty, empty, empty, empty, segments, length)
     frequency_hz: Array = frequency[use].astype(np.float64)
-    tiny = np.finfo(np.float64).tiny
     mean: Array = np.asarray(power.mean(axis=0), dtype=np.float64)
     pooled: Array = np.asarray((even / _segment_levels(even)[:, None]).mean(axis=0), dtype=np.float64)
-    smooth = smooth_level(frequency_hz, np.maximum(pooled, tiny), float(segments), PAD)
+    smooth = smooth_level(frequency_hz, np.maximum(pooled, NO_POWER), float(segments), PAD)
     ratio = pooled / smooth.level
-    scale = float(np.exp(np.median(np.log(np.maximum(mean, tiny)) - np.log(np.maximum(pooled, tiny)))))
+    scale = float(np.exp(np.median(np.log(np.maximum(mean, NO_POWER)) - np.log(np.maximum(pooled, NO_POWER)))))
     # the level is Gamma-distributed too: of shape 1 / variance
     tail = np.asarray(f.sf(ratio, 2 * segments, 2 / np.maximum(smooth.variance, 1e-9)))
     return Spectrum(frequency_hz, mean, smooth.level * scale, ratio, tail, segments, length)

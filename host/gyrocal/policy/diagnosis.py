@@ -37,6 +37,10 @@ class Diagnosis:
         larger="bursts are called faults of single readings", smaller="ordinary noise beside a fault hides it",
         chosen_by="tail of the normal distribution (one of six neighbours exceeds 3 in 1.6 % of cases); chosen by judgement",
     )  # fmt: skip
+    read_part: float = threshold(
+        0.5, "amplitude of a line in the readings, over that in their residual to a tracker, below which it is the tracker's",
+        larger="a vibration of the sensor is taken for the tracker's", smaller="lines of a tracker's noise are reported",
+    )  # fmt: skip
     outlier_chance: float = threshold(
         1e-4, "probability that the noise's own tail explains the outliers, above which the floor contains their power",
         larger="faults of the reading count as noise in the floor", smaller="heavy tails of the noise count as excess",

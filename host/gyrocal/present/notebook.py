@@ -15,6 +15,7 @@ from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import Explanation
 from gyrocal.error_model.model import Model
+from gyrocal.inference.fitted import Fit
 from gyrocal.planning.plan import Plan
 from gyrocal.present import explanation, pictures
 from gyrocal.present.output import plus_minus
@@ -109,6 +110,12 @@ def _calibration_figure(found: Calibration) -> Figure:
     return figure
 
 
+def _steps_table(found: Explanation) -> pl.DataFrame:
+    """One row for each step; the candidates that are left are those of ``found.last``."""
+    empty = {"effects": pl.List(pl.String), "axes": pl.List(pl.String)}
+    return _table([step.to_json() for step in found.steps]) if found.steps else pl.DataFrame(schema=empty)
+
+
 def _model_words(model: Model) -> str:
     rows = _model_rows(model)
     lines = [f"{r['effect']} on {r['axis']}: {r['parameter']} = {_value(r['value'], r['se'])}" for r in rows]
@@ -166,8 +173,9 @@ VIEWS.update({
     Session: View(_session_words, _session_table, preview),
     Comparison: View(_comparison_words, _comparison_table, pictures.levels),
     Diagnosis: View(_diagnosis_words, _diagnosis_table, lambda found: pictures.levels(found.comparison)),
-    Explanation: View(explanation.words, lambda e: _diagnosis_table(e.last), lambda e: pictures.levels(e.last.comparison)),
+    Explanation: View(explanation.words, _steps_table, lambda e: pictures.levels(e.last.comparison)),
     Calibration: View(_calibration_words, lambda found: _table([e.to_json() for e in found]), _calibration_figure),
     Plan: View(_plan_words, lambda plan: _table([asdict(run) for run in plan.runs]), _plan_figure),
     Model: View(_model_words, _model_table, _model_figure),
+    Fit: View(lambda f: _model_words(f.model), lambda f: _model_table(f.model), lambda f: _model_figure(f.model)),
 })  # fmt: skip

@@ -20,13 +20,15 @@ def session_of(frames: Sequence[Any], runs: Sequence[Mapping[str, Any]], **heade
     """See :meth:`gyrocal.recording.session.Session.from_frames`."""
     from pydantic import ValidationError
 
+    if not frames:
+        raise InputError("no frames; a session has a frame and its facts for each run")
     if len(frames) != len(runs):
         raise InputError(f"{len(frames)} frames and {len(runs)} runs; each frame has its facts, such as {{'face': 'up'}}")
     for run in runs:
         for key in sorted(set(run) - set(RunEntry.model_fields)):
             raise InputError(f"a run has no key {key!r}{did_you_mean(key, RunEntry.model_fields)}")
     tables = [check_table(_frame(frame, i), f"frame {i}") for i, frame in enumerate(frames)]
-    rate_hz = float(f"{1 / period_s(tables[0]['t_s'].to_numpy()):.5g}") if tables else 0.0
+    rate_hz = float(f"{1 / period_s(tables[0]['t_s'].to_numpy()):.5g}")
     entries = [{"file": f"{i:03d}_{run.get('face', 'up')}.csv", "face": "up", **run} for i, run in enumerate(runs)]
     try:
         checked = SessionFile.model_validate({"format": FORMAT, "sample_rate_hz": rate_hz, **header, "run": entries})
@@ -38,14 +40,15 @@ def session_of(frames: Sequence[Any], runs: Sequence[Mapping[str, Any]], **heade
     session = Session(
         sample_rate_hz=checked.sample_rate_hz, runs=(), axis=checked.axis, sensor=checked.sensor,
         full_scale_dps=checked.full_scale_dps, lsb_dps=checked.lsb_dps, latitude_deg=checked.latitude_deg,
-        accept=tuple(checked.accept or ()), reference=checked.reference,
+        accept=tuple(checked.accept or ()), reference=checked.reference, board=checked.board, rig=checked.rig,
+        line=checked.line, made_on=None if checked.made_on is None else str(checked.made_on),
     )  # fmt: skip
     return session.with_runs(_run(i, checked.run[i], checked, table) for i, table in enumerate(tables))
 
 
 def _run(index: int, entry: RunEntry, header: SessionFile, table: pl.DataFrame) -> Run:
     known = entry.table_rate_dps is not None or entry.turn_deg is not None or has_reference(table.columns)
-    if not known:
+    if not known and header.reference.kind != "gravity":
         raise InputError(f"run {index}: its true rate is not known; give table_rate_dps, turn_deg, or a column rate_ref_dps")
     return Run(
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,

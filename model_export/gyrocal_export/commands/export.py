@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gyrocal.errors import GyrocalError, InputError
+from gyrocal.errors import INSTALL_TRAIN, GyrocalError, InputError
 
 Axis = Literal["x", "y", "z"]
 
@@ -50,7 +50,7 @@ def _headers(run_folder: Path | None, model: str | None, axis: Axis) -> dict[str
     try:
         contents = export_run(run_folder) if run_folder else export_shipped()
     except ImportError as error:
-        raise GyrocalError(f"exporting a run needs {error.name}: pip install 'gyrocal[train]'") from error
+        raise GyrocalError(f"exporting a run needs {error.name}: {INSTALL_TRAIN}") from error
     if model is not None:
         from gyrocal.calibration import header
         from gyrocal.error_model.model import Model

@@ -11,11 +11,11 @@ from gyrocal.error_model.model import Model
 
 TEXT = """\
 # Noise of the gyroscope for Kalibr, from the gyrocal model "{name}". The values are those of the noisiest axis.
-# Kalibr also needs the accelerometer's values, which this model does not have: fill in the two lines below.
+# Kalibr also needs the accelerometer's values, which this model does not have: fill in the lines that begin with #.
 rostopic: /imu0
 update_rate: {rate_hz:.9g}  # Hz
 gyroscope_noise_density: {density:.6e}  # rad/s/sqrt(Hz)
-gyroscope_random_walk: {walk:.6e}  # rad/s^2/sqrt(Hz)
+{comment}gyroscope_random_walk: {walk}  # rad/s^2/sqrt(Hz)
 # accelerometer_noise_density:  # m/s^2/sqrt(Hz)
 # accelerometer_random_walk:  # m/s^3/sqrt(Hz)
 """
@@ -24,8 +24,13 @@ gyroscope_random_walk: {walk:.6e}  # rad/s^2/sqrt(Hz)
 def render(model: Model, rate_hz: float | None) -> Rendered:
     """The text of ``imu.yaml``."""
     rate = needs_rate(rate_hz, "kalibr")
+    walk = worst(random_walks(model))
     text = TEXT.format(
-        name=model.name, rate_hz=rate, density=worst(white_densities(model, rate)), walk=worst(random_walks(model))
-    )
+        name=model.name, rate_hz=rate, density=worst(white_densities(model, rate)), comment="" if walk else "# ",
+        walk=f"{walk:.6e}" if walk else "",
+    )  # fmt: skip
     left = left_of(model, {"colored_noise"}, "Kalibr's imu.yaml holds noise only")
-    return Rendered("imu.yaml", text, {**left, "accelerometer": "the model does not know its noise; add it to the file"})
+    left["accelerometer"] = "the model does not know its noise; add it to the file"
+    if not walk:
+        left["gyroscope_random_walk"] = "the model has no drift, and Kalibr takes no 0; record longer, or fill it in"
+    return Rendered("imu.yaml", text, left)

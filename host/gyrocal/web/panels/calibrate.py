@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.errors import INSTALL_TRAIN
 from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain, rate
@@ -122,7 +123,7 @@ class CalibratePanel:
                 ui.html(_errors(trained.errors), sanitize=False)
             elif lacking := missing():
                 ui.label(f"Training needs {' and '.join(lacking)}. Install, and start the workbench again:").classes("small")
-                _command(f"{shlex.quote(sys.executable)} -m pip install 'gyrocal[train]'")
+                _command(f"{shlex.quote(sys.executable)} -m {INSTALL_TRAIN}")
             else:
                 ui.label(
                     "The shipped network is trained for the paper's campaign. A network trained on runs drawn from this model "
