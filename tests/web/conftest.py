@@ -19,9 +19,13 @@ ARGUMENTS = [
     "--no-sandbox", "--headless", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
-PATIENCE_MS = 300_000
-"""How long a page may take to show what is waited for: only one that hangs takes as long, however busy the machine is."""
+PATIENCE_S, MOST_PATIENCE_S = 60.0, 180.0
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
+
+
+def patience_s() -> float:
+    """How long a page may take for one step: only one that hangs takes as long. A busy machine is given more time."""
+    return min(MOST_PATIENCE_S, PATIENCE_S * (1 + os.getloadavg()[0] / (os.cpu_count() or 1)))
 
 
 @dataclass
@@ -56,7 +60,7 @@ def serve() -> Iterator[Callable[..., Served]]:
     for process in started:
         process.send_signal(signal.SIGINT)
         try:
-            _, problems = process.communicate(timeout=PATIENCE_MS / 1e3)
+            _, problems = process.communicate(timeout=patience_s())
         except subprocess.TimeoutExpired:
             process.kill()
             raise
@@ -86,7 +90,7 @@ def look(chromium: Any) -> Iterator[Callable[..., Any]]:
         context = chromium.new_context(viewport={"width": 1280, "height": 720}, **options)
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(PATIENCE_MS)
+        page.set_default_timeout(1e3 * patience_s())
         host = urlsplit(url).netloc
 
         def request(asked: Any) -> None:

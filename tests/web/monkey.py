@@ -29,7 +29,7 @@ def play(page: Any, url: str, seed: int, seconds: float, avoid: str) -> int:
         acts += 1
         kind = rng.random()
         if kind < 0.06:
-            page.goto(f"{url}{rng.choice(PAGES)}")
+            _leave(page, f"{url}{rng.choice(PAGES)}")
         elif kind < 0.12:
             page.keyboard.press(rng.choice(KEYS))
         elif kind < 0.14:
@@ -39,6 +39,17 @@ def play(page: Any, url: str, seed: int, seconds: float, avoid: str) -> int:
             _touch(page, rng, avoid)
         page.wait_for_timeout(rng.choice((5, 30, 120)))
     return acts
+
+
+def _leave(page: Any, address: str) -> None:
+    """Go to another page, unless a link that was clicked just before leads away first."""
+    from playwright.sync_api import Error
+
+    try:
+        page.goto(address)
+    except Error as refused:
+        if "interrupted by another navigation" not in str(refused):
+            raise
 
 
 def _touch(page: Any, rng: random.Random, avoid: str) -> None:

@@ -149,7 +149,7 @@ def test_nothing_is_drawn_between_two_recordings(tmp_path: Path) -> None:
 
 
 def model(folder: Path) -> ModelView:
-    return ModelView("", {}, "", [], [], [], folder, [], None, [], {}, {}, {}, {})
+    return ModelView("", {}, "", [], "mdps", [], [], folder, [], None, [], {}, {}, {}, {})
 
 
 def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ def test_ten_million_samples_zoom_at_once(tmp_path: Path) -> None:
 def test_the_part_of_a_spectrum_that_is_shown_lies_on_its_axis() -> None:
     """A line of 38.68 Hz at a sampling rate of 100 Hz: four times the frequency is not on the axis."""
     x = np.linspace(0.01, 50.0, 500).tolist()
-    words = ("z", "left over, mdps/√Hz", "noise alone", "frequency, Hz")
+    words = ("z", "left over", "/√Hz", "noise alone", "frequency, Hz")
     drawn = curves(LIGHT, {"z": Curve(x, x, x)}, *words, [(38.68, 38.68, "a line")], (38.68 / 4, 38.68 * 4))
     zoom = drawn["dataZoom"][0]
     assert 0.01 < zoom["startValue"] < 38.68 < zoom["endValue"] == 50.0

@@ -60,7 +60,8 @@ def test_a_port_opens_live_and_the_chart_begins_with_the_first_sample(
         from_s, points = drawn
         assert from_s >= 0
         assert all(t_s >= from_s - 0.1 and min(abs(value - mean) for mean in means_dps(scenario)) < 2 for t_s, value in points)
-        told = page.evaluate(f"() => {{ const o = {CHART}.getOption(); return [o.xAxis[4].name, o.legend[0].data]; }}")
+        words = f"const o = {CHART}.getOption(); return [o.xAxis[4].name, o.legend[0].data.map(e => e.name)];"
+        told = page.evaluate(f"() => {{ {words} }}")
         assert told[0].startswith("time of the device, s")
         assert told[1] == ["a x", "a y", "a z"]
 
@@ -99,6 +100,8 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     assert abs(rates(page)[2] - down_dps) < 1.0
     assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
 
+    fold, around = (page.locator(f"[aria-label=results]{of}").bounding_box() for of in (" summary", ""))
+    assert fold["y"] + fold["height"] <= around["y"] + around["height"]  # the answer and its fold are not cut off
     page.get_by_text("All answers").click()
     results = page.locator("[aria-label=results] tbody tr")
     methods = {row.split("\t")[1] for row in results.all_inner_texts()}

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web.charts import DARK, ICONS
 
 CHART = "getElement(Number(document.querySelector('%s .nicegui-echart').id.slice(1))).chart"
 PLOT, HERO = CHART % ".over:not(.hero-picture)", CHART % ".hero-picture"
@@ -60,7 +61,7 @@ def test_values_box_zoom_and_files_of_a_plot(served: Any, look: Callable[..., An
     page.mouse.move(x, y)
     page.wait_for_function("() => /left over.*mdps/s.test(document.querySelector('.over').innerText)")
     told = page.locator(".over").inner_text()
-    assert re.search(r"z measured -?[\d.]+ mdps", told)
+    assert re.search(r"z measured -?[\d.]+ dps", told)
     assert re.search(r"^[\d.]+ s$", told, re.M)
     page.get_by_role("button", name="box zoom").click()
     page.mouse.move(x, y)
@@ -105,6 +106,39 @@ def test_without_motion_nothing_moves(served: Any, look: Callable[..., Any]) -> 
     page = look(f"{served.url}diagnose?session=ripple", reduced_motion="reduce")
     page.wait_for_function(f"() => {HERO}.getOption().series.length === 3")
     assert page.evaluate(f"{HERO}.getOption().animation") is False
+
+
+def test_in_the_dark_the_picture_is_drawn_too(served: Any, look: Callable[..., Any]) -> None:
+    """The page is built in light and again in dark, before the browser has made the first chart."""
+    page = look(f"{served.url}diagnose?session=ripple", color_scheme="dark")
+    page.wait_for_function("() => document.body.classList.contains('body--dark')")
+    drawn = f"const o = {HERO}.getOption(); return o.series.length === 3 && o.textStyle.color === '{DARK.ink}';"
+    page.wait_for_function(f"() => {{ try {{ {drawn} }} catch {{ return false; }} }}")  # the first chart goes meanwhile
+
+
+def test_on_a_phone_nothing_lies_over_another(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}diagnose?session=ripple")
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.locator(".drawn:not(.hero-picture) canvas").first.wait_for()
+    beyond = """[...document.querySelectorAll('.drawn canvas')].filter(
+        c => c.getBoundingClientRect().bottom > c.closest('.drawn').getBoundingClientRect().bottom).length"""
+    assert page.evaluate(beyond) == 0
+    page.get_by_role("button", name="Compare").click()
+    page.locator('[role=img][aria-label="Timeline"] canvas').wait_for()
+    buttons = page.locator(".over .zoom").bounding_box()
+    drawn = page.locator('[role=img][aria-label="Timeline"] canvas').bounding_box()
+    assert buttons["y"] + buttons["height"] <= drawn["y"] + 8  # where the title begins
+    page.wait_for_function(f"() => {PLOT}.getOption().legend[0].top > 20")
+    assert page.evaluate(f"{PLOT}.getOption().legend[0].top") < page.evaluate(f"{PLOT}.getOption().grid[0].top")
+
+
+def test_a_legend_looks_as_what_it_names(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}diagnose?session=ripple")
+    page.wait_for_function(f"() => {HERO}.getOption().series.length === 3")
+    icons = page.evaluate(f"Object.fromEntries({HERO}.getOption().legend[0].data.map(e => [e.name, e.icon]))")
+    for series in page.evaluate(f"{HERO}.getOption().series.map(s => [s.name, s.type])"):
+        shape = {"scatter": "circle", "line": ICONS["thick"], "custom": "roundRect"}[series[1]]
+        assert icons[series[0]] == shape
 
 
 def test_a_wrong_effect_stays_in_doubt_and_a_run_stays_out_after_a_restart(

@@ -25,7 +25,7 @@ def test_biases_that_scatter_are_not_each_said_to_be_known() -> None:
     """Five biases from -45 to -190 mdps, each with an error of 2: the scatter is said, and that no one foretells the next."""
     values = [-45.0, -80.0, -120.0, -150.0, -190.0]
     told = sentences(estimates(values, 2.0), "z")
-    assert f"scatters by {np.std(values, ddof=1):.2g} mdps about {np.mean(values):.1f}" in told[0]
+    assert f"scatters by {np.std(values, ddof=1):.3g} mdps about {np.mean(values):.1f}" in told[0]
     assert "own error is 2 mdps" in told[0]
     assert told[1].startswith("The bias of one power cycle cannot be taken for the next one's")
 

@@ -20,10 +20,11 @@ def run(
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
     from gyrocal.calibration.calibrate import calibrate, unanswered
     from gyrocal.calibration.flags import FLAGS
+    from gyrocal.diagnosis.rate_unit import unit_of
     from gyrocal.errors import InputError
     from gyrocal.plausibility import check
     from gyrocal.present.budget import print_budget
-    from gyrocal.present.output import emit, mdps, stdout, table
+    from gyrocal.present.output import emit, stdout, table
     from gyrocal.present.report import print_warnings
     from gyrocal.recording.session import Session
 
@@ -46,12 +47,15 @@ def run(
         emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})
         return
     print_warnings(warnings)
+    unit = unit_of(e.bias_dps for e in found)
     rows = [
         [e.scenario, e.axis, e.method, f"{e.seconds:g}", _number(e.scale, ".4f", 100), _number(e.scale_se, ".4f", 100),
-         mdps(e.bias_dps), mdps(e.bias_se_dps), _number(e.misfit, ".2f"), "yes" if e.trusted else "no: " + ", ".join(e.flags)]
+         unit.text(e.bias_dps), unit.text(e.bias_se_dps), _number(e.misfit, ".2f"),
+         "yes" if e.trusted else "no: " + ", ".join(e.flags)]
         for e in found
     ]  # fmt: skip
-    table("", ["scenario:", "axis:", "method:", "seconds", "scale %", "± %", "bias mdps", "± mdps", "misfit", "trusted:"], rows)
+    bias = (f"bias {unit.name}", f"± {unit.name}")
+    table("", ["scenario:", "axis:", "method:", "seconds", "scale %", "± %", *bias, "misfit", "trusted:"], rows)
     for flag, meaning in FLAGS.items():
         count = sum(flag in e.flags for e in found)
         if count:

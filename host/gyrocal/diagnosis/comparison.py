@@ -16,12 +16,13 @@ import numpy as np
 
 from gyrocal import plausibility
 from gyrocal.diagnosis.angles import Angles, by_angle
-from gyrocal.diagnosis.drawn import described, drawn_power, mdps, most_visible, variance
+from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
 from gyrocal.diagnosis.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.probes import of_session
+from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.told import strongest_first, without_echoes
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -226,7 +227,7 @@ def of_excess(squares: MeanSquares, floor: Floor, nearest: Finding) -> Finding:
     level = Level.of(squares, floor)
     sigma = (squares.within - floor.within) / floor.error_within if floor.error_within > 0 else 0.0
     excess_dps = level.excess_within_dps or 0.0
-    note = f"{mdps(excess_dps)} more than noise leaves, in no shape that a test knows"
+    note = f"{rate_text(excess_dps)} more than noise leaves, in no shape that a test knows"
     return Finding(
         nearest.axis, nearest.against, max(0.0, sigma), float(norm.sf(sigma)), excess_dps, note, nearest.shape
     )  # fmt: skip

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.rate_unit import plain, rate_text
 from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
@@ -34,7 +35,7 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
         k = int(np.argmax(sizes))
         if sizes[k] > POLICY.cancelled * amplitude:  # in less than a turn, waves cancel each other
             return amplitude, f"{size}, of the same phase in each run"
-        wave = f"a wave of {mdps(min(sizes[k], amplitude))} {per_turn(shape.orders[k])}"
+        wave = f"a wave of {rate_text(min(sizes[k], amplitude))} {per_turn(shape.orders[k])}"
         return amplitude, f"{size}; most, {wave}, of the same phase in each run"
     words = shape.words if isinstance(shape, Columns) else ""
     return amplitude, f"{size}, {words}" if words else size
@@ -99,7 +100,7 @@ def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float
     squares = np.sum(sizes**2, axis=1)
     shown = squares > 0
     amplitude = float(np.sqrt(np.mean(squares[shown]))) if shown.any() else 0.0
-    return amplitude, f"{mdps(amplitude)} {shape.words(sizes)}"
+    return amplitude, f"{rate_text(amplitude)} {shape.words(sizes)}"
 
 
 def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[float, str]:
@@ -115,23 +116,13 @@ def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[floa
     centred = np.where(seen, values - float(np.average(values, weights=weight)), 0.0)
     amplitude = float(np.sqrt(2 * np.mean((centred[step] * base) ** 2)))
     k = int(np.argmax(weight * centred**2))
-    most = f"{plain(centred[k] * 1e6, '+')} ppm of the rate" if shape.times_rate else mdps(centred[k], "+")
+    most = f"{plain(centred[k] * 1e6, '+')} ppm of the rate" if shape.times_rate else rate_text(centred[k], "+")
     return amplitude, f"{_size(amplitude)}; most, {most}, {_between(shape, k)}"
 
 
 def _size(amplitude_dps: float) -> str:
     """The root mean square of a shape that is no sine, in words."""
-    return f"rms {mdps(amplitude_dps / np.sqrt(2))}"
-
-
-def mdps(value_dps: float, sign: str = "") -> str:
-    """A rate in mdps with three digits; a ``sign`` of "+" shows that of a positive value too."""
-    return f"{plain(value_dps * 1e3, sign)} mdps"
-
-
-def plain(value: float, sign: str = "") -> str:
-    """Three digits without an exponent."""
-    return f"{value:{sign}.0f}" if abs(value) >= 999.5 else f"{value:{sign}.3g}"
+    return f"rms {rate_text(amplitude_dps / np.sqrt(2))}"
 
 
 def _between(shape: Steps, k: int) -> str:

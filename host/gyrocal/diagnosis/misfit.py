@@ -9,11 +9,11 @@ from itertools import chain
 import numpy as np
 
 from gyrocal.diagnosis.angles import measured_angle_noise_deg
-from gyrocal.diagnosis.drawn import mdps
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.hump import hump
 from gyrocal.diagnosis.levels import Remainder
 from gyrocal.diagnosis.probes import of_session, probe
+from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.rounding import beside_rounding
 from gyrocal.diagnosis.told import strongest_first, told_once, without_echoes
@@ -45,7 +45,7 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
         return None  # the reference has it, and the sensor has not
     noise_dps = float(np.sqrt(np.median(spectrum.level) * fitted.session.sample_rate_hz / 2))
     strength = float(np.sqrt(spectrum.segments * spectrum.samples / 2) * peak.amplitude_dps / noise_dps)
-    note = f"a line of {mdps(peak.amplitude_dps)} at {peak.frequency_hz:.4g} Hz"
+    note = f"a line of {rate_text(peak.amplitude_dps)} at {peak.frequency_hz:.4g} Hz"
     line_hz = peak.frequency_hz
     return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
 
@@ -78,7 +78,7 @@ def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
         return None
     noise_dps = fitted.axes[axis].noise.white_sd_dps
     strength = peak.amplitude_dps / max(noise_dps, LEAST_WHITE_DPS) * float(np.sqrt(sum(map(len, turning)) / 2))
-    note = f"a line of {mdps(peak.amplitude_dps)}, {peak.words()}"
+    note = f"a line of {rate_text(peak.amplitude_dps)}, {peak.words()}"
     return Finding(axis, Order.name, strength, peak.chance, peak.amplitude_dps, note, TableWave(peak.whole or peak.order))
 
 
@@ -94,7 +94,7 @@ def _bump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
     bump = remainder.spectrum.bump()
     if bump is None or bump.chance >= alarm:
         return None
-    note = f"{mdps(bump.amplitude_dps)} that wander between {bump.low_hz:.3g} and {bump.high_hz:.3g} Hz"
+    note = f"{rate_text(bump.amplitude_dps)} that wander between {bump.low_hz:.3g} and {bump.high_hz:.3g} Hz"
     return Finding(axis, Frequency.name, bump.sigma, bump.chance, bump.amplitude_dps, note)
 
 

@@ -12,9 +12,9 @@ from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import decide, with_q_values
-from gyrocal.diagnosis.drawn import mdps
 from gyrocal.diagnosis.evidence import judge, not_measurable
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
@@ -55,7 +55,7 @@ def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Findin
         strength = float(np.sqrt(chi2.isf(max(c.chance, 1e-300), 1)))
         blocks = sum(len(b.run) for b in comparison.fit.blocks)
         amplitude = 0.0 if c.signal is None else float(np.sqrt(2 * (c.signal @ c.signal) / blocks))
-        note = f"{mdps(amplitude)} in the shape of {c.effect.id}"
+        note = f"{rate_text(amplitude)} in the shape of {c.effect.id}"
         against, shape = (Rate.name, None) if nearest is None else (nearest.against, nearest.shape)
         out.append(Finding(c.axis, against, strength, c.chance, amplitude, note, shape))
     return sorted(out, key=lambda f: -f.strength)

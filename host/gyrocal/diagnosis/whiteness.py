@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gyrocal.diagnosis.drawn import mdps
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.inference.design import SLOW_S
 from gyrocal.inference.fitted import AxisFit
@@ -84,7 +84,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
         if chance < alarm and (worst is None or chance < worst.chance):
             side = max(other.mean for other in beside)
             amplitude = float(np.sqrt(2 * band.power * max(0.0, 1 - side / band.mean)))
-            note = f"{mdps(amplitude)} between {band.low_hz:.2g} and {band.high_hz:.2g} Hz beyond noise"
+            note = f"{rate_text(amplitude)} between {band.low_hz:.2g} and {band.high_hz:.2g} Hz beyond noise"
             sigma = float(norm.isf(max(chance, np.finfo(np.float64).tiny)))
             worst = Finding(
                 axis, Frequency.name, sigma, chance, amplitude, note, snr=(band.mean / side - 1) * float(np.sqrt(band.looks)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,11 @@ from gyrocal.diagnosis.drawn import described, most_visible_of
 from gyrocal.diagnosis.explain import Explanation, Open, Step
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.probes import of_session
+from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.inference import heldout
 from gyrocal.inference.fit import Fit
 from gyrocal.present import page, report
-from gyrocal.present.output import mdps, stdout, table
+from gyrocal.present.output import stdout, table
 from gyrocal.recording.session import AXES, Array
 from gyrocal.variables.base import variables
 
@@ -29,9 +31,10 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
     """Print the steps with the excess after each, what stays open, and the verdict."""
     report.print_warnings(e.last.comparison.warnings)
     if e.steps:
-        rows = [["(start)", "", excess(e.steps[0], e.steps[0].excess_before), ""]]
-        rows += [[named(s), ", ".join(s.axes), excess(s, s.excess_after), remark(s)] for s in e.steps]
-        table("Held-out excess error over the noise floor", ["added:", "axis:", f"excess {unit(e.steps[0])}", "remark:"], rows)
+        unit = unit_of_steps(e.steps)
+        rows = [["(start)", "", unit.text(e.steps[0].excess_before, 2), ""]]
+        rows += [[named(s), ", ".join(s.axes), unit.text(s.excess_after, 2), remark(s)] for s in e.steps]
+        table("Held-out excess error over the noise floor", ["added:", "axis:", f"excess {unit.name}", "remark:"], rows)
     for one in e.left:
         stdout.print(open_words(one))
     stdout.print(conclusion(e), style="bold")
@@ -41,14 +44,14 @@ def print_explanation(e: Explanation, session: Path, model: Path) -> None:
         stdout.print(f"next: gyrocal keep {session} --model {model} finds a formula for it and keeps it as your own effect")
 
 
-def unit(step: Step) -> str:
-    """Unit of the excess of a step: mdps, or deg for a session judged by angle."""
-    return "mdps" if step.before.angles is None else "deg"
+DEG = RateUnit("deg", 1.0, 2)
 
 
-def excess(step: Step, value: float | None) -> str:
-    """An excess of a step in its :func:`unit`."""
-    return mdps(value, 2) if step.before.angles is None else report.deg(value)
+def unit_of_steps(steps: Sequence[Step]) -> RateUnit:
+    """The unit of the excess of steps: that of rates, or deg for a session judged by angle."""
+    if steps[0].before.angles is not None:
+        return DEG
+    return unit_of(value for s in steps for value in (s.excess_before, s.excess_after))
 
 
 def named(step: Step) -> str:
@@ -62,7 +65,8 @@ def remark(step: Step) -> str:
     if step.removed:
         parts.append(f"replaces {', '.join(step.removed)}")
     if step.within:
-        parts.append(f"within power cycles, from {excess(step, step.excess_before)}")
+        unit = unit_of_steps([step])
+        parts.append(f"within power cycles, from {unit.text(step.excess_before, 2)} {unit.name}")
     return "; ".join(parts)
 
 
@@ -95,7 +99,8 @@ def words(e: Explanation) -> str:
     """The conclusion, what was added with the excess before and after, and what stays open."""
     lines = [f"{e.verdict}; {conclusion(e)}"]
     for step in e.steps:
-        fell = f"{excess(step, step.excess_before)} to {excess(step, step.excess_after)} {unit(step)}"
+        unit = unit_of_steps([step])
+        fell = f"{unit.text(step.excess_before, 2)} to {unit.text(step.excess_after, 2)} {unit.name}"
         lines.append(f"added {named(step)} on {', '.join(step.axes)}: excess from {fell}")
     return "\n".join([*lines, *map(open_words, e.left)])
 
@@ -111,17 +116,17 @@ def write_explanation(path: Path, e: Explanation) -> None:
         levels = [e.steps[0].before.pooled, *(s.after.pooled for s in e.steps)]
         overview = _data(pictures.waterfall(labels, [v.excess_dps or 0.0 for v in levels], levels[-1].floor_dps))
     steps = [
-        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": excess(s, s.excess_before),
-         "after": excess(s, s.excess_after), "unit": unit(s), "remark": remark(s), "causes": _causes(s),
+        {"title": f"{named(s)} on {', '.join(s.axes)}", "before": unit.text(s.excess_before, 2),
+         "after": unit.text(s.excess_after, 2), "unit": unit.name, "remark": remark(s), "causes": _causes(s),
          "shown": shown(removed(s)), "picture": _data(evidence(s))}
-        for s in e.steps
+        for s in e.steps for unit in [unit_of_steps([s])]
     ]  # fmt: skip
     last = e.last.comparison
     remains = last.where[0] if last.where else None
     text = page.render(
         "present/explanation.html", page.name_of(start.fit.session), conclusion(e), e.verdict == "adequate",
         e.last.comparison.warnings, overview=overview, steps=steps, left=[open_words(one) for one in e.left],
-        levels=report.level_rows(e.last.comparison), parameters=report.parameter_rows(e.last.comparison),
+        levels=report.level_rows(last), unit=report.level_unit(last).name, parameters=report.parameter_rows(last),
         model=", ".join(e.model.ids), remains=shown(remains), remains_picture=_data(picture(last, remains)),
     )  # fmt: skip
     page.write(path, text)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.errors import InputError
 from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration
@@ -164,12 +165,13 @@ def print_calibration(c: Calibration) -> None:
             f"{turned.max():.0f} deg; rests begin at {_begins(scene)} s",
             markup=False,
         )
+    unit = unit_of(e.bias_dps for e in c.estimates)
     rows = [
-        [e.scenario, e.axis, "-" if e.scale is None else plus_minus(100 * e.scale, _percent(e.scale_se)), mdps(e.bias_dps),
-         mdps(e.bias_se_dps), f"{e.misfit or 0:.2f}", "yes" if e.trusted else "no: " + ", ".join(e.flags)]
+        [e.scenario, e.axis, "-" if e.scale is None else plus_minus(100 * e.scale, _percent(e.scale_se)), unit.text(e.bias_dps),
+         unit.text(e.bias_se_dps), f"{e.misfit or 0:.2f}", "yes" if e.trusted else "no: " + ", ".join(e.flags)]
         for e in c.estimates
     ]  # fmt: skip
-    table("", ["scenario:", "axis:", "scale %", "bias mdps", "± mdps", "misfit", "trusted:"], rows)
+    table("", ["scenario:", "axis:", "scale %", f"bias {unit.name}", f"± {unit.name}", "misfit", "trusted:"], rows)
     cross = [
         [row["scenario"], row["axis"], row["about"],
          "-" if row["value"] is None else plus_minus(100 * row["value"], _percent(row["se"]))]

@@ -18,14 +18,14 @@ from gyrocal.error_model.model import Model
 from gyrocal.inference.fitted import Fit
 from gyrocal.planning.plan import Plan
 from gyrocal.present import explanation, pictures
-from gyrocal.present.output import mdps, plus_minus
+from gyrocal.present.output import plus_minus
 from gyrocal.present.plan import promise, words
 from gyrocal.present.preview import preview
-from gyrocal.present.report import deg, headline, verdict_text
+from gyrocal.present.report import deg, headline, level_unit, verdict_text
 from gyrocal.recording.session import Session
 from gyrocal.shown import VIEWS, View
 
-MDPS = {"rms_dps": "rms", "floor_dps": "noise floor", "excess_dps": "excess"}
+LEVELS = {"rms_dps": "rms", "floor_dps": "noise floor", "excess_dps": "excess"}
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> pl.DataFrame:
@@ -53,7 +53,8 @@ def _session_table(session: Session) -> pl.DataFrame:
 
 
 def _comparison_words(found: Comparison) -> str:
-    levels = ", ".join(f"{word} {mdps(getattr(found.pooled, name))} mdps" for name, word in MDPS.items())
+    unit = level_unit(found)
+    levels = ", ".join(f"{word} {unit.text(getattr(found.pooled, name))} {unit.name}" for name, word in LEVELS.items())
     if found.angles is not None:
         v = found.angles.level()
         levels = f"rms {deg(v.rms_deg)} deg, noise floor {deg(v.floor_deg)} deg, excess {deg(v.excess_deg)} deg"
@@ -64,7 +65,7 @@ def _comparison_words(found: Comparison) -> str:
 def _comparison_table(found: Comparison) -> pl.DataFrame:
     """Levels of each axis and of all together, deg/s."""
     levels = [*found.per_axis.items(), ("all", found.pooled)]
-    keys = (*MDPS, "excess_se_dps", "excess_within_dps")
+    keys = (*LEVELS, "excess_se_dps", "excess_within_dps")
     return _table([{"axis": axis} | {key: getattr(level, key) for key in keys} for axis, level in levels])
 
 

@@ -13,8 +13,9 @@ from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
+from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.policy import POLICY
-from gyrocal.present.output import mdps, plus_minus, stdout, table
+from gyrocal.present.output import plus_minus, stdout, table
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
@@ -60,16 +61,22 @@ def axis_names(c: Comparison) -> tuple[dict[str, str], str]:
     return names, f"all (with {', '.join(blocked)})" if blocked else "all"
 
 
+def level_unit(c: Comparison) -> RateUnit:
+    """The unit of the levels of a comparison."""
+    return unit_of(v for level in (*c.per_axis.values(), c.pooled) for v in (level.rms_dps, level.floor_dps))
+
+
 def level_rows(c: Comparison) -> list[list[str]]:
-    """Axis, rms, floor, excess, its standard error and the excess within power cycles in mdps; the last row is all axes."""
+    """Axis, rms, floor, excess, its standard error and the excess within power cycles; the last row is all axes.
+
+    They are in the unit that :func:`level_unit` gives.
+    """
     names, everything = axis_names(c)
+    unit = level_unit(c)
     return [
-        [
-            name, mdps(v.rms_dps, 2), mdps(v.floor_dps, 2), mdps(v.excess_dps, 2), mdps(v.excess_se_dps, 2),
-            mdps(v.excess_within_dps, 2),
-        ]
+        [name, *(unit.text(x, 2) for x in (v.rms_dps, v.floor_dps, v.excess_dps, v.excess_se_dps, v.excess_within_dps))]
         for name, v in (*((names[axis], v) for axis, v in c.per_axis.items()), (everything, c.pooled))
-    ]  # fmt: skip
+    ]
 
 
 ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
@@ -89,7 +96,8 @@ def print_comparison(c: Comparison) -> None:
     """Print the levels, findings and parameters of a comparison."""
     print_warnings(c.warnings)
     if c.angles is None:
-        table("", ["axis:", "rms mdps", "floor mdps", "excess mdps", "± mdps", "within cycles mdps"], level_rows(c))
+        unit = level_unit(c).name
+        table("", ["axis:", *(f"{of} {unit}" for of in ("rms", "floor", "excess", "±", "within cycles"))], level_rows(c))
     else:
         names, everything = axis_names(c)
         levels = [angle_row(names[axis], c.angles.level(axis)) for axis in c.per_axis]
@@ -221,19 +229,18 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
         stdout.print(headline(after), style="bold")
         return
     names, everything = axis_names(after)
-    rows = []
-    for axis in after.per_axis:
-        old, new = before.per_axis[axis], after.per_axis[axis]
-        rows.append([names[axis], mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
     old, new = before.pooled, after.pooled
-    rows.append([everything, mdps(new.floor_dps, 2), mdps(old.excess_dps, 2), mdps(new.excess_dps, 2)])
-    table("Held-out excess error over the noise floor, mdps", ["axis:", "floor", "before", "after"], rows)
+    pairs = [(names[axis], before.per_axis[axis], after.per_axis[axis]) for axis in after.per_axis]
+    figures = [(name, b.floor_dps, a.excess_dps, b.excess_dps) for name, a, b in [*pairs, (everything, old, new)]]
+    unit = unit_of(v for _, *values in figures for v in values)
+    rows = [[name, *(unit.text(v, 2) for v in values)] for name, *values in figures]
+    table(f"Held-out excess error over the noise floor, {unit.name}", ["axis:", "floor", "before", "after"], rows)
     stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
     part = explained(before.pooled, after.pooled, before.cycles)
     if part is not None:
         few = before.cycles < POLICY.few_cycles
         where = ", within power cycles" if few else ""
-        a, b = (mdps(v.excess_within_dps if few else v.excess_dps, 2) for v in (new, old))
+        a, b = (unit.text(v.excess_within_dps if few else v.excess_dps, 2) for v in (new, old))
         stdout.print(f"{part:.1%} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
     stdout.print(headline(after), style="bold")
 
@@ -245,7 +252,8 @@ def write_page(path: Path, c: Comparison) -> None:
     drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
-        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), where=c.where, pictures=drawn,
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit(c).name,
+        where=c.where, pictures=drawn,
         parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
         note=c.note,
     )  # fmt: skip

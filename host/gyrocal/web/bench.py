@@ -204,8 +204,9 @@ class Bench:
             levels = Levels(found.squares, found.floors, found.cycles, len(compared["parameters"]))
         model = found.fit.model
         return ModelView(
-            model.toml(), compared, report.headline(found), report.level_rows(found), _effects(model), _holdable(model),
-            traces, against, levels, residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
+            model.toml(), compared, report.headline(found), report.level_rows(found),
+            report.level_unit(found).name, _effects(model), _holdable(model), traces, against, levels,
+            residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
             residuals.allan(),
         )  # fmt: skip
 

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+
 if TYPE_CHECKING:
     from gyrocal.web.fall import Bar
     from gyrocal.web.views import Picture
@@ -47,6 +49,7 @@ def palette(dark: bool) -> Palette:
 
 
 def base(p: Palette, **more: Any) -> Options:
+    """Options that all charts share. Its ``units``, one for each plot, are for the export; ECharts does not know them."""
     return {
         "animation": False,
         "backgroundColor": "transparent",
@@ -138,21 +141,44 @@ def title(p: Palette, text: str, top: Any, left: Any = 62) -> Options:
     return {"text": text, "left": left, "top": top, "padding": 0, "textStyle": style}
 
 
-def legend(p: Palette, names: Sequence[Any], **more: Any) -> Options:
+ICONS = {
+    "line": "path://M0 0h16v2h-16z", "thick": "path://M0 0h16v4h-16z", "dashed": "path://M0 0h6v2h-6z M10 0h6v2h-6z",
+    "dots": "circle", "band": "roundRect",
+}  # fmt: skip
+
+
+def entry(name: str, kind: str, opacity: float = 1.0) -> Options:
+    """A legend's entry that looks as what it names: one of :data:`ICONS`, as faint as it is drawn."""
+    return {"name": name, "icon": ICONS[kind], "itemStyle": {"opacity": opacity}}
+
+
+def legend(p: Palette, entries: Sequence[Options], **more: Any) -> Options:
+    """A legend of entries from :func:`entry`. Entries that find no room are reached by its arrows."""
+    small = {"color": p.dim, "fontSize": 11}
     return {
-        "data": list(names), "textStyle": {"color": p.dim, "fontSize": 11}, "itemWidth": 16, "itemHeight": 8,
-        "icon": "roundRect", "inactiveColor": p.line, **more,
+        "type": "scroll", "data": list(entries), "textStyle": small, "itemWidth": 16, "itemHeight": 8,
+        "inactiveColor": p.line, "pageIconColor": p.ink, "pageIconInactiveColor": p.line, "pageTextStyle": small,
+        "pageIconSize": 10, **more,
     }  # fmt: skip
 
 
-def tooltip(p: Palette, unit: str = "", x_unit: str = "") -> Options:
-    """A crosshair with the values of all lines at its place. Both units are written behind the numbers."""
+NARROW = 560
+"""Width of a chart in px below which its legend has a line of its own."""
+
+
+def fitting(wide: Options, narrow: Options) -> list[Options]:
+    """The parts of a chart's options that depend on its width, which ECharts chooses by itself whenever that changes."""
+    return [{"query": {"maxWidth": NARROW}, "option": narrow}, {"option": wide}]
+
+
+def tooltip(p: Palette, units: Sequence[str] = (), x_unit: str = "") -> Options:
+    """A crosshair with the values of all lines at its place, each with the unit of its plot, or the only one of ``units``."""
     text = {"color": p.ink, "fontSize": 12}
     shown: Options = {"trigger": "axis", "backgroundColor": p.face, "borderColor": p.line, "textStyle": text, "confine": True}
-    if unit:
+    if units:
         label = {"backgroundColor": p.dim, ":formatter": f"o => {NUMBER} + ' {x_unit}'"}
         shown["axisPointer"] = {"type": "line", "label": label, "lineStyle": {"color": p.dim}}
-        shown[":formatter"] = TOLD % (unit, x_unit)
+        shown[":formatter"] = TOLD % (json.dumps(list(units)), x_unit)
     return shown
 
 
@@ -160,7 +186,8 @@ NUMBER = "String(+Number(o.value).toPrecision(5))"
 TOLD = """items => {
     const lines = items.filter(i => i.seriesType !== "custom" && i.value && i.value[1] !== null && i.seriesName[0] !== " ");
     if (!lines.length) return "";
-    const told = lines.map(i => `${i.marker}${i.seriesName} <b>${+Number(i.value[1]).toPrecision(4)}</b> %s`);
+    const units = %s, unit = i => units[i.axisIndex] || units[0];
+    const told = lines.map(i => `${i.marker}${i.seriesName} <b>${+Number(i.value[1]).toPrecision(4)}</b> ${unit(i)}`);
     return [`${+Number(lines[0].value[0]).toPrecision(6)} %s`, ...new Set(told)].join("<br>");
 }"""
 """The text beside the crosshair. A series whose name begins with a space is a part of another one and not told."""
@@ -192,17 +219,22 @@ class Block:
     text: str
 
 
-def blocks(p: Palette, bars: Sequence[Bar]) -> list[Block]:
-    """The excess of the first model, the reduction by each step, and the remaining excess."""
+def blocks(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> list[Block]:
+    """The excess of the first model, the reduction by each step, and the remaining excess, in ``unit``."""
     if not bars:
         return []
-    out = [Block(bars[0].label, 0.0, bars[0].after, p.bad, f"{bars[0].after:.2f}")]
+
+    def block(label: str, low: float, high: float, colour: str, told: float, sign: str = "") -> Block:
+        text = sign + unit.text(1e-3 * abs(told), 2)
+        return Block(label, 1e-3 * unit.per_dps * low, 1e-3 * unit.per_dps * high, colour, text)
+
+    out = [block(bars[0].label, 0.0, bars[0].after, p.bad, bars[0].after)]
     for b in bars[1:]:
         low, high = sorted((b.before, b.after))
-        colour = p.good if b.after <= b.before else p.bad
-        out.append(Block(b.label, low, high, colour, f"{b.after - b.before:+.2f}".replace("-", "−")))
+        fell = b.after <= b.before
+        out.append(block(b.label, low, high, p.good if fell else p.bad, high - low, "−" if fell else "+"))
     if len(bars) > 1:
-        out.append(Block("left over", 0.0, bars[-1].after, p.axes["z"], f"{bars[-1].after:.2f}"))
+        out.append(block("left over", 0.0, bars[-1].after, p.axes["z"], bars[-1].after))
     return out
 
 
@@ -223,33 +255,37 @@ def hero(
     ``lines`` are the words above the picture, and ``each`` the means of single recordings, mdps. The vertical
     axis is that of the residual without the effect, so that the picture shows the residual flatten when the effect is added.
     """
-    low, high = _extent(shown)
+    factor = 1e-3 * (unit := unit_of(1e-3 * v for v in (*shown.left, *shown.curve))).per_dps
+    left, curve, se = ([factor * v for v in values] for values in (left, curve, shown.se))
+    each = [(x, factor * y) for x, y in each]
+    low, high = _extent(shown, factor)
     moved: Options = {"animationDurationUpdate": 1100, "animationEasingUpdate": "cubicInOut", **MOTION}
     halves = [(b - a) / 2 for a, b in zip(shown.edges, shown.edges[1:], strict=False)]
     half = min(halves) if halves else 0.5
     filled = [
-        [round(x - half, 6), round(x + half, 6), round(y - 2 * se, 3), round(y + 2 * se, 3)]
-        for x, y, se in zip(shown.centres, curve, shown.se, strict=True)
+        [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
+        for x, y, s in zip(shown.centres, curve, se, strict=True)
     ]
-    names = ["left over, means", "the effect", "where the means should lie (± 2 se)"]
-    through = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, curve, strict=True)]
-    dots = [[round(x, 6), round(y, 3)] for x, y in zip(shown.centres, left, strict=True)]
+    names = ["left over, means", "the effect", "± 2 standard errors of the means"]
+    through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
+    dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     few = len(shown.centres) < FEW
-    single = [[round(x, 6), round(y, 3)] for x, y in each]
+    single = [[round(x, 6), round(y, 6)] for x, y in each]
     own = [] if not single else [{
         "type": "scatter", "name": "each recording", "data": single, "symbolSize": 5, "silent": True, **moved,
         "itemStyle": {"color": p.dim, "opacity": 0.5}, "z": 1,
     }]  # fmt: skip
-    faint = {"name": names[2], "itemStyle": {"opacity": 0.35}}
+    entries = [entry(names[0], "dots"), entry(names[1], "thick"), entry(names[2], "band", 0.35)]
+    entries += [entry(s["name"], "dots", 0.5) for s in own]
     ends: Options = {} if few else {"min": shown.edges[0], "max": float(f"{shown.edges[-1]:.6g}")}
     return base(
         p, **moved,
         title=[title(p, text, 4 + 17 * k, 12) | ({"textStyle": _heading(p)} if k == 0 else {}) for k, text in enumerate(lines)],
-        legend=legend(p, [*names[:2], faint, *(s["name"] for s in own)], left=54, top=4 + 17 * len(lines)),
-        tooltip=tooltip(p, "mdps", ""),
+        legend=legend(p, entries, left=54, right=12, top=4 + 17 * len(lines)),
+        tooltip=tooltip(p, [unit.name], ""),
         grid=grid(left=54, right=16, top=34 + 17 * len(lines), bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label={":formatter": PLAIN}, **ends),
-        yAxis=axis(p, "mdps", nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
+        yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
         series=[
             {**line(names[1], through, p.axes[shown.axis], style={"width": 2.5}), **moved, "showSymbol": few},
             {
@@ -266,20 +302,20 @@ def _heading(p: Palette) -> Options:
     return {"color": p.ink, "fontSize": 14, "fontWeight": "bold"}
 
 
-def _extent(shown: Picture) -> tuple[float, float]:
-    """The ends of the vertical axis: all means and the curve with its band, and zero, in round numbers."""
+def _extent(shown: Picture, factor: float) -> tuple[float, float]:
+    """The ends of the vertical axis, ``factor`` times mdps: all means, the curve with its band, and zero, in round numbers."""
     values = [0.0, *shown.left]
     values += [y + k * se for y, se in zip(shown.curve, shown.se, strict=True) for k in (-2, 2)]
-    low, high = min(values), max(values)
+    low, high = factor * min(values), factor * max(values)
     if len(shown.centres) < FEW:  # the means of single recordings scatter about these
         low, high = 1.3 * low, 1.3 * high
     step = 10.0 ** math.floor(math.log10((high - low) or 1.0)) / 2
     return math.floor(low / step) * step, math.ceil(high / step) * step
 
 
-def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
+def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
     """Excess error step by step above the floor (zero). The last bar is the remaining excess."""
-    drawn = blocks(p, bars)
+    drawn = blocks(p, bars, unit)
     wrapped = {"color": p.ink, "interval": 0, "lineHeight": 13, "width": max(64, 420 // len(drawn)), "overflow": "break"}
     shown = [
         {
@@ -294,7 +330,7 @@ def waterfall(p: Palette, bars: Sequence[Bar]) -> Options:
         animationDuration=700, animationEasing="cubicOut", **MOTION,
         grid=grid(left=54, right=16, top=18, bottom=40),
         xAxis=axis(p, kind="category", data=[b.label for b in drawn], axisTick={"show": False}, label=wrapped),
-        yAxis=axis(p, "excess, mdps rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
+        yAxis=axis(p, f"excess, {unit.name} rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
         series=[
             {"type": "bar", "stack": "s", "silent": True, "data": [b.low for b in drawn],
              "itemStyle": {"color": "transparent"}, "animation": False},
@@ -309,7 +345,8 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
     seconds = sorted({s for by in errors.values() for s in by})
     labels = [f"{s:g}" for s in seconds]
     series = []
-    for k, factor in ((0, 100.0), (1, 1e3)):
+    unit = unit_of(bias_dps for by in errors.values() for _, bias_dps in by.values())
+    for k, factor in ((0, 100.0), (1, unit.per_dps)):
         for m in order:
             colour, symbol = p.methods[METHODS.index(m)], SYMBOLS[METHODS.index(m)]
             series.append({
@@ -320,9 +357,9 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
     first = "first seconds of each face"
     return base(
         p,
-        legend=legend(p, order, top=0), tooltip=tooltip(p),
+        legend={**legend(p, [{"name": m} for m in order], top=0), "itemWidth": 24}, tooltip=tooltip(p),
         grid=[grid(left=58, right="56%", top=44, bottom=36), grid(left="59%", right=14, top=44, bottom=36)],
-        title=[title(p, "scale, %", 26, 58), title(p, "bias, mdps", 26, "59%")],
+        title=[title(p, "scale, %", 26, 58), title(p, f"bias, {unit.name}", 26, "59%")],
         xAxis=[axis(p, first, kind="category", data=labels, gridIndex=k, nameGap=22) for k in (0, 1)],
         yAxis=[axis(p, gridIndex=k, min=0) for k in (0, 1)],
         series=series,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
-from gyrocal.web.tables import number, plain
+from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.web.tables import number, plain, rate
 from gyrocal.web.words import METHODS, method
 
 if TYPE_CHECKING:
@@ -167,7 +168,7 @@ class Coach:
         if rows is None or len(rows) < 2 or axis not in ("x", "y", "z"):
             return ""
         rate = rows[:, 1 + "xyz".index(axis)]
-        return f"{axis} reads {rate.mean():.2f} deg/s, scatter {rate.std(ddof=1):.3f} over the last second"
+        return f"{axis} reads {rate.mean():.2f} deg/s, scatter {rate.std(ddof=1):.3f} deg/s over the last second"
 
     def _answers(self, found: list[Result]) -> None:
         self._results.set_visibility(bool(found))
@@ -178,7 +179,8 @@ class Coach:
         with self._large:
             with ui.row().classes("answer"):
                 _figure("scale", best.get("scale"), best.get("scale_se"), 100.0, "%", 4)
-                _figure("bias", best.get("bias_dps"), best.get("bias_se_dps"), 1e3, "mdps", 1)
+                unit = unit_of([best.get("bias_dps")])
+                _figure("bias", best.get("bias_dps"), best.get("bias_se_dps"), unit.per_dps, unit.name, 1 + unit.decimals)
                 with ui.element("div"):
                     ui.label("trusted by the device" if not doubtful(best) else "not trusted").classes(
                         f"badge {'bad' if doubtful(best) else 'good'}"
@@ -227,19 +229,21 @@ def ring(part: float, middle: str, of: str) -> str:
     )
 
 
-COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "speaks against it:")
+COLUMNS = ("axis:", "method:", "first s", "scale, %", "±", "bias, {}", "± ", "misfit", "speaks against it:")
+"""With the bias's unit to be put in."""
 
 
 def table(found: Sequence[Result]) -> str:
     """All results as a table; those that the device does not trust are marked."""
     found = sorted(found, key=lambda r: (str(r.get("axis")), str(r.get("seconds")), str(r.get("method"))))
+    unit = unit_of(r.get("bias_dps") for r in found)
     rows = [
         [
             str(r.get("axis", "")), method(str(r.get("method", ""))), number(r.get("seconds"), "g"),
             number(r.get("scale"), ".4f", 100), number(r.get("scale_se"), ".4f", 100),
-            number(r.get("bias_dps"), ".1f", 1e3), number(r.get("bias_se_dps"), ".1f", 1e3), number(r.get("misfit"), ".2f"),
+            rate(r.get("bias_dps"), unit), rate(r.get("bias_se_dps"), unit), number(r.get("misfit"), ".2f"),
             str(r.get("flags") or "").replace("+", ", "),
         ]
         for r in found
     ]  # fmt: skip
-    return plain(COLUMNS, rows, [doubtful(r) for r in found])
+    return plain([name.format(unit.name) for name in COLUMNS], rows, [doubtful(r) for r in found])

@@ -7,7 +7,7 @@ thousand numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,6 +61,12 @@ class Pyramid:
             for name, level in zip(STORED, (low, high, mean), strict=True):
                 np.save(folder / f"{name}{i}.npy", level)
             i += 1
+
+    def largest(self, channels: Sequence[int]) -> float:
+        """The largest size of a sample of these channels."""
+        low, high, _ = self.levels[-1] if self.levels else (self.samples,) * 3
+        sizes = np.abs(np.stack([low[list(channels)], high[list(channels)]]))
+        return float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
 
     def window(self, channel: int, start: int, stop: int, stretches: int) -> Stretches:
         """Rows ``start:stop`` of a channel, as at most so many intervals.

@@ -25,18 +25,18 @@ BOX = """() => {
 
 
 def as_csv(options: dict[str, Any]) -> str:
-    """The lines and filled intervals of a chart's options as CSV text, with a row for each point."""
+    """The lines and filled intervals of a chart's options as CSV text, with a row for each point and its unit."""
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(["series", "x", "x_to", "y", "y_lowest", "y_highest"])
+    rows.writerow(["series", "x", "x_to", "y", "y_lowest", "y_highest", "unit"])
     for series in options["series"]:
-        name = series["name"].strip()
+        name, unit = series["name"].strip(), options["units"][series["yAxisIndex"]]
         for point in series["data"]:
             if isinstance(point, dict):
                 point = point["value"]
             if series["type"] == "custom":
                 low_x, high_x, low, high = point
-                rows.writerow([name, low_x, high_x, "", low, high])
+                rows.writerow([name, low_x, high_x, "", low, high, unit])
             elif point[1] is not None:
-                rows.writerow([name, point[0], "", point[1], "", ""])
+                rows.writerow([name, point[0], "", point[1], "", "", unit])
     return out.getvalue()

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, pooled
+from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.policy import POLICY
 
 NOTHING = 5e-4
@@ -52,14 +53,23 @@ class Fall:
     """True if the bars and the part count within power cycles."""
 
     @property
-    def floor_mdps(self) -> float:
-        return 1e3 * self.last.floor_dps
+    def unit(self) -> RateUnit:
+        """The unit in which the steps are told."""
+        return unit_of([self.last.floor_dps, *(1e-3 * b.after for b in self.bars)])
+
+    def told(self, value_mdps: float) -> str:
+        """A figure of a bar, mdps, in :attr:`unit`."""
+        return self.unit.text(1e-3 * value_mdps, 2)
+
+    @property
+    def _floor(self) -> str:
+        return f"{self.unit.text(self.last.floor_dps, 2)} {self.unit.name}"
 
     @property
     def counted(self) -> str:
         """The way of counting, as a phrase."""
-        whose = f" of the richest model, {self.floor_mdps:.2f} mdps" if len(self.bars) > 1 else ""
-        how = f"mdps rms on unseen recordings, beyond the noise floor{whose}"
+        whose = f" of the richest model, {self._floor}" if len(self.bars) > 1 else ""
+        how = f"{self.unit.name} rms on unseen recordings, beyond the noise floor{whose}"
         return f"{how}, within power cycles (fewer than {POLICY.few_cycles})" if self.within else how
 
     @property
@@ -77,16 +87,18 @@ class Fall:
         if len(self.bars) < 2:
             return ""
         where = " within power cycles" if self.within else ""
-        return f"The excess error{where} went from {self.bars[0].after:.2f} to {self.bars[-1].after:.2f} mdps."
+        first, last = self.told(self.bars[0].after), self.told(self.bars[-1].after)
+        return f"The excess error{where} went from {first} to {last} {self.unit.name}."
 
     @property
     def in_all(self) -> str:
         """The excess with the offset and scale of each power cycle, where the bars leave these out."""
         if not self.within or self.first.excess_dps is None or self.last.excess_dps is None:
             return ""
-        figures = [f"{1e3 * level.excess_dps:.2f}" for level in (self.first, self.last) if level.excess_dps is not None]
+        unit = self.unit
+        figures = [unit.text(level.excess_dps, 2) for level in (self.first, self.last) if level.excess_dps is not None]
         shown = figures[0] if len(self.bars) < 2 else " → ".join(figures)
-        return f"With each power cycle's own offset and scale: {shown} mdps over a floor of {self.floor_mdps:.2f} mdps."
+        return f"With each power cycle's own offset and scale: {shown} {unit.name} over a floor of {self._floor}."
 
 
 def fall(steps: Sequence[tuple[str, Levels | None]]) -> Fall | None:

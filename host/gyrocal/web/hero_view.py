@@ -84,8 +84,8 @@ class HeroView:
         if fall is not None:
             bar = fall.bars[-1]
             how = " within power cycles" if fall.within else ""
-            figures = f"{bar.before:.2f} → {bar.after:.2f}" if added else f"{bar.after:.2f}"
-            where = f"excess error{how} {figures} mdps rms · {where}"
+            figures = f"{fall.told(bar.before)} → {fall.told(bar.after)}" if added else fall.told(bar.after)
+            where = f"excess error{how} {figures} {fall.unit.name} rms · {where}"
         return [*lines, where]
 
     def _show(self, shown: Picture, left: list[float], curve: list[float], words: list[str]) -> None:
@@ -94,6 +94,7 @@ class HeroView:
         self.image.props(f'aria-label="{charts.words(words)}"')
         fresh = "false" if shown == self._drawn else "true"
         self._drawn = shown
+        self.chart.options.update(options)  # a chart that the browser has not made yet begins with them
         self.chart.run_chart_method(":setOption", charts.script(options), f"({{notMerge: {fresh}}})")
 
     def _copied(self, done: bool) -> None:

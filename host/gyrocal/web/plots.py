@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gyrocal.diagnosis import rate_unit
+from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.web import charts
 from gyrocal.web.against import Panel
 from gyrocal.web.charts import Options, Palette
@@ -26,7 +29,12 @@ GAP = 2.5
 """Widths of a bin by which two means must be apart for the line between them to be left out."""
 MOST_BOUNDS = 60
 MOST_NAMED = 20
-LEGEND_RIGHT = 270
+NAME_PX = 60
+"""Width of the page for each run from which on the runs are named."""
+LEGEND: Options = {"left": "auto", "right": 270}
+"""The place of a legend beside the buttons, and, in a narrow chart, on a line of its own."""
+LEGEND_ALONE: Options = {"left": 12, "right": 12}
+LINE_PX = 18
 
 Window = tuple[float, float]
 """The ends of the visible part of the timeline, in per cent."""
@@ -49,32 +57,51 @@ class Timeline:
     def modelled(self) -> bool:
         return self.traces.modelled is not None
 
+    @property
+    def _above(self) -> RateUnit:
+        """The unit of the readings, less the true rate, and of the model."""
+        return self._unit(self.traces.measured)
+
+    @property
+    def _below(self) -> RateUnit:
+        """The unit of the residual."""
+        return rate_unit.MDPS if self.traces.residual is None else self._unit(self.traces.residual)
+
+    def _unit(self, pyramid: Pyramid) -> RateUnit:
+        return unit_of([pyramid.largest([AXES.index(axis) for axis in self.axes])])
+
     def options(self, window: Window, x_name: str) -> Options:
         p = self.palette
+        above, below = self._above.name, self._below.name
         across: Options = {"min": 0, "max": self.total_s, "scale": False}
         zoom = {"filterMode": "none", "start": window[0], "end": window[1], "throttle": 40}
         slider = {
             "type": "slider", "height": 16, "bottom": 6, "showDataShadow": False, "textStyle": {"color": p.dim},
             "borderColor": p.line, "labelFormatter": "", "brushSelect": False,
         }  # fmt: skip
-        grids, titles = [charts.grid(top=30, bottom=62)], [charts.title(p, "measured, less the true rate, mdps", 8)]
+        grids, titles = [charts.grid(bottom=62)], [charts.title(p, f"measured, less the true rate, {above}", 8)]
         kinds = ["measured"]
         if self.modelled:
-            grids = [charts.grid(top=30, height="38%"), charts.grid(top="56%", bottom=62)]
+            grids = [charts.grid(), charts.grid(top="56%", bottom=62)]
             titles = [
-                charts.title(p, "measured and modelled, less the true rate, mdps", 8),
-                charts.title(p, "left over: measured less modelled, mdps", "51%"),
+                charts.title(p, f"measured and modelled, less the true rate, {above}", 8),
+                charts.title(p, f"left over: measured less modelled, {below}", "51%"),
             ]
             kinds = ["measured", "model", "left over"]
+        wide, narrow = ({"height": "38%"}, {"height": "30%"}) if self.modelled else ({}, {})
         last = len(grids) - 1
         zoom["xAxisIndex"] = list(range(len(grids)))
         labels = {"showMinLabel": False, "showMaxLabel": False}
         return charts.base(
             p,
             grid=grids,
-            legend=charts.legend(p, self._names(kinds), right=LEGEND_RIGHT, top=4),
-            title=titles, tooltip=charts.tooltip(p, "mdps", "s"), axisPointer={"link": [{"xAxisIndex": "all"}]},
-            toolbox=charts.BOX_OF_TIME,
+            legend=charts.legend(p, self._entries(kinds)),
+            media=charts.fitting(
+                {"legend": {**LEGEND, "top": 4}, "grid": [{"top": 30, **wide}]},
+                {"legend": {**LEGEND_ALONE, "top": 8 + LINE_PX}, "grid": [{"top": 30 + LINE_PX, **narrow}]},
+            ),
+            title=titles, tooltip=charts.tooltip(p, [above, below], "s"), axisPointer={"link": [{"xAxisIndex": "all"}]},
+            toolbox=charts.BOX_OF_TIME, units=[above, below],
             xAxis=[
                 *(charts.axis(p, gridIndex=k, label={"show": False}, **across) for k in range(last)),
                 charts.axis(p, x_name, gridIndex=last, nameGap=20, label=labels, **across),
@@ -84,21 +111,23 @@ class Timeline:
             series=self.series(window),
         )
 
-    def _names(self, kinds: Sequence[str]) -> list[str]:
-        return [f"{axis} {kind}" for axis in self.axes for kind in kinds]
+    def _entries(self, kinds: Sequence[str]) -> list[Options]:
+        return [charts.entry(f"{axis} {kind}", "thick" if kind == "model" else "line") for axis in self.axes for kind in kinds]
 
     def series(self, window: Window) -> list[Options]:
         """The traces of one axis or of all three within the window, each as filled extremes and a line through the means."""
         p = self.palette
         modelled, residual = self.traces.modelled, self.traces.residual
+        above, below = self._above, self._below
         out = []
         for axis in self.axes:
             i, colour, alone = AXES.index(axis), p.axes[axis], len(self.axes) == 1
-            out += self._trace(f"{axis} measured", self._seen(self.traces.measured, i, window), p.dim if alone else colour)
+            measured = self._seen(self.traces.measured, i, window, above)
+            out += self._trace(f"{axis} measured", measured, p.dim if alone else colour)
             if modelled is not None and residual is not None:
                 model = p.ink if alone else colour
-                out += self._trace(f"{axis} model", self._seen(modelled, i, window), model, style={"width": 2})
-                out += self._trace(f"{axis} left over", self._seen(residual, i, window), colour, on=1)
+                out += self._trace(f"{axis} model", self._seen(modelled, i, window, above), model, style={"width": 2})
+                out += self._trace(f"{axis} left over", self._seen(residual, i, window, below), colour, on=1)
         out[-2]["markLine"] = self._bounds()
         return out
 
@@ -115,13 +144,14 @@ class Timeline:
         style = {"color": p.dim, "fontSize": 10, "position": "insideStartTop", "rotate": 0, "align": "left"}
         for _, run in self.runs if len(self.runs) <= MOST_BOUNDS else []:
             name = f"{'▲' if run.face == 'up' else '▼'} {run.scenario}"
-            label = {**style, "show": len(self.runs) <= MOST_NAMED, "formatter": name}
+            named = f"() => innerWidth > {NAME_PX * len(self.runs)} ? {json.dumps(name)} : ''"
+            label = {**style, "show": len(self.runs) <= MOST_NAMED, ":formatter": named}
             data.append({"xAxis": round(at, 3), "label": label})
             at += run.seconds
         return charts.marks(p, data, p.dim)
 
-    def _seen(self, pyramid: Pyramid, axis: int, window: Window) -> Seen:
-        """The visible part of one trace in mdps, with a gap between recordings."""
+    def _seen(self, pyramid: Pyramid, axis: int, window: Window, unit: RateUnit) -> Seen:
+        """The visible part of one trace in a unit, with a gap between recordings."""
         low, high = (w / 100 * self.total_s for w in window)
         filled: list[list[float]] = []
         line: list[Any] = []
@@ -140,9 +170,9 @@ class Timeline:
             first, last = (begins + t_s[(rows - run.first).astype(np.intp)] for rows in (s.first, s.last))
             there = ~np.isnan(s.mean)
             if np.any(s.first != s.last):
-                filled += _rows(first[there], last[there], s.low[there] * 1e3, s.high[there] * 1e3)
+                filled += _rows(first[there], last[there], s.low[there] * unit.per_dps, s.high[there] * unit.per_dps)
             if there.any():
-                line += [*_rows((first[there] + last[there]) / 2, s.mean[there] * 1e3), [round(at, 4), None]]
+                line += [*_rows((first[there] + last[there]) / 2, s.mean[there] * unit.per_dps), [round(at, 4), None]]
         return Seen(filled, line)
 
 
@@ -154,24 +184,22 @@ class Seen(NamedTuple):
 
 
 def _rows(*columns: Any) -> list[list[float]]:
-    return np.column_stack(columns).round(4).tolist()
+    return np.column_stack(columns).round(6).tolist()
 
 
 def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str]) -> Options:
     """Means of the residual against a variable: a thin line for each recording, a thick line with twice its error for all."""
     shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
     mine = np.isin(points["run"], runs)
-    height = 88 / len(axes) - 5
-    grids, titles, xs, ys = [], [], [], []
+    found = {axis: binned(points[panel.key(axis)][mine], points[axis][mine], BINS) for axis in axes}
+    unit = unit_of(float(v) for one in found.values() for v in one.mean)
+    xs, ys = [], []
     series: list[Options] = []
     for k, axis in enumerate(axes):
-        x, y = points[panel.key(axis)], points[axis] * 1e3
-        top = 6 + k * (height + 5)
-        grids.append(charts.grid(top=f"{top}%", height=f"{height - 3}%"))
-        titles.append(charts.title(p, f"{axis}: left over, means, mdps", f"{top - 4.5}%"))
+        x, y = points[panel.key(axis)], points[axis] * unit.per_dps
         period = panel.variable.period
         last: Options = {} if period is None else {"max": period, "min": 0, "interval": period / 8}
-        cx, cy, se = binned(x[mine], y[mine], BINS)
+        cx, cy, se = found[axis].centre, found[axis].mean * unit.per_dps, found[axis].se * unit.per_dps
         if cx.size and np.ptp(cx) > 0 and cx.size < charts.FEW:  # room beside a few values, as those of a face
             space = 0.25 * float(np.ptp(cx))
             last = {"min": float(cx[0]) - space, "max": float(cx[-1]) + space, **last}
@@ -188,15 +216,29 @@ def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int]
         few = {"showSymbol": cx.size < FEW, "symbolSize": 6}
         series.append(charts.line("mean of all", _broken(x[mine], cx, cy), p.ink, on=k, style={"width": 2.2}, **few))
         series.append(charts.band(WITHIN, _rows(cx - half, cx + half, cy - 2 * se, cy + 2 * se), p.ink, 0.18, on=k))
-    names = ["mean of all", WITHIN, *(["each recording"] if shown else [])]
+    entries = [charts.entry("mean of all", "line"), charts.entry(WITHIN, "band", 0.3)]
+    entries += [charts.entry("each recording", "line", 0.35)] if shown else []
+    grids = [charts.grid() for _ in axes]
+    titles = [charts.title(p, f"{axis}: left over, means, {unit.name}", 0) for axis in axes]
     return charts.base(
         p, grid=grids, title=titles, xAxis=xs, yAxis=ys, series=series, dataZoom=_zoom(len(axes)), toolbox=charts.BOX,
-        legend=charts.legend(p, names, right=LEGEND_RIGHT, top=0), axisPointer={"link": [{"xAxisIndex": "all"}]},
-        tooltip=charts.tooltip(p, "mdps", panel.variable.unit if panel.variable.unit != "up 1, down -1" else ""),
+        units=[unit.name for _ in axes],
+        legend=charts.legend(p, entries, top=0), axisPointer={"link": [{"xAxisIndex": "all"}]},
+        media=charts.fitting(_stacked(len(axes), 6) | {"legend": LEGEND}, _stacked(len(axes), 13) | {"legend": LEGEND_ALONE}),
+        tooltip=charts.tooltip(p, [unit.name], panel.variable.unit if panel.variable.unit != "up 1, down -1" else ""),
     )  # fmt: skip
 
 
 WITHIN = "twice the mean's error"
+
+
+def _stacked(count: int, top: float) -> Options:
+    """The places of plots one below another and of their titles, from ``top`` % of the chart's height on."""
+    step = (94 - top) / count
+    return {
+        "grid": [{"top": f"{top + k * step:.2f}%", "height": f"{step - 8:.2f}%"} for k in range(count)],
+        "title": [{"top": f"{top + k * step - 4.5:.2f}%"} for k in range(count)],
+    }
 
 
 def _width(x: Any) -> float:
@@ -217,27 +259,32 @@ def _broken(x: Any, centre: Any, mean: Any) -> list[Any]:
 
 
 def curves(
-    p: Palette, found: dict[str, Curve], axes: Sequence[str], what: str, expected: str, x_name: str,
+    p: Palette, found: dict[str, Curve], axes: Sequence[str], what: str, per: str, expected: str, x_name: str,
     marked: Sequence[tuple[float, float, str]] = (), seen: tuple[float, float] | None = None,
 ) -> Options:  # fmt: skip
-    """A spectrum or the Allan deviation of the residual, with the curve of noise alone, in mdps.
+    """A spectrum or the Allan deviation of the residual, with the curve of noise alone.
 
+    ``what`` is the quantity, and ``per`` what stands behind its unit, as "/√Hz".
     ``marked`` are findings as (lowest x, highest x, words). ``seen`` is the part of the horizontal axis that is shown first.
     """
-    series, names, xs, ys = [], [], [], []
+    series, xs, ys = [], [], []
+    entries: list[Options] = []
+    unit = unit_of(v for axis in axes if axis in found for v in (*found[axis].y, *found[axis].high))
+    factor = unit.per_dps
     for axis in axes:
         if axis not in found:
             continue
         c = found[axis]
-        names += [f"{axis} left over", f"{axis} {expected}"]
-        low = np.maximum(np.array(c.low) * 1e3, 1e-4)  # a logarithmic axis has no zero
-        rows = _rows(c.first, c.last, low, np.array(c.high) * 1e3) if c.low else []
-        series.append(charts.line(names[-2], _pairs(c.x, np.array(c.y) * 1e3), p.axes[axis], style={"width": 1.4}))
-        series.append(charts.band(names[-2], _spread(c, rows), p.axes[axis], 0.3))
+        names = f"{axis} left over", f"{axis} {expected}"
+        entries += [charts.entry(names[0], "line"), charts.entry(names[1], "dashed")]
+        low = np.maximum(np.array(c.low) * factor, 1e-7)  # a logarithmic axis has no zero
+        rows = _rows(c.first, c.last, low, np.array(c.high) * factor) if c.low else []
+        series.append(charts.line(names[0], _pairs(c.x, np.array(c.y) * factor), p.axes[axis], style={"width": 1.4}))
+        series.append(charts.band(names[0], _spread(c, rows), p.axes[axis], 0.3))
         dashed = {"width": 2, "type": "dashed"}
-        series.append(charts.line(names[-1], _pairs(c.x, np.array(c.expected) * 1e3), p.ink, style=dashed))
+        series.append(charts.line(names[1], _pairs(c.x, np.array(c.expected) * factor), p.ink, style=dashed))
         xs += c.x
-        ys += [1e3 * v for v in (*c.y, *c.high)]
+        ys += [factor * v for v in (*c.y, *c.high)]
     if series and marked:
         lines = [_mark(p, (low * high) ** 0.5, words) for low, high, words in marked]
         areas = [[{"xAxis": low}, {"xAxis": high}] for low, high, _ in marked if high > low]
@@ -248,12 +295,16 @@ def curves(
     zoom = _zoom(1)
     if seen is not None and xs:  # the chart ignores a part that reaches beyond its axis
         zoom[0].update(startValue=max(seen[0], min(xs)), endValue=min(seen[1], max(xs)))
-    unit, x_unit = what.rsplit(", ", 1)[1], x_name.rsplit(", ", 1)[1]
+    shown, x_unit = f"{unit.name}{per}", x_name.rsplit(", ", 1)[1]
     return charts.base(
         p,
-        legend=charts.legend(p, names, right=LEGEND_RIGHT, top=4), tooltip=charts.tooltip(p, unit, x_unit),
-        title=charts.title(p, what, 8), grid=charts.grid(right=24, top=34, bottom=48), series=series, dataZoom=zoom,
-        xAxis=charts.logarithmic(p, xs, x_name), toolbox=charts.BOX,
+        legend=charts.legend(p, entries), tooltip=charts.tooltip(p, [shown], x_unit),
+        media=charts.fitting(
+            {"legend": {**LEGEND, "top": 4}, "grid": {"top": 34}},
+            {"legend": {**LEGEND_ALONE, "top": 8 + LINE_PX}, "grid": {"top": 34 + LINE_PX}},
+        ),
+        title=charts.title(p, f"{what}, {shown}", 8), grid=charts.grid(right=24, bottom=48), series=series, dataZoom=zoom,
+        xAxis=charts.logarithmic(p, xs, x_name), toolbox=charts.BOX, units=[shown],
         yAxis=charts.logarithmic(p, [v for v in ys if v > 1e-4 * highest]),
     )  # fmt: skip
 
@@ -272,5 +323,5 @@ def _zoom(grids: int) -> list[Options]:
 
 
 def _pairs(x: Any, y: Any) -> list[list[float]]:
-    columns = (np.asarray(v, float).round(6).tolist() for v in (x, y))
+    columns = (np.asarray(v, float).round(9).tolist() for v in (x, y))
     return [list(pair) for pair in zip(*columns, strict=True)]

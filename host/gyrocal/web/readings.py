@@ -95,7 +95,7 @@ class Readings:
 
     def _strips(self) -> charts.Options:
         p = self._palette
-        tops = [f"{5 + 18.5 * k}%" for k in range(5)]
+        tops = [f"{4.5 + 17.8 * k:g}%" for k in range(5)]  # the rest is for the words of the last axis
         x: list[charts.Options] = []
         for k in range(5):
             last = k == 4
@@ -103,12 +103,13 @@ class Readings:
             name = "time of the device, s; line: mean, band: lowest to highest" if last else ""
             across: charts.Options = {"min": 0, "max": SHOWN_S, "scale": False, "axisTick": {"show": False}, "nameGap": 20}
             x.append(charts.axis(p, name, gridIndex=k, label=without, **across))
+        acceleration = [charts.entry(READINGS[i][0], "line") for i, strip in enumerate(STRIP_OF) if strip == 3]
         colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
         return charts.base(
             p,
             grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
-            title=[charts.title(p, name, f"{1 + 18.5 * k}%", 58) for k, name in enumerate(STRIPS)],
-            legend=charts.legend(p, [READINGS[i][0] for i, strip in enumerate(STRIP_OF) if strip == 3], right=12, top="56%"),
+            title=[charts.title(p, name, f"{0.5 + 17.8 * k:g}%", 58) for k, name in enumerate(STRIPS)],
+            legend=charts.legend(p, acceleration, right=12, top="53%"),
             xAxis=x,
             yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
             series=[

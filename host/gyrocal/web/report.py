@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 
 from gyrocal.api import Comparison, Session
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.effects import base
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
-from gyrocal.present.report import headline, level_rows
+from gyrocal.present.report import headline, level_rows, level_unit
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
 from gyrocal.web.told import Change
 from gyrocal.web.views import CalibrationView, Card, DiagnosisView
-from gyrocal.web.words import evidence
+from gyrocal.web.words import evidence, method
 
 CORRELATED = 0.3
 """Correlations of less are not listed."""
@@ -41,18 +42,19 @@ def page(
         ("Spectrum", pictures.png_data(pictures.spectra(found))),
         ("Allan deviation", pictures.png_data(pictures.allan(found))),
     ]
-    blocks = charts.blocks(charts.LIGHT, [] if fall is None else fall.bars)
+    blocks = [] if fall is None else charts.blocks(charts.LIGHT, fall.bars, fall.unit)
     open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
-        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), where=found.where, pictures=drawn,
-        bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, fall=fall, story=story,
-        missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
+        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit(found).name,
+        where=found.where, pictures=drawn, bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, fall=fall,
+        story=story, missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),
         correlations=[row for axis, one in found.fit.axes.items() for row in _correlations(axis, one)],
         toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story),
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
+        bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
     )  # fmt: skip
 
 

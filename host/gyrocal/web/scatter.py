@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gyrocal.diagnosis.rate_unit import rate_text, unit_of
 from gyrocal.present.output import plus_minus
 from gyrocal.web.words import METHODS
 
@@ -58,14 +59,15 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
     told = []
     if by:
         method, answers = next(iter(by.items()))
-        bias = Scatter.of(answers, "bias_dps", "bias_se_dps", 1e3)
+        unit = unit_of(e["bias_dps"] for e in answers)
+        bias = Scatter.of(answers, "bias_dps", "bias_se_dps", 1.0)
         scale = Scatter.of(answers, "scale", "scale_se", 1e2)
         head = f"Axis {axis}, by {METHODS[method]} from the first {answers[0]['seconds']:g} s"
         if bias is not None and scale is not None:
             told.append(
-                f"{head}: over {bias.cycles} power cycles the bias scatters by {bias.sd:.2g} mdps about {bias.mean:.1f}, each "
-                f"answer's own error is {bias.error:.2g} mdps; the scale scatters by {scale.sd:.2g} % about {scale.mean:.4f}, "
-                f"own error {scale.error:.2g} %."
+                f"{head}: over {bias.cycles} power cycles the bias scatters by {rate_text(bias.sd)} about "
+                f"{unit.text(bias.mean)} {unit.name}, each answer's own error is {rate_text(bias.error)}; the scale scatters "
+                f"by {scale.sd:.2g} % about {scale.mean:.4f}, own error {scale.error:.2g} %."
             )
             parts = [name for name, one in (("bias", bias), ("scale", scale)) if one.beyond]
             if parts:
@@ -76,11 +78,11 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
         else:
             one = answers[0]
             if one["bias_dps"] is not None and one["scale"] is not None:
-                errors = (None if one[name] is None else f * one[name] for name, f in (("scale_se", 1e2), ("bias_se_dps", 1e3)))
-                scale_se, bias_se = errors
+                factors = (("scale_se", 1e2), ("bias_se_dps", unit.per_dps))
+                scale_se, bias_se = (None if one[name] is None else f * one[name] for name, f in factors)
                 told.append(
                     f"{head}: scale {plus_minus(100 * one['scale'], scale_se, '%')}, "
-                    f"bias {plus_minus(1e3 * one['bias_dps'], bias_se, 'mdps')}."
+                    f"bias {plus_minus(unit.per_dps * one['bias_dps'], bias_se, unit.name)}."
                 )
     doubted = sum(not e["trusted"] for e in found)
     if doubted:
@@ -101,8 +103,10 @@ def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str
     by = longest(found, axis)
     seconds = next((answers[0]["seconds"] for answers in by.values()), 0.0)
     cycles = list(dict.fromkeys(e["scenario"] for answers in by.values() for e in answers))
+    unit = unit_of(e["bias_dps"] for answers in by.values() for e in answers)
+    f = unit.per_dps
     points = [
-        (cycles.index(e["scenario"]) + 0.22 * (k - 1), 1e3 * e["bias_dps"], 1e3 * (e["bias_se_dps"] or 0.0), e, k)
+        (cycles.index(e["scenario"]) + 0.22 * (k - 1), f * e["bias_dps"], f * (e["bias_se_dps"] or 0.0), e, k)
         for k, answers in enumerate(by.values()) for e in answers if e["bias_dps"] is not None
     ]  # fmt: skip
     if len(cycles) < 2 or not points:
@@ -125,9 +129,9 @@ def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str
             f'<circle cx="{x(place):.1f}" cy="{y(value):.1f}" r="3.5" fill="{fill}"/></g>'
         )
     for value in (low, high):
-        drawn.append(f'<text x="{LEFT - 8:.0f}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.0f}</text>')
+        drawn.append(f'<text x="{LEFT - 8:.0f}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.{unit.decimals}f}</text>')
     middle = y((low + high) / 2)
-    drawn.append(f'<text x="0" y="{middle - 4:.1f}">bias, mdps,</text>')
+    drawn.append(f'<text x="0" y="{middle - 4:.1f}">bias, {unit.name},</text>')
     drawn.append(f'<text x="0" y="{middle + 12:.1f}">first {seconds:g} s</text>')
     if len(cycles) <= 12:
         drawn += [
@@ -139,7 +143,8 @@ def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str
         drawn.append(f'<circle cx="{at:.0f}" cy="{HEIGHT - 6:.0f}" r="3.5" fill="{colours[k]}"/>')
         drawn.append(f'<text x="{at + 9:.0f}" y="{HEIGHT - 2:.0f}">{METHODS[method]}</text>')
     drawn.append(f'<text x="{WIDTH - 8:.0f}" y="{HEIGHT - 2:.0f}" text-anchor="end">hollow: not trusted</text>')
+    told = f"bias of each power cycle in {unit.name}"
     return (
-        f'<svg class="scatter" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="bias of each power cycle in mdps">'
+        f'<svg class="scatter" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{told}">'
         f'{"".join(drawn)}</svg>'
     )

@@ -9,7 +9,7 @@ from nicegui import ui
 from gyrocal.web.state import Workbench
 from gyrocal.web.tables import plain
 
-COLUMNS = ("model:", "adds:", "rms, mdps", "floor", "excess", "± ", "within cycles")
+COLUMNS = ("model:", "adds:", "rms", "floor", "excess", "± ", "within cycles", "unit:")
 
 
 def side_by_side(bench: Workbench) -> None:
@@ -35,7 +35,7 @@ def side_by_side(bench: Workbench) -> None:
         added = ", ".join(r.title for r in bench.models.of[name] if r.effect and not r.removed and not r.held) or "–"
         if name == bench.models.current:
             added = ", ".join(s.title for s in bench.steps if s.effect and not s.removed and not s.recipe.held) or "–"
-        figures = ["open it to see"] + [""] * 4 if view is None else view.rows[-1][1:]
+        figures = ["open it to see"] + [""] * 5 if view is None else [*view.rows[-1][1:], view.unit]
         rows.append([name, added, *figures])
     ui.html(plain(COLUMNS, rows), sanitize=False)
     ui.label("Each as gyrocal compare gives it, over its own noise floor.").classes("dim small")

@@ -8,6 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
+from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.web.views import RunView
 
 
@@ -17,7 +18,7 @@ def strip(
     """A button for each run. ``left`` is the excess by file, mdps; ``act`` is called with the file of the pressed run."""
     worst = max(left.values(), default=0.0)
     with ui.element("section").classes("face strip").props('aria-label="runs"'):
-        told = f"coloured by excess error, at most {worst:.3g} mdps; full colour is {max(worst, floor):.3g} mdps"
+        told = f"coloured by excess error, at most {_told(worst)}; full colour is {_told(max(worst, floor))}"
         told = told if left else "excess error not known yet"
         out = f"; {len(excluded)} left out" if excluded else ""
         plural = "s" if len(runs) > 1 else ""
@@ -31,10 +32,14 @@ def strip(
 
 
 def _cell(run: RunView, excess: float | None, part: int, out: bool) -> ui.element:
-    told = "left out" if out else "excess not known" if excess is None else f"excess {excess:.3g} mdps"
+    told = "left out" if out else "excess not known" if excess is None else f"excess {_told(excess)}"
     words = html.escape(f"{run.file}, {run.scenario}, face {run.face}: {told}", quote=True)
     cell = ui.element("button").classes("cell out" if out else "cell").style(f"--share: {part}%")
     return cell.props(f'type="button" title="{words}" aria-label="{words}" aria-pressed="{str(out).lower()}"')
+
+
+def _told(excess_mdps: float) -> str:
+    return rate_text(1e-3 * excess_mdps)
 
 
 def share(excess: float | None, worst: float, floor: float) -> int:

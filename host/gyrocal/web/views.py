@@ -102,6 +102,8 @@ class ModelView:
     headline: str
     rows: list[list[str]]
     """Axis, rms, floor, excess, its error, excess within power cycles, as the command line prints them; last all axes."""
+    unit: str
+    """That of the figures in ``rows``."""
     effects: list[tuple[str, str, bool]]
     """(id, title, may be removed)."""
     holdable: list[Holdable]

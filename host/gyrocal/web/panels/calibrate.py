@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
 from gyrocal.web import scatter
 from gyrocal.web.state import Topic
-from gyrocal.web.tables import number, plain
+from gyrocal.web.tables import number, plain, rate
 from gyrocal.web.training import Training, missing
 from gyrocal.web.words import method, not_yet
 
@@ -234,19 +235,21 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
+COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
+"""With the bias's unit to be put in."""
 
 
 def _table(estimates: list[dict[str, Any]]) -> str:
+    unit = unit_of(e["bias_dps"] for e in estimates)
     rows = [
         [
             e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
-            number(e["scale_se"], ".4f", 100), number(e["bias_dps"], ".1f", 1e3), number(e["bias_se_dps"], ".1f", 1e3),
+            number(e["scale_se"], ".4f", 100), rate(e["bias_dps"], unit), rate(e["bias_se_dps"], unit),
             number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]
         for e in estimates
     ]  # fmt: skip
-    return plain(COLUMNS, rows, [not e["trusted"] for e in estimates])
+    return plain([name.format(unit.name) for name in COLUMNS], rows, [not e["trusted"] for e in estimates])
 
 
 def _errors(errors: list[dict[str, Any]]) -> str:

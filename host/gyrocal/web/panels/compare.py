@@ -31,10 +31,10 @@ VIEWS = {
 }
 """The text of the button of every plot, and the label of its horizontal axis."""
 SPECTRA = {
-    Frequency.name: ("amplitude density of what is left over, mdps/√Hz", "noise alone"),
-    Order.name: ("amplitude of what is left over, mdps", "white noise alone"),
+    Frequency.name: ("amplitude density of what is left over", "/√Hz", "noise alone"),
+    Order.name: ("amplitude of what is left over", "", "white noise alone"),
 }
-"""The title of each spectrum, and the name of its reference."""
+"""The title of each spectrum, what stands behind its unit, and the name of its reference."""
 AROUND = 4.0
 """Factor by which the part of a spectrum around a finding is wider than the finding on both sides."""
 ALL = (0.0, 100.0)
@@ -247,7 +247,10 @@ class ComparePanel:
         traces = self.bench.traces
         if traces is not None:
             self._press()
-            self.chart.run_chart_method(":setOption", charts.script(self._options(traces)), "({notMerge: true})")
+            options = self._options(traces)
+            self.chart.options.clear()
+            self.chart.options.update(options)  # a chart that the browser has not made yet begins with them
+            self.chart.run_chart_method(":setOption", charts.script(options), "({notMerge: true})")
 
     def _options(self, traces: Traces) -> charts.Options:
         p, x_name = self.tab.palette, VIEWS[self.against][1]
@@ -263,8 +266,8 @@ class ComparePanel:
             ]  # fmt: skip
             return plots.curves(p, over, self.axes, *SPECTRA[self.against], x_name, marked, self._seen_part())
         if self.against == "averaging":
-            what = "Allan deviation of what is left over, mdps"
-            return plots.curves(p, view.allan, self.axes, what, "noise model", x_name)
+            what = "Allan deviation of what is left over"
+            return plots.curves(p, view.allan, self.axes, what, "", "noise model", x_name)
         return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes)
 
     def _seen_part(self) -> tuple[float, float] | None:
@@ -300,7 +303,7 @@ def _figures(view: ModelView, tone: str) -> None:
     with ui.element("div").style("margin-left: auto"):
         with ui.element("div").classes("figures").style("justify-content: flex-end"):
             for name, value, kind in (
-                ("error, mdps rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
+                (f"error, {view.unit} rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
             ):  # fmt: skip
                 with ui.element("div").classes(f"figure {kind}"):
                     ui.html(f"<b>{value}</b>", sanitize=False)

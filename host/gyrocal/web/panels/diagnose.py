@@ -157,8 +157,8 @@ class DiagnosePanel:
                 if added:
                     word = "in the model now" if proven else "in the model, not proven"
                 ui.label(word).classes(f"badge {('good' if proven else 'bad') if added else 'add' if passed else ''}")
-            with ui.row().style("flex-wrap: nowrap; align-items: flex-start; gap: 14px"):
-                ui.label(card.cause).classes("small").style("flex: 1")
+            with ui.element("div").classes("evidenced"):
+                ui.label(card.cause).classes("small")
                 if card.picture is not None:
                     self._thumbnail(card, card.picture)
             with ui.element("dl").classes("evidence").style("margin: 0"):
@@ -201,7 +201,8 @@ class DiagnosePanel:
                 ui.label(f"In doubt: {doubt}.").classes("small")
             fall = self.bench.fall()
             if fall is not None:
-                ui.label(f"With it, the excess error went from {fall.bars[-1].before:.2f} to {fall.bars[-1].after:.2f} mdps.")
+                before, after = fall.told(fall.bars[-1].before), fall.told(fall.bars[-1].after)
+                ui.label(f"With it, the excess error went from {before} to {after} {fall.unit.name}.")
             if step.formula:
                 ui.label(step.formula.removeprefix(f"{step.title}: ")).classes("equation")
 
@@ -326,15 +327,16 @@ class DiagnosePanel:
                 if len(found.bars) > 1:
                     first, last = found.bars[0].after, found.bars[-1].after
                     tone = "good" if last < first else "bad"
-                    ui.label(f"{first:.2f} → {last:.2f} mdps rms").classes(f"badge {tone}")
+                    told = f"{found.told(first)} → {found.told(last)} {found.unit.name} rms"
+                    ui.label(told).classes(f"badge {tone}")
                 if found.part is not None:
                     ui.label(found.part_told).classes("dim small")
             ui.label(f"excess, {found.counted}").classes("dim small")
             if found.in_all:
                 ui.label(found.in_all).classes("dim small")
-            figures = " ".join(f"{b.after:.2f}" for b in found.bars)
-            chart = ui.echart(charts.waterfall(self.tab.palette, found.bars)).classes("chart grow")
-            chart.props(f'role="img" aria-label="excess error, mdps: {figures}"')
+            figures = " ".join(found.told(b.after) for b in found.bars)
+            chart = ui.echart(charts.waterfall(self.tab.palette, found.bars, found.unit)).classes("chart grow")
+            chart.props(f'role="img" aria-label="excess error, {found.unit.name}: {figures}"')
 
     def _calibration(self) -> None:
         self.calibration.clear()

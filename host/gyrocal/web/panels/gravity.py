@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
 from gyrocal.web.state import Topic
-from gyrocal.web.tables import number, plain
+from gyrocal.web.tables import number, plain, rate
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
-ESTIMATES = ("axis:", "scale, %", "±", "bias, mdps", "± ", "misfit", "trusted:")
+ESTIMATES = ("axis:", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
+"""With the bias's unit to be put in."""
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
@@ -86,17 +88,19 @@ def _missing(tab: Tab, view: GravityView) -> None:
 
 
 def _estimates(view: GravityView) -> None:
+    unit = unit_of(e["bias_dps"] for e in view.estimates)
     rows = [
         [
-            e["axis"], number(e["scale"], ".4f", 100), number(e["scale_se"], ".4f", 100), number(e["bias_dps"], ".1f", 1e3),
-            number(e["bias_se_dps"], ".1f", 1e3), number(e["misfit"], ".2f"),
+            e["axis"], number(e["scale"], ".4f", 100), number(e["scale_se"], ".4f", 100), rate(e["bias_dps"], unit),
+            rate(e["bias_se_dps"], unit), number(e["misfit"], ".2f"),
             "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]
         for e in view.estimates
     ]  # fmt: skip
     with ui.element("section").classes("face column tight"):
         ui.html("<h2>Scale and bias</h2>", sanitize=False)
-        ui.html(plain(ESTIMATES, rows, [not e["trusted"] for e in view.estimates]), sanitize=False).classes("sideways")
+        columns = [name.format(unit.name) for name in ESTIMATES]
+        ui.html(plain(columns, rows, [not e["trusted"] for e in view.estimates]), sanitize=False).classes("sideways")
 
 
 def _budgets(view: GravityView) -> None:
