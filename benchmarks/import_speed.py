@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 import polars as pl
 
-from gyrocal.recording.importer import Options, read_recording
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import read_recording
 
 ROWS, ROUNDS, RATE_HZ = 1_000_000, 5, 200.0
 MESSAGES_PART = 0.02

@@ -16,7 +16,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from gyrocal.recording.header import Reference
-from gyrocal.recording.importer import Options, read_recording
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import read_recording
 from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import Run, Session
 

@@ -69,7 +69,7 @@ HINTS = {
     "import log.csv new --rate 78 --axis x --map t_s=time --map gz_dps=z": "nothing is mapped to gx_dps; see --axis",
     "import log.csv new --rate 78 --run up:0:5000 --map t_s=time --map gz_dps=z": "the table has 400 rows",
     "import log.csv new --gravity --map t_s=time --map gz_dps=z": "map ax_g, ay_g and az_g",
-    "import log.csv new --reference ref.csv --map t_s=time --map gz_dps=z": "belong together",
+    "import log.csv new --ref-map t_s=time --map t_s=time --map gz_dps=z": "give it by --reference FILE",
     # apply, export, device
     "apply good.csv --out c.csv": "Missing option '--model'",
     "apply good.csv --model default --out c.csv": "make one with `gyrocal explain` or `gyrocal add`",

@@ -16,7 +16,8 @@ from gyrocal.inference.fit import fit
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.cut import Cut
 from gyrocal.recording.file_labels import labels_of
-from gyrocal.recording.importer import Imported, Options, import_recording, read_recording
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import Imported, import_recording, read_recording
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import Session
@@ -290,6 +291,30 @@ def test_a_reference_in_a_second_file(tmp_path: Path, clock: str, start: float) 
     assert table["ref_qw"].is_null().to_numpy()[t_s > 11].all()
     header = found.save(tmp_path / "out").reference.model_dump(exclude_defaults=True)
     assert header == ({"clock": "own"} if clock == "own" else {})
+
+
+@pytest.mark.parametrize(
+    ("columns", "taken"),
+    [
+        (["Time", "transform.rotation.w", "transform.rotation.x", "transform.rotation.y", "transform.rotation.z"], "ref_qw"),
+        (["timestamp [s]", "qw", "qx", "qy", "qz"], "ref_qw"),
+        (["t", "w", "x", "y", "z"], "ref_qw"),
+        (["t_ms", "w_x [rad/s]", "w_y [rad/s]", "w_z [rad/s]"], "ref_x_dps"),
+        (["time", "encoder_deg"], "ref_angle_deg"),
+        (["seconds", "table_rate_dps"], "rate_ref_dps"),
+    ],
+)
+def test_the_columns_of_a_second_file_are_guessed(tmp_path: Path, columns: list[str], taken: str) -> None:
+    recording().rename({a: f"g{a}" for a in "xyz"}).write_csv(tmp_path / "imu.csv")
+    u = np.arange(0, 11, 0.02)
+    half = np.radians(40 * u) / 2
+    parts = {5: [np.cos(half), 0 * u, 0 * u, np.sin(half)], 4: [0 * u, 0 * u, np.full(u.size, np.radians(40))]}
+    values = parts.get(len(columns), [40 * u if "deg" in columns[1] else 0 * u + 40])
+    table = dict(zip(columns, [u * (1e3 if "ms" in columns[0] else 1), *values], strict=True))
+    pl.DataFrame(table).write_csv(tmp_path / "ref.csv")
+    found = read_recording(tmp_path / "imu.csv", Options(second=SecondFile(tmp_path / "ref.csv", ())))
+    assert {g.map.partition("=")[0] for g in found.guessed if g.option == "--ref-map"} >= {"t_s", taken}
+    assert np.nanmedian(np.abs(found.session.runs[0].about("z").rate_dps)) == pytest.approx(40, rel=0.02)
 
 
 def test_clocks_that_do_not_overlap_are_told(tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gyrocal.errors import InputError
-from gyrocal.recording.importer import Options, read_recording
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import read_recording
 
 N = 300
 RNG = np.random.default_rng(0)
@@ -88,6 +89,7 @@ REFUSED: dict[str, tuple[str, str]] = {
     "counts about a zero": (text([[r[0], *map(str, c + 32768)] for r, c in zip(ROWS, COUNTS, strict=True)]), "-32768)/131"),
     "hexadecimal": (text([[r[0], *map(hex, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "write decimal ones"),
     "JSON": ("\n".join(f'{{"t":{r[0]},"gz":{r[3]}}}' for r in ROWS), "this is JSON"),
+    "a pointer": ("version https://git-lfs.example/spec/v1\noid sha256:0b8d\nsize 311115\n", "git lfs pull"),
     "HTML": ("<table>\n<tr><td>1</td></tr>\n", "XML or HTML"),
     "a plotter's labels": (text([[f"{h}:{c}" for h, c in zip(HEAD, r, strict=True)] for r in ROWS]), "write the names once"),
 }

@@ -13,7 +13,8 @@ from scipy.io import savemat
 
 from gyrocal.errors import InputError
 from gyrocal.recording import readers
-from gyrocal.recording.importer import Options, read_recording
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import read_recording
 
 N = 300
 START_NS = 1_700_000_000_123_456_789

@@ -9,7 +9,8 @@ from gyrocal.commands import AsJson
 
 if TYPE_CHECKING:
     from gyrocal.recording.cut import Cut
-    from gyrocal.recording.importer import Imported, Options
+    from gyrocal.recording.import_options import Options
+    from gyrocal.recording.importer import Imported
     from gyrocal.recording.second_file import SecondFile
     from gyrocal.recording.session import Session
 
@@ -44,7 +45,8 @@ Reference = Annotated[
 RefMap = Annotated[
     list[str] | None,
     typer.Option(
-        "--ref-map", metavar="TARGET=COLUMN[:UNIT]", help="Take a column of it: its t_s, and e.g. ref_angle_deg=enc:rad."
+        "--ref-map", metavar="TARGET=COLUMN[:UNIT]",
+        help="Take a column of it instead of a guess: its t_s, and e.g. ref_angle_deg=enc:rad.",
     ),
 ]
 Gravity = Annotated[
@@ -95,7 +97,7 @@ def run(
     --map gz_dps=gyr_z:rad/s --face up --rate 78
     """
     from gyrocal.recording.column_map import Scaling
-    from gyrocal.recording.importer import Options
+    from gyrocal.recording.import_options import Options
 
     given = {
         "face": face, "axis": axis, "table_rate_dps": rate, "turn_deg": turn_deg, "scenario": scenario, "day": day,
@@ -134,8 +136,8 @@ def _second(file: Path | None, maps: list[str] | None, clock: str, topic: str | 
 
     if clock not in ("same", "own"):
         raise InputError(f"--ref-clock {clock}: there are same and own")
-    if (file is None) != (not maps):
-        raise InputError("--reference FILE and --ref-map TARGET=COLUMN belong together")
+    if file is None and maps:
+        raise InputError("--ref-map takes columns of a second file; give it by --reference FILE")
     return SecondFile(file, maps or (), clock, topic) if file is not None else None
 
 
@@ -164,7 +166,7 @@ def _confirm(found: "Imported", yes: bool) -> None:
     table("A guess at the columns", ["taken as:", "why:"], [[g.map, g.why] for g in found.guessed])
     if yes:
         return
-    same = " ".join(f"--map '{g.map}'" for g in found.guessed)
+    same = " ".join(f"{g.option} '{g.map}'" for g in found.guessed)
     if not sys.stdin.isatty():
         raise InputError(f"nobody is there to confirm this guess; take it by --yes, or change it: {same}")
     if not typer.confirm("Import it so?", default=True):

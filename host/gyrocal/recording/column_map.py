@@ -64,29 +64,29 @@ class ColumnMap:
         return self.target == "rate_ref_dps" and self.unit in _ANGLE
 
     @staticmethod
-    def parse(text: str, scaling: Scaling) -> ColumnMap:
+    def parse(text: str, scaling: Scaling, option: str = "--map") -> ColumnMap:
         """Read ``target=column[:unit][*factor]`` or ``target=(column-zero)[:unit][*factor]``; ``/number`` divides.
 
-        InputError says what is wrong.
+        InputError says what is wrong with the ``option``.
         """
         target, equals, rest = text.partition("=")
         target = target.strip()
         if not equals or not rest.strip():
-            raise InputError(f"--map {text}: want TARGET=COLUMN[:UNIT][*FACTOR], for example gx_dps=gyr_x:rad/s")
+            raise InputError(f"{option} {text}: want TARGET=COLUMN[:UNIT][*FACTOR], for example gx_dps=gyr_x:rad/s")
         if target not in TARGETS:
             near = did_you_mean(target, TARGETS)
-            raise InputError(f"--map {text}: no column {target!r} in a session{near}; there are {', '.join(TARGETS)}")
-        rest, multiplier = _factor(text, rest)
+            raise InputError(f"{option} {text}: no column {target!r} in a session{near}; there are {', '.join(TARGETS)}")
+        rest, multiplier = _factor(f"{option} {text}", rest)
         column, unit = rest.strip(), None
         units = units_of(target, scaling)
         head, colon, last = column.rpartition(":")
         if colon and head and last.strip() in units:
             column, unit = head.strip(), last.strip()
         elif colon and head and re.fullmatch(r"[A-Za-z/^2]{1,7}", last.strip()):
-            raise InputError(f"--map {text}: unit {last.strip()!r} is not known here; {target} takes {', '.join(units)}")
+            raise InputError(f"{option} {text}: unit {last.strip()!r} is not known here; {target} takes {', '.join(units)}")
         scale = units[unit] if unit is not None else (1.0, 0.0)
         if scale is None:
-            raise InputError(f"--map {text}: the unit {unit} needs {'--rate-hz' if unit == 'samples' else _lsb(target)}")
+            raise InputError(f"{option} {text}: the unit {unit} needs {'--rate-hz' if unit == 'samples' else _lsb(target)}")
         zero = 0.0
         shifted = re.fullmatch(rf"\(\s*(.*\S)\s*([-+])\s*({NUMBER})\s*\)", column)
         if shifted:
@@ -95,7 +95,7 @@ class ColumnMap:
         return ColumnMap(target, column, factor, scale[1] + zero * factor, unit)
 
 
-def _factor(text: str, rest: str) -> tuple[str, float]:
+def _factor(stated: str, rest: str) -> tuple[str, float]:
     """A mapping without its factor, and that."""
     tail = re.fullmatch(rf"(.*\S)\s*([*/])\s*([-+]?{NUMBER})", rest)
     if not tail:
@@ -105,7 +105,7 @@ def _factor(text: str, rest: str) -> tuple[str, float]:
     except (ValueError, ZeroDivisionError):
         factor = math.nan
     if not math.isfinite(factor) or factor == 0.0:
-        raise InputError(f"--map {text}: {tail[2]}{tail[3]} is not a usable factor")
+        raise InputError(f"{stated}: {tail[2]}{tail[3]} is not a usable factor")
     return tail[1], factor
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,8 @@ TEMPERATURE = r"t|temp|temperature|temp_?c|imu\.temperature|.*[._ ]temp(?:eratur
 REFERENCE = r"ref|reference|truth|true|encoder|enc|table|turntable|stage|motor|servo"
 TRACKER = r"ref|reference|truth|gt|ground_?truth|vicon|optitrack|mocap|qualisys|optical"
 """Words of an orientation that another instrument measured: a sensor's own estimate of it is no reference."""
+OWN_FILE = rf"{TRACKER}|orientation|quaternion|quat|rotation|rot|q"
+"""Words of an orientation in a file of the reference alone."""
 RATE = r"rate|speed|velocity|vel|omega|w|angular_?rate|angular_?velocity"
 ANGLE = r"angle|position|pos|deg|degs|rad|rads|phi|theta"
 UNIT_WORDS = {
@@ -63,6 +65,8 @@ class Guess:
 
     map: str
     why: str
+    option: str = "--map"
+    """The option that states it, ``--ref-map`` for a column of the reference's own file."""
 
 
 def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, reference: bool = True) -> list[Guess]:
@@ -106,6 +110,32 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
         if "ref_qw" not in found:
             _add(found, _reference(source, found))
     return sorted(found.values(), key=lambda g: TARGETS.index(g.map.partition("=")[0]))
+
+
+def guess_reference(source: Source) -> list[Guess]:
+    """The mapping of a reference's own file: its time, and an orientation, rates about three axes, or one rate or angle.
+
+    InputError where none of them is recognized.
+    """
+    found: dict[str, Guess] = {}
+    _add(found, _time(source))
+    for guessed in _orientation(source, rf"(?:.*[/._ ])?(?:{OWN_FILE})") or _orientation(source, ""):
+        _add(found, guessed)
+    rates = [_named(source, rf"{GYRO}|{REFERENCE}", axis) for axis in AXES]
+    if "ref_qw" not in found and None not in rates:
+        for axis, name in zip(AXES, rates, strict=True):
+            unit = _stated_unit(str(name), "gyro")
+            why = "the unit is in its name" if unit else "rad/s is possible too"
+            _add(found, Guess(f"ref_{axis}_dps={name}:{unit or 'dps'}", f"the true rate: {why}"))
+    elif "ref_qw" not in found:
+        _add(found, _reference(source, found))
+    if "t_s" not in found or len(found) < 2:
+        raise InputError(
+            f"{source.label}: no time and reference are recognized among {', '.join(source.frame.columns[:40])}; say which "
+            "columns to take: --ref-map t_s=COLUMN:UNIT --ref-map ref_angle_deg=COLUMN:UNIT (or rate_ref_dps, ref_x_dps, "
+            "ref_qw and so on)"
+        )
+    return [replace(g, option="--ref-map") for g in found.values()]
 
 
 def _add(found: dict[str, Guess], guessed: Guess | None) -> None:
@@ -234,11 +264,11 @@ def _temperature(source: Source) -> Guess | None:
     return None
 
 
-def _orientation(source: Source) -> list[Guess]:
+def _orientation(source: Source, words: str = rf"(?:.*[/._ ])?(?:{TRACKER})") -> list[Guess]:
     """The four columns of a unit quaternion that a tracker measured; none if they are not there or not of length 1."""
     names = []
     for part in "wxyz":
-        named = rf"(?:.*[/._ ])?(?:{TRACKER})[/._ ]?(?:orientation|quaternion|quat|rotation|q)?[/._ ]?{part}"
+        named = rf"{words}[/._ ]?(?:orientation|quaternion|quat|rotation|rot|q)?[/._ ]?{part}"
         names += [name for name in source.frame.columns if re.fullmatch(named, _bare(name)[0])][:1]
     if len(names) < 4:
         return []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,14 @@ import polars as pl
 
 from gyrocal.errors import InputError
 from gyrocal.recording import readers
-from gyrocal.recording.column_map import TARGETS, ColumnMap, Scaling, has_reference, mapping_of
+from gyrocal.recording.column_map import TARGETS, ColumnMap, has_reference, mapping_of
 from gyrocal.recording.convert import Converted, convert, even, rate_of
 from gyrocal.recording.cut import Cut, Edge, check_meta, check_names_differ, with_meta
 from gyrocal.recording.file_labels import labels_of
 from gyrocal.recording.guess import Guess, guess
 from gyrocal.recording.header import Reference, read_header, write_header
+from gyrocal.recording.import_options import Options, with_gravity, with_second
 from gyrocal.recording.resample import resampled
-from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamps import goes_back, period_s
@@ -32,36 +32,6 @@ STATED = 0.05
 """A stated rate that is further from that of the times contradicts it (the warning ``sample_rate`` has the same limit)."""
 TIME_UNITS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
 TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".npz", ".mat", ".bag", ".mcap", ".ulg")
-
-
-@dataclass(frozen=True)
-class Options:
-    """How a recording is read.
-
-    ``maps``: ``target=column[:unit][*factor]``; without any, the columns that bear a session's names, or a guess. ``cuts``: the
-    runs to take; without any, a file is one. ``run_meta``: ``PATTERN:key=value,...`` for the runs whose names fit.
-    ``defaults``: keys of ``[[run]]`` for all of them. ``axis``: the session's; None is the only one mapped, or z. ``form``: a
-    name of ``FORMATS``, whose mappings come before ``maps``. ``resample_hz``: the rate that faster runs are brought to.
-    ``gravity``: the sensor was turned by hand between rests, so gravity is the reference and no run has a true rate. ``clock``:
-    whether the reference has the clock of the sensor (``same``) or its ``own``.
-    """
-
-    maps: Sequence[str] = ()
-    cuts: Sequence[Cut] = ()
-    run_meta: Sequence[str] = ()
-    defaults: Mapping[str, Any] = field(default_factory=dict)
-    axis: str | None = None
-    scaling: Scaling = field(default_factory=Scaling)
-    columns: Sequence[str] | None = None
-    skip: int | None = None
-    topic: str | None = None
-    form: str | None = None
-    sensor: str | None = None
-    full_scale_dps: float | None = None
-    second: SecondFile | None = None
-    resample_hz: float | None = None
-    gravity: bool = False
-    clock: str = "same"
 
 
 @dataclass(frozen=True)
@@ -129,7 +99,7 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     if options.form is not None:
         options = replace(options, maps=[*mapping_of(options.form), *options.maps])
         path = _data_file(path)
-    options = _with_gravity(options, existing)
+    options, of_reference = with_second(with_gravity(options, existing))
     files = _files(path)
     if len(files) > 1 and options.cuts:
         raise InputError(f"{path}: {len(files)} files, each a run; --run and --sections cut a single file")
@@ -150,31 +120,10 @@ def read_recording(source: str | Path, options: Options, existing: Session | Non
     session = Session(
         sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis or "z",  # type: ignore[arg-type]
         sensor=options.sensor, full_scale_dps=options.full_scale_dps, lsb_dps=options.scaling.lsb_dps,
-        reference=_reference(options),
+        reference=options.reference,
     )  # fmt: skip
     session, slowed = _of_one_rate(session, options.resample_hz, existing)
-    return Imported(session, guessed, tuple(warnings), repaired | ({"resampled": slowed} if slowed else {}))
-
-
-def _with_gravity(options: Options, existing: Session | None) -> Options:
-    """The options with the reference of the session that runs are added to. Raises InputError if they contradict it."""
-    by_gravity = options.gravity or (existing is not None and existing.reference.kind == "gravity")
-    if not by_gravity:
-        return options
-    if existing is not None and existing.reference.kind != "gravity":
-        raise InputError("--gravity: the session's runs have a true rate; import this recording into a session of its own")
-    if options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults):
-        raise InputError(
-            "the reference is gravity, and a true rate is given too; leave out --gravity, or --rate, --turn-deg and --reference"
-        )
-    return replace(options, gravity=True)
-
-
-def _reference(options: Options) -> Reference:
-    if options.gravity:
-        return Reference(kind="gravity")
-    own = "own" in (options.clock, options.second and options.second.clock)
-    return Reference.model_validate({"clock": "own"} if own else {})
+    return Imported(session, (*guessed, *of_reference), tuple(warnings), repaired | ({"resampled": slowed} if slowed else {}))
 
 
 def _data_file(path: Path) -> Path:
@@ -219,7 +168,7 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
     cuts = with_meta(cuts, options.run_meta, defaults)
     check_names_differ(cuts)
     evened: list[Warning] = []
-    reference = _reference(options)
+    reference = options.reference
     runs = [
         _run(source, mappings, table, cut, number + i, axis, rate_hz, reference, evened.append) for i, cut in enumerate(cuts)
     ]

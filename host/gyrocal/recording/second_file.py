@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording import readers
 from gyrocal.recording.column_map import QUATERNION, REFERENCES, ColumnMap, Scaling
 from gyrocal.recording.convert import convert, even, rate_of
+from gyrocal.recording.guess import Guess, guess_reference
 from gyrocal.recording.session import Array
 from gyrocal.recording.stamps import typical_step_s
 from gyrocal.recording.timing import between
@@ -29,13 +30,20 @@ class SecondFile:
     clock: str = "same"
     topic: str | None = None
 
+    def guessed(self) -> tuple[SecondFile, tuple[Guess, ...]]:
+        """The file with a guess at its columns; as it is, with no guess, if they are given."""
+        if self.maps:
+            return self, ()
+        found = tuple(guess_reference(readers.read(self.path, topic=self.topic)))
+        return replace(self, maps=[g.map for g in found]), found
+
     def columns(self, t_s: Array, start_s: float, scaling: Scaling) -> dict[str, Array]:
         """The reference's columns at the sensor's times ``t_s`` [n], s, which count from ``start_s`` of its clock; [n], NaN
         where there is none.
 
         With clock "own" times are taken as they are if both files overlap in time, and else as if both began together.
         """
-        mappings = [ColumnMap.parse(text, scaling) for text in self.maps]
+        mappings = [ColumnMap.parse(text, scaling, "--ref-map") for text in self.maps]
         by_target = {m.target: m for m in mappings}
         other = sorted(set(by_target) - {"t_s", *REFERENCES})
         if other or "t_s" not in by_target or len(by_target) < 2:

@@ -84,7 +84,8 @@ def take(file: Path, asked: Asked, out: Path) -> None:
 
 def _read(file: Path, asked: Asked) -> Imported:
     from gyrocal.recording.column_map import Scaling
-    from gyrocal.recording.importer import Options, read_recording
+    from gyrocal.recording.import_options import Options
+    from gyrocal.recording.importer import read_recording
 
     facts = {"face": asked.face, "table_rate_dps": asked.table_rate_dps}
     return read_recording(file, Options(

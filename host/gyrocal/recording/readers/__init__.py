@@ -14,6 +14,7 @@ from pathlib import Path
 from gyrocal.errors import InputError, first_line
 from gyrocal.recording.source import Source
 
+LFS_POINTER = b"version https://git-lfs"
 HEAD_BYTES = 1024
 """Bytes of a file's beginning that show its format."""
 
@@ -39,6 +40,8 @@ def read(
     try:
         with path.open("rb") as handle:
             head = handle.read(HEAD_BYTES)
+        if head.startswith(LFS_POINTER):
+            raise InputError(f"{path}: a pointer of Git LFS and not the file itself; fetch that by: git lfs pull")
         if rosbag.is_bag(head):
             return rosbag.read(path, topic)
         if head.startswith(ulog.MAGIC):
