@@ -46,3 +46,10 @@ def test_a_flipped_sign_anywhere_does_not_end_the_process(tmp_path: Path) -> Non
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-500:]
     assert int(done.stdout) > 10
+
+
+def test_lists_nested_without_an_end_are_left_to_polars() -> None:
+    TABLE.write_parquet(sound := io.BytesIO())
+    nested = b"\x19" + b"\x19" * 5000  # a footer that is a list of lists
+    with pytest.raises((OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException)):
+        read_parquet(io.BytesIO(sound.getvalue()[:-8] + nested + len(nested).to_bytes(4, "little") + b"PAR1"))

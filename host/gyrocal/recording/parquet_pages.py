@@ -30,8 +30,6 @@ class _Compact:
         self.data, self.at = data, at
 
     def struct(self, depth: int = 0) -> Struct:
-        if depth > DEEPEST:
-            raise ValueError("nested too deeply")
         found: Struct = {}
         number = 0
         while head := self._byte():
@@ -40,6 +38,8 @@ class _Compact:
         return found
 
     def _value(self, kind: int, depth: int) -> Any:
+        if depth > DEEPEST:
+            raise ValueError("nested too deeply")
         if kind in (TRUE, FALSE):
             return kind == TRUE
         if kind in INTEGERS:
@@ -47,7 +47,7 @@ class _Compact:
         if kind in LISTS:
             head = self._byte()
             size = head >> 4 if head >> 4 < 15 else self._varint()
-            return [self._byte() if head & 15 in (TRUE, FALSE) else self._value(head & 15, depth) for _ in range(size)]
+            return [self._byte() if head & 15 in (TRUE, FALSE) else self._value(head & 15, depth + 1) for _ in range(size)]
         if kind == STRUCT:
             return self.struct(depth + 1)
         if kind not in (BYTE, BINARY, DOUBLE):
