@@ -13,7 +13,7 @@ from typing import Any
 
 from gyrocal.errors import InputError, first_line
 
-UNREADABLE = (OSError, ValueError, RecursionError)
+UNREADABLE = (OSError, ValueError, OverflowError, RecursionError)
 """What reading and parsing a text file raises; the errors of tomllib and json are ValueErrors."""
 
 

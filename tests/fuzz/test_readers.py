@@ -18,6 +18,7 @@ FOUND = [
     ("model", b"a = " + b"[" * 2000),
     ("estimates", b'{"estimates": [{"scenario": "s", "bias_dps": 0.1, "trusted": true}]}'),
     ("estimates", b'{"estimates": [1]}'),
+    ("estimates", b'{"estimates": [{"scenario": "s", "axis": "z", "trusted": true, "bias_dps": ' + b"9" * 400 + b"}]}"),
     ("estimates", b"[" * 100_000),
     ("listing", b"[" * 100_000),
     ("formula", b"k*" + b"9" * 400),
