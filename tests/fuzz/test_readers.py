@@ -21,6 +21,7 @@ FOUND = [
     ("estimates", b'{"estimates": [{"scenario": "s", "axis": "z", "trusted": true, "bias_dps": ' + b"9" * 400 + b"}]}"),
     ("estimates", b"[" * 100_000),
     ("listing", b"[" * 100_000),
+    ("import", b"# a log\nt;x;y;z\n-1e300;1;2;3\n0.01;1;2;3\n0.02;2;1;0\n"),
     ("formula", b"k*" + b"9" * 400),
     ("formula", b"k*1e999"),
     ("formula", b"+".join(b"k%d*t" % k for k in range(1500))),

@@ -21,6 +21,8 @@ Index = np.ndarray[Any, np.dtype[np.intp]]
 Kind = TypeVar("Kind", bound=np.dtype[Any])
 MOST_DAMAGED = 0.05
 """Largest fraction of damaged rows. If there are more, the columns or the units are wrong rather than a few rows."""
+LONGEST_S = 1e9
+"""Times that span more than this, thirty years, are no times of one recording."""
 ANGLE_SMOOTHING = 16.0
 """Bandwidth of the spline that differentiates an angle, in steps of it (its penalty is this times the step cubed)."""
 
@@ -194,6 +196,9 @@ def even(t_s: Array, where: Callable[[int], str], file: str) -> tuple[Array, War
         raise InputError(
             f"{where(repeated)}: time repeats or goes back; cut it with --run, or number the samples with --rate-hz and no t_s"
         )
+    if t_s[-1] - t_s[0] > LONGEST_S:
+        longest = int(np.argmax(np.diff(t_s))) + 1
+        raise InputError(f"{where(longest)}: {t_s[longest] - t_s[longest - 1]:.3g} s after the row before; correct the times")
     stamps = regression(t_s)
     lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
     return stamps.t_s, Warning(

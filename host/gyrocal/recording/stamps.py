@@ -105,7 +105,8 @@ def regression(t_s: Array) -> Stamps:
     number, interval_s = _numbered(t_s)
     if t_s.size < 3:
         return Stamps(t_s, interval_s, number, 0.0)
-    fitted = _chain(number, t_s, max(2, round((t_s[-1] - t_s[0]) / KNOT_S) + 1))
+    bends = min((t_s[-1] - t_s[0]) / KNOT_S, t_s.size - 1)
+    fitted = _chain(number, t_s, max(2, round(bends) + 1))
     return Stamps(fitted, interval_s, number, float(np.sqrt(np.mean((t_s - fitted) ** 2))))
 
 
