@@ -59,7 +59,7 @@ def test_the_screen_shows_state_results_and_losses() -> None:
             console.print(monitor.screen())
             pictures.append(console.file.getvalue())  # type: ignore[attr-defined]
 
-        monitor.run(heard, seconds=1.0)
+        monitor.run(heard, seconds=3.0)
     numbers = ("77.998", "0.4120 ± 0.0020", "-0.0567 ± 0.0010", "7.50", "3 lost", "5 missed")
     for part in ("recording down", *numbers, "clipped (-9)"):
         assert part in pictures[-1]
