@@ -31,7 +31,7 @@ class FakeDevice:
         silent: bool = False,
     ) -> None:
         self.commands: list[str] = []
-        self.connections = 0
+        self.connections = self.answered = 0
         self.settings: dict[str, str] = {}
         self.face = ""
         self.seq = 0
@@ -90,6 +90,7 @@ class FakeDevice:
             *lines, buffer = buffer.split(b"\n")
             for line in lines:
                 self._obey(line.decode())
+                self.answered += 1
 
     def _obey(self, text: str) -> None:
         self.commands.append(text)
