@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.drawn import described, drawn_power
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.inference.fitted import AxisFit
 from gyrocal.recording.session import Session
+from gyrocal.variables.shapes import Steps
 from make_runs import Array, make_run, make_session
 
 RATE_HZ, SECONDS, NOISE_DPS, WITHIN = 50.0, 24.0, 0.02, 0.2
@@ -215,3 +218,31 @@ def test_a_large_wave_leaks_into_no_other_test(effect: str) -> None:
     }[effect]
     made = recorded(rng, signal, (78.0, -78.0))
     assert {f.against for f in measure(made.session).where} == {"table_angle" if effect == "once per turn" else "time"}
+
+
+@pytest.mark.parametrize("times_rate", [False, True])
+def test_a_run_without_the_variable_belongs_to_no_step(times_rate: bool) -> None:
+    """A shape over the temperature describes the runs with a thermometer, and nothing of a run without one."""
+    rng = np.random.default_rng(0)
+    temp_c = np.linspace(20, 40, T_S.size)
+    size_dps = np.where(temp_c > 30, 0.2, 0.0)
+    shape = Steps(lambda run: run.temp_c, np.array([30.0]), times_rate)
+
+    def read(rate_dps: float, effect_dps: float | Array) -> Array:
+        noise = 0.02 * rng.standard_normal((T_S.size, 3))
+        noise[:, 2] += rate_dps + effect_dps
+        return noise
+
+    def fitted(*, last: bool) -> AxisFit:
+        runs = [
+            make_run(T_S, read(r, size_dps * (r / 10 if times_rate else 1)), table_rate_dps=r, temp_c=temp_c, scenario=f"s{k}")
+            for k, r in enumerate([10.0, -10.0])
+        ]
+        bare = make_run(T_S, read(10.0, 0.0), table_rate_dps=10.0, scenario="s9")
+        return measure(make_session(*runs, *([bare] if last else []))).fit.axes["z"]
+
+    amplitude, _ = described(fitted(last=True), shape)
+    assert amplitude == pytest.approx(described(fitted(last=False), shape)[0], rel=0.2)
+    of_all, of_two = (drawn_power(f, Finding("z", "temperature", 9.0, 0.0, amplitude, "", shape)) for f in
+                      (fitted(last=True), fitted(last=False)))  # fmt: skip
+    assert 0.4 * of_two < of_all < 1.2 * of_two

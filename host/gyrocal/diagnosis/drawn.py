@@ -21,9 +21,9 @@ from gyrocal.variables.shapes import Columns, Shape, ShapeOfEachRun, Steps, Wave
 
 def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     """Amplitude in deg/s and words of a shape that is the same in all runs. The amplitude is that of a sine of equal power."""
-    residuals = [current.block_residuals(i) for i in range(len(current.design.blocks))]
     if isinstance(shape, Steps):
-        return _steps(current, shape, residuals)
+        return _steps(current, shape)
+    residuals = [current.block_residuals(i) for i in range(len(current.design.blocks))]
     columns = np.concatenate([b.mean(shape.columns(b.run, current.design.axis, {})) for b in current.design.blocks])
     shown = np.any(columns != 0, axis=1)
     columns = columns - columns.mean(axis=0) if shown.all() else columns
@@ -103,9 +103,10 @@ def described_of_each_run(fitted: AxisFit, shape: ShapeOfEachRun) -> tuple[float
     return amplitude, f"{rate_text(amplitude)} {shape.words(sizes)}"
 
 
-def _steps(current: AxisFit, shape: Steps, residuals: list[Array]) -> tuple[float, str]:
+def _steps(current: AxisFit, shape: Steps) -> tuple[float, str]:
     """The step that holds most of the shape's power: its mean residual (or residual per rate) about the mean of all."""
-    blocks, residual = current.design.blocks, np.concatenate(residuals)
+    known = [(i, b) for i, b in enumerate(current.design.blocks) if not shape.lacks(b.run)]
+    blocks, residual = [b for _, b in known], np.concatenate([current.block_residuals(i) for i, _ in known])
     step = np.concatenate([shape.of_samples(b.run)[b.start] for b in blocks])
     rate_dps = np.concatenate([b.mean(true_rate_dps(b.run)[:, None])[:, 0] for b in blocks])
     base = rate_dps if shape.times_rate else np.ones_like(residual)

@@ -71,7 +71,7 @@ class Steps(Shape):
         return np.searchsorted(self.edges, found, side="right")
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
-        if run.rate_is_mean:  # no residual within the run
+        if run.rate_is_mean or self.lacks(run):  # no residual within the run, or no step
             return np.zeros((len(run), len(self.linear)))
         step = self.of_samples(run)
         columns = (step[:, None] == np.arange(1, self.edges.size + 1)).astype(float)
