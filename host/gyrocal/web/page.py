@@ -110,6 +110,8 @@ class Tab:
 
     def _hear(self, topic: Topic) -> None:
         bench = self.bench
+        if self._content.is_deleted:  # the browser has left, and its page is not yet taken off the list of listeners
+            return
         if topic == "job":
             job = bench.jobs.current
             self._job.set_visibility(job is not None)
