@@ -82,8 +82,12 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     pieces = [p for p in np.split(np.arange(rows.size), cuts) if p.size > 2 * TRIMMED]
     times_s = [t_s[rows[p]] for p in pieces]
     angles_deg = [np.cumsum(np.vstack([np.zeros_like(steps_deg[:1]), steps_deg[p[:-1]]]), axis=0) for p in pieces]
-    widths = _typical(lambda t, a: best_width(t, a, angle_noise_deg(t, a), twice=True), times_s, angles_deg)
-    sds = _typical(angle_noise_deg, times_s, angles_deg) if steadier else []
+    noises_deg = [[angle_noise_deg(t, a) for a in angle.T] for t, angle in zip(times_s, angles_deg, strict=True)]
+    widths = _typical(times_s, [
+        [best_width(t, a, sd, twice=True) for a, sd in zip(angle.T, of_piece, strict=True)]
+        for t, angle, of_piece in zip(times_s, angles_deg, noises_deg, strict=True)
+    ])  # fmt: skip
+    sds = _typical(times_s, noises_deg) if steadier else []
     for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
         curves = np.column_stack([smooth_by(at_s, a, width) for a, width in zip(angle_deg.T, widths, strict=True)])
         slopes = CubicSpline(at_s, curves)
@@ -101,15 +105,14 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     return AngleSlopes(rates, int(jumped.sum()), left_deg, Smoothed(steady, error, NoiseLevel(float(level.max()), STEADIER_SE)))
 
 
-def _typical(of: Callable[[Array, Array], float], times_s: Sequence[Array], angles_deg: Sequence[Array]) -> list[float]:
-    """A number of each column of the angles of all pieces [n, k] at their times [n], s: the median over their samples.
+def _typical(times_s: Sequence[Array], numbers: Sequence[Sequence[float]]) -> list[float]:
+    """The median over all samples of a number that the angles of each piece have for each axis, [pieces, k].
 
     One width of the splines for all leaves noise of one kind. Narrow splines in one piece and wide ones in another would look
     like noise of two levels.
     """
-    found = np.array([[of(t, a) for a in angle.T] for t, angle in zip(times_s, angles_deg, strict=True)])
     share = np.repeat(np.arange(len(times_s)), [t.size for t in times_s])
-    return [float(np.sort(column[share])[share.size // 2]) for column in found.T]
+    return [float(np.sort(column[share])[share.size // 2]) for column in np.array(numbers).T]
 
 
 def angle_noise_deg(t_s: Array, angle_deg: Array) -> float:

@@ -70,7 +70,7 @@ def step_range_s(t_s: Array) -> tuple[float, float]:
 
 def in_bursts(t_s: Array) -> bool:
     """True if stamps [n], s, repeat, go back, or come in bursts that no sampler makes."""
-    if _no_step_is_short(t_s):
+    if _is_sampled(step_range_s(t_s)[0], _mean_with_gaps_s(t_s)):
         return False
     steps = np.diff(t_s)
     short = steps < BURST * _mean_step_s(steps)
@@ -133,14 +133,17 @@ def _mean_with_gaps_s(t_s: Array) -> float:
     return float(t_s[-1] - t_s[0]) / max(1, t_s.size - 1)
 
 
-def _no_step_is_short(t_s: Array) -> bool:
-    """True if no step of stamps [n], s, is shorter than a sampler makes: the mean with gaps bounds that without from above."""
-    return step_range_s(t_s)[0] > max(0.0, BURST * _mean_with_gaps_s(t_s))
+def _is_sampled(least_s: float, mean_s: float) -> bool:
+    """True unless the shortest step is shorter than a sampler makes: the mean with gaps bounds that without from above."""
+    return least_s > max(0.0, BURST * mean_s)
 
 
 def _is_even(t_s: Array) -> bool:
     """True if stamps [n], s, three or more, are not in bursts and none is missing between them."""
-    return t_s.size > 2 and _no_step_is_short(t_s) and step_range_s(t_s)[1] < LONG * _mean_with_gaps_s(t_s)
+    if t_s.size < 3:
+        return False
+    (least_s, largest_s), mean_s = step_range_s(t_s), _mean_with_gaps_s(t_s)
+    return _is_sampled(least_s, mean_s) and largest_s < LONG * mean_s
 
 
 def _even_interval_s(t_s: Array) -> float:
