@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,3 +25,18 @@ def test_random_use_leaves_no_error(serve: Callable[..., Any], look: Callable[..
     page.locator(".figure b").first.wait_for()
     assert play(page, served.url, SEED, SECONDS, COSTLY) > 20
     assert served.process.poll() is None
+
+
+def test_a_chart_can_be_removed_before_it_is_made(serve: Callable[..., Any], chromium: Any, tmp_path: Path) -> None:
+    """Its element is removed without an error from the moment that the page stands, before the server says anything."""
+    served = serve(tmp_path)
+    context = chromium.new_context()
+    context.add_init_script("window.WebSocket = undefined")
+    context.route("**/socket.io/**", lambda route: route.abort())
+    page = context.new_page()
+    page.goto(f"{served.url}diagnose")
+    page.locator("header").wait_for()
+    chart = next(a for a in re.findall(r'import\("([^"]+)"\)', page.content()) if a.endswith("echart.js"))
+    remove = f"import({chart!r}).then(({{default: chart}}) => chart.beforeUnmount.call({{}}) ?? 'removed')"
+    assert page.evaluate(remove) == "removed"
+    context.close()

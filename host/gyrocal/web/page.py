@@ -22,10 +22,12 @@ OF_SESSION = ("compare", "diagnose", "calibrate")
 """The panels of a session on a table; one by gravity has a panel of its own in their place."""
 TITLES = PANELS | {"import_": "Import"}
 DRAWN_S = 1.0
-UNDRAWN = """import("%s").then(({default: chart}) => {
+UNDRAWN = """<script>import("%s").then(({default: chart}) => {
     chart.beforeUnmount = function () { this.chart?.dispose(); };
-}, () => {})"""
-"""NiceGUI's chart is made shortly after its element, and cannot be removed in between without this."""
+}, () => {})</script>"""
+"""NiceGUI's chart is made shortly after its element, and cannot be removed in between without this.
+
+It stands in the head, so that it precedes the page's own import of the chart, and with it every chart."""
 SCHEME = """matchMedia("(prefers-color-scheme: dark)").addEventListener(
     "change", () => setTimeout(() => emitEvent("scheme"), 50))"""
 """The system has changed between light and dark; the class of the body follows at once."""
@@ -61,6 +63,7 @@ class Tab:
         return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
 
     def build(self) -> None:
+        ui.add_head_html(UNDRAWN % _chart_module())
         self._mode = ui.dark_mode(None)
         with ui.header().classes("top"):
             with ui.link(target="/").classes("brand").props('aria-label="gyrocal workbench, start"'):
@@ -105,7 +108,6 @@ class Tab:
             if view in TITLES:
                 ui.html(f"<h1>{html.escape(TITLES[view])}</h1>", sanitize=False).classes("unseen")
             self._update = _panel("gravity" if self.bench.gravity is not None and view in OF_SESSION else view)(self)
-            ui.run_javascript(UNDRAWN % _chart_module())
         self._hunt()
 
     def _hear(self, topic: Topic) -> None:
