@@ -341,7 +341,7 @@ def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Va
 def is_left_of_a_line(
     known: Sequence[tuple[Effect, Values]], runs: Sequence[Run], axis: int, frequency_hz: float, amplitude_dps: float
 ) -> bool:
-    """True if a line is no larger than what the gyroscope's low-pass and delay leave of a line of one of the ``known`` terms."""
+    """True if a line is no larger than what the gyroscope's low-pass and delay leave of a line of a ``known`` term."""
     return any(
         amplitude_dps < POLICY.left_of_line * effect.line_dps(runs, axis, values, frequency_hz, frequency_hz)
         for effect, values in known
