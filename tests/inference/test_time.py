@@ -180,3 +180,25 @@ def test_a_search_for_a_delay_stays_within_the_reference(tmp_path: Path) -> None
     late = with_timing(current, Term("lag", "z"))
     assert np.isfinite(late.loglik)
     assert late.design.n_blocks.sum() > current.design.n_blocks.sum() / 4
+
+
+@pytest.mark.parametrize("e", [5e-5, -5e-4])
+def test_a_delay_and_a_clock_that_cancel_within_the_runs_are_named_together(e: float) -> None:
+    """Alone, the clock's error would be found a quarter of its size and hundreds of errors off, and the delay not at all."""
+    rng = np.random.default_rng(2)
+    t_s, tau_s, runs = np.arange(0, 40, 0.02), 20 * e, []
+    for i in range(6):
+        hz, size, phase = rng.uniform(0.2, 0.9, 6), rng.uniform(5, 20, 6), rng.uniform(0, 2 * np.pi, 6)
+        reference, late = (
+            np.sin(2 * np.pi * np.outer(at_s, hz) + phase) @ size for at_s in (t_s, (1 + e) * t_s - tau_s)
+        )  # fmt: skip
+        gyro = rng.normal(0, 0.044, (t_s.size, 3))
+        gyro[:, 2] += 1.004 * late + 0.1 + rng.normal(0, 0.005)
+        runs.append(make_run(t_s, gyro, scenario=f"s{i}", rate_ref_dps=reference))
+    found = diagnose(make_session(*runs))
+    assert found.verdict == "add"
+    named = {c.effect.id: c for c in found.candidates if c.decision == "add"}
+    assert set(named) == {"clock_error", "lag"} == set(named["lag"].together)
+    for candidate, name, truth in ((named["clock_error"], "e", e), (named["lag"], "tau_s", tau_s)):
+        assert abs(candidate.values[name] - truth) < 3 * candidate.se[name]
+        assert candidate.se[name] < 0.01 * abs(truth)
