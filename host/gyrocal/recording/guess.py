@@ -56,6 +56,8 @@ LARGEST_RAD_S = 35.0
 """Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
 COUNTS_ABOVE = 100.0
 """Whole numbers, of which some are larger, are raw counts."""
+COUNTS_PER_DPS = 131
+"""Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
 COUNTS_PER_G = (16384, 8192, 4096, 2048)
 
 
@@ -237,8 +239,9 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scalin
                 "Subtract 65536 from these, then say how many make a deg/s, as by --map gx_dps=COLUMN/131"
             )
         raise InputError(
-            f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say how many make a deg/s: "
-            f"--map gx_dps={names[0]}/131, or '({names[0]}-32768)/131' for unsigned ones, or --lsb-dps 0.0076"
+            f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
+            f"{1 / COUNTS_PER_DPS:.6g} for {COUNTS_PER_DPS} counts per deg/s; unsigned ones need each axis mapped, as by "
+            f"--map 'gx_dps=({names[0]}-32768)/{COUNTS_PER_DPS}'"
         )
     if largest > LARGEST_RAD_S:
         return ":dps", f"readings up to {largest:.4g} are too large for rad/s"

@@ -55,6 +55,12 @@ class Source:
                 near = did_you_mean(name, self.frame.columns)
                 raise InputError(f"{self.label}: no column {name!r} among {shown}{near}")
 
+    def not_taken(self, mappings: Sequence[ColumnMap]) -> str:
+        """The columns that no mapping takes, in words that end an error."""
+        taken = {m.column for m in mappings}
+        left = [name for name in self.frame.columns if name not in taken]
+        return f"; columns not taken: {', '.join(left[:SHOWN_COLUMNS])}" if left else ""
+
     def _column(self, mapping: ColumnMap) -> tuple[pl.Series, float]:
         """The column and the factor to the target's unit. Dates with times, and times of day, are whole nanoseconds."""
         column = self.frame[mapping.column]
