@@ -23,6 +23,7 @@ GYRO = (
     r"gyro(?:scope)?s?|gyro_?adc|gyrs?|gyr_rad_s|g|gy|w|omega|angular_?velocity|angular_?rate|w_rs_s|imu\.gyro|rotation_?rate|"
     r"all_gyro_2|drehrate"
 )
+TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 ACCELERATION = (
     r"acc|accel|accelerometer|acceleration|acc_?smooth|accel_[lw][nr]|a|ac|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2|"
     r"beschleunigung"
@@ -153,17 +154,18 @@ def _bare(name: str) -> tuple[str, str]:
 
 
 def _named(source: Source, words: str, axis: str) -> str | None:
-    """The first column whose name is one of the words with this axis, as ``gyr_x``, ``gx``, ``Gyro X (dps)``."""
+    """The first column whose name is one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``, ``yaw_rate``."""
     index = str(AXES.index(axis))
     number = rf"\.{index}|\[{index}\]"
+    units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
     for name in source.frame.columns:
         bare, _ = _bare(name)
-        units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
         kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
         named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
         if re.fullmatch(named, bare):
             return name
-    return None
+    turn = rf"(?:.*[/._ ])?{TURNS[axis]}[ _.-]?(?:rate|speed|velocity){units}"
+    return next((n for n in source.frame.columns if GYRO in words and re.fullmatch(turn, _bare(n)[0])), None)
 
 
 def _stated_unit(name: str, kind: str) -> str | None:
