@@ -45,12 +45,14 @@ class LivePanel:
                 with ui.element("div").classes("column") as self.at_table:
                     self.coach = Coach(self.live)
                 self.guide = Guide(self.live)
-                self.readings = Readings(self.live, tab.palette)
+                self.readings = Readings(self.live, tab)
         self.hear("device")
         ui.timer(0.25, lambda: self.hear("device"))
 
     def hear(self, topic: Topic) -> None:
         """Redraw only what has changed, so that no button disappears while it is pressed."""
+        if topic == "scheme":
+            self.readings.redraw()
         if topic != "device":
             return
         live, status = self.live, self.live.status
