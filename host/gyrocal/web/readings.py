@@ -39,7 +39,7 @@ class Readings:
         """The vertical range that the user gave each strip."""
         with ui.element("section").classes("face readings").props('aria-label="readings"'):
             self._values = [self._value(name, unit) for name, unit in READINGS]
-        with ui.element("section").classes("face grow column").style("padding: 6px 6px; gap: 2px"):
+        with ui.element("section").classes("face grow column strips").style("padding: 6px 6px; gap: 2px"):
             self._controls()
             self._chart = ui.echart(self._whole()).classes("chart grow")
             self._chart.props('role="img" aria-label="the last seconds of all axes and the temperature"')
@@ -115,7 +115,7 @@ class Readings:
 
     def _strips(self) -> charts.Options:
         p = self._tab.palette
-        tops = [f"{4.5 + 17.8 * k:g}%" for k in range(5)]  # the rest is for the words of the last axis
+        tops = [f"{5.8 + 17.4 * k:g}%" for k in range(5)]  # the rest is for the words of the last axis
         x: list[charts.Options] = []
         for k in range(5):
             last = k == 4
@@ -127,9 +127,9 @@ class Readings:
         colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
         return charts.base(
             p,
-            grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
-            title=[charts.title(p, name, f"{0.5 + 17.8 * k:g}%", 58) for k, name in enumerate(STRIPS)],
-            legend=charts.legend(p, acceleration, right=12, top="53%"),
+            grid=[charts.grid(top=top, height="11.2%", right=12, left=58) for top in tops],
+            title=[charts.title(p, name, f"{0.6 + 17.4 * k:g}%", 58) for k, name in enumerate(STRIPS)],
+            legend=charts.legend(p, acceleration, right=12, top="52.6%"),
             xAxis=x,
             yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
             series=[

@@ -95,8 +95,8 @@ class LivePanel:
                 self._choose()
                 return
             with ui.row().style("flex-wrap: nowrap"):
-                up = self.live.connected and not self.live.ended
-                ui.element("span").classes(f"light {'good' if up else 'bad'}")
+                light = "" if self.live.ended else "good" if self.live.connected else "bad"
+                ui.element("span").classes(f"light {light}")
                 with ui.element("div"):
                     ui.label(self._state_words()).props('role="status"')
                     if part := self._part_words():
@@ -170,7 +170,7 @@ class LivePanel:
 
     async def _simulate(self, effect: str, speed: str) -> None:
         options = ["--speed", speed, *(["--effect", effect] if effect else [])]
-        self.bench.say("Starting the simulated device…")
+        ui.notify("Starting the simulated device…", timeout=2000)
         try:
             await self.live.simulate(self.bench.scratch / "device", options)
         except InputError as error:
@@ -180,7 +180,7 @@ class LivePanel:
         """A simulated device whose sensor a hand turns from pose to pose."""
         from gyrocal.simulation.simulate import simulate
 
-        self.bench.say("Starting the simulated device…")
+        ui.notify("Starting the simulated device…", timeout=2000)
         folder = Path(tempfile.mkdtemp(prefix="held", dir=self.bench.scratch)) / "session"
         await asyncio.to_thread(simulate, folder, "hands")
         try:
