@@ -55,3 +55,5 @@ def test_rests_and_comparison_are_those_of_the_command_line(
     page.get_by_text("not known: nothing could be left out of the fit").wait_for()
     assert "±" not in page.locator("[aria-label=verdict]").inner_text()  # nothing is known, with no error of it either
     assert page.locator(".figure b").all_inner_texts()[0] == "–"
+    page.locator(".per-axis").evaluate("e => { e.textContent = 'x 333.88 ± 13.06 · '.repeat(4); }")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
