@@ -44,7 +44,7 @@ MOVES = (
 )  # fmt: skip
 """Icon and word of each zoom button, and how far both ends of the window move, as parts of its width."""
 ZOOM = """() => {
-    const chart = (getElement(%d) || {}).chart, low = %g, high = %g;
+    const chart = getElement(%d)?.chart, low = %g, high = %g;
     if (!chart) return;  // another picture has taken its place
     const seen = chart.getOption().dataZoom[0];
     const width = seen.end - seen.start;
