@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.quantities import acceleration_g, means_of_tenths
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values
+from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
 from gyrocal.recording.session import Array, Run
 
 TOTAL = "k_dps_per_g2"
@@ -66,7 +66,7 @@ class G2Sensitivity(Effect):
         if acc_g is None:
             return np.zeros((len(run), len(self.used(values))))
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1)])
-        return stack(*(squares[:, ALONG.get(name, ALL)] for name in self.used(values)))
+        return np.asarray(squares[:, [ALONG.get(name, ALL) for name in self.used(values)]])
 
     def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
         """That of the squared acceleration. The gyroscope's low-pass weakens and delays it, not the rectified part."""
@@ -86,7 +86,7 @@ class G2Sensitivity(Effect):
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """The names whose mean square over a tenth of a run changes between or within runs."""
-        means = [means_of_tenths(a**2) for r in runs if (a := acceleration_g(r)) is not None]
+        means = [tenths[1] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]
         squares_g2 = np.vstack(means) if means else np.zeros((1, 3))
         moved_g2 = np.ptp(np.column_stack([squares_g2, squares_g2.sum(axis=1)]), axis=0)
         return [name for name, i in {TOTAL: ALL, **ALONG}.items() if moved_g2[i] >= LEAST_CHANGE_G2]
