@@ -12,9 +12,11 @@ from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Model, Term
+from gyrocal.inference import design
 from gyrocal.inference.fit import fit
 from gyrocal.inference.heldout import fitted as in_sample
-from gyrocal.inference.timing import started, with_timing
+from gyrocal.inference.noise_search import fit_noise
+from gyrocal.inference.timing import settle, started, with_timing
 from gyrocal.recording.session import Session
 from gyrocal.recording.timing import SYNCHRONOUS
 from make_runs import make_run, make_session
@@ -147,6 +149,23 @@ def test_a_large_error_of_time_is_named_and_nothing_else(name: str, effect_id: s
     found = diagnose(BENCHMARK.session(CELLS[name], 2))
     assert found.best is not None
     assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", effect_id, "z")
+
+
+def test_power_cycles_may_cease_to_show_a_scale_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step of the delay moves the true rates, and the least of them may then vary too little within its power cycle."""
+    rng, runs = np.random.default_rng(4), []
+    for i in range(4):
+        t_s = np.arange(0, 8, 0.02)
+        gyro = rng.normal(0, 0.05, (t_s.size, 3))
+        gyro[:, 2] += 30 * np.sin(2 * np.pi * 0.4 * (t_s - 0.02) + i)
+        runs.append(make_run(t_s, gyro, scenario=f"s{i}", rate_ref_dps=30 * np.sin(2 * np.pi * 0.4 * t_s + i)))
+    plain = fit(make_session(*runs), Model.builtin("default"), axes="z").axes["z"].design
+    unshifted = fit_noise(plain.changed([*plain.terms, Term("lag", "z", {"order": 1.0, "tau_s": 0.0})]))
+    assert unshifted.spreads.scenario.size == 2
+    monkeypatch.setattr(design, "LEAST_CONTRAST", 10.0)
+    late = settle(unshifted)
+    assert late.spreads.scenario.size == 1
+    assert late.design.terms[-1].values["tau_s"] == pytest.approx(0.02, abs=0.002)
 
 
 def test_without_an_error_of_time_none_is_found() -> None:
