@@ -12,6 +12,7 @@ import pandas as pd
 import polars as pl
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from gyrocal.api import (
     InputError,
@@ -27,6 +28,7 @@ from gyrocal.api import (
     plan,
     simulate,
 )  # fmt: skip
+from gyrocal.present.output import plus_minus
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -77,6 +79,21 @@ def test_results_show_themselves(results: dict[str, Any], kind: str) -> None:
     assert len(page) < 100_000
     assert shown == shown
     assert shown != results["Session" if kind != "Session" else "Model"]
+
+
+def test_pictures_name_what_they_show(results: dict[str, Any]) -> None:
+    def words(kind: str) -> str:
+        figure = results[kind].plot()
+        figure.canvas.draw()
+        return " ".join(text.get_text() for text in figure.findobj(Text))
+
+    diagnosis, model = results["Diagnosis"], results["Model"]
+    assert f"{diagnosis.best.effect.id} on z: add" in words("Diagnosis")
+    assert {f"{e.scenario} {e.axis}\n{e.seconds:g} s" for e in results["Calibration"]} <= {
+        text.get_text() for text in results["Calibration"].plot().findobj(Text)
+    }
+    (row,) = model.to_dataframe().filter(effect="scale", axis="z", parameter="scale").rows(named=True)
+    assert plus_minus(row["value"], row["se"]) in words("Model")
 
 
 def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Session) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
@@ -80,6 +79,22 @@ def _diagnosis_table(found: Diagnosis) -> pl.DataFrame:
     return _table([{key: row[key] for key in keys} for row in (c.to_json() for c in found.candidates)])
 
 
+def _diagnosis_figure(found: Diagnosis) -> Figure:
+    """What each candidate gains held out, with its standard error; those to add are blue."""
+    rows = [c for c in found.candidates if c.gain is not None][::-1]
+    figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
+    axes = figure.subplots()
+    for place, c in enumerate(rows):
+        axes.errorbar(c.gain, place, xerr=c.gain_se or 0.0, fmt="o", color="C0" if c.decision == "add" else "0.5")  # type: ignore[arg-type]
+    axes.set_yticks(range(len(rows)), [f"{c.effect.id} on {c.axis}: {c.decision}" for c in rows])
+    axes.axvline(0, color="0.7")
+    axes.set_xscale("symlog", linthresh=10)
+    axes.set_xlabel("held-out gain in log-likelihood")
+    axes.margins(x=0.08)
+    axes.set_title(f"verdict: {found.verdict}")
+    return figure
+
+
 def _calibration_words(found: Calibration) -> str:
     trusted = sum(e.trusted for e in found)
     lines = [
@@ -95,18 +110,23 @@ def _value(value: float | None, se: float | None) -> str:
 
 
 def _calibration_figure(found: Calibration) -> Figure:
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    """Scale and bias with their standard errors, methods side by side; an estimate that is not trusted is hollow."""
+    columns = list(dict.fromkeys((e.scenario, e.axis, e.seconds) for e in found))
+    methods = list(dict.fromkeys(e.method for e in found))
+    figure = Figure(figsize=(max(8.0, 0.6 * len(columns)), 5), layout="constrained")
     scale, bias = figure.subplots(2, 1, sharex=True)
-    for axes, label, points in (
-        (scale, "scale", [(e.method, e.scale, e.scale_se) for e in found]),
-        (bias, "bias, deg/s", [(e.method, e.bias_dps, e.bias_se_dps) for e in found]),
-    ):
-        for method in dict.fromkeys(method for method, _, _ in points):
-            there = [(i, v, se or 0.0) for i, (m, v, se) in enumerate(points) if m == method and v is not None]
-            axes.errorbar(*np.array(there).reshape(-1, 3).T, fmt="o", label=method)
-        axes.set_ylabel(label)
-    bias.set_xlabel("estimate")
-    bias.legend()
+    for e in found:
+        place = columns.index((e.scenario, e.axis, e.seconds)) + 0.15 * (methods.index(e.method) - (len(methods) - 1) / 2)
+        style: dict[str, Any] = {"fmt": "o", "color": f"C{methods.index(e.method)}", "mfc": None if e.trusted else "white"}
+        for axes, value, se in ((scale, e.scale, e.scale_se), (bias, e.bias_dps, e.bias_se_dps)):
+            if value is not None:
+                axes.errorbar(place, value, yerr=se or 0.0, **style)
+    for method in methods:
+        scale.plot([], [], "o", color=f"C{methods.index(method)}", label=method)
+    scale.legend(title="hollow: not trusted", fontsize=8, title_fontsize=8)
+    scale.set_ylabel("scale")
+    bias.set_ylabel("bias, deg/s")
+    bias.set_xticks(range(len(columns)), [f"{scenario} {axis}\n{s:g} s" for scenario, axis, s in columns], fontsize=7)
     return figure
 
 
@@ -137,15 +157,20 @@ def _model_table(model: Model) -> pl.DataFrame:
 
 
 def _model_figure(model: Model) -> Figure:
-    """Each fitted parameter over its standard error."""
-    rows = [row for row in _model_rows(model) if row["se"]]
+    """Each fitted parameter over its standard error, on a scale that is linear near 0; its value stands beside it."""
+    rows = [row for row in _model_rows(model) if row["se"]][::-1]
     figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
     axes = figure.subplots()
-    for place, row in enumerate(reversed(rows)):
+    axes.axvspan(-2, 2, color="0.9")
+    for place, row in enumerate(rows):
         axes.errorbar(row["value"] / row["se"], place, xerr=1.0, fmt="o", color="C0")
-    axes.set_yticks(range(len(rows)), [f"{row['effect']} {row['axis']} {row['parameter']}" for row in reversed(rows)])
-    axes.axvline(0, color="0.7")
-    axes.set_xlabel("value over its standard error")
+        axes.annotate(
+            plus_minus(row["value"], row["se"]), (1.01, place), xycoords=("axes fraction", "data"), va="center", fontsize=8,
+        )  # fmt: skip
+    axes.set_yticks(range(len(rows)), [f"{row['effect']} {row['axis']} {row['parameter']}" for row in rows])
+    axes.set_xscale("symlog", linthresh=10)
+    axes.margins(x=0.08)
+    axes.set_xlabel("value over its standard error (grey: not different from 0)")
     return figure
 
 
@@ -172,7 +197,7 @@ def _plan_figure(plan: Plan) -> Figure:
 VIEWS.update({
     Session: View(_session_words, _session_table, preview),
     Comparison: View(_comparison_words, _comparison_table, pictures.levels),
-    Diagnosis: View(_diagnosis_words, _diagnosis_table, lambda found: pictures.levels(found.comparison)),
+    Diagnosis: View(_diagnosis_words, _diagnosis_table, _diagnosis_figure),
     Explanation: View(explanation.words, _steps_table, lambda e: pictures.levels(e.last.comparison)),
     Calibration: View(_calibration_words, lambda found: _table([e.to_json() for e in found]), _calibration_figure),
     Plan: View(_plan_words, lambda plan: _table([asdict(run) for run in plan.runs]), _plan_figure),
