@@ -110,6 +110,22 @@ def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Sess
     assert row[3] == model.value("scale", "z", "scale")
 
 
+def test_a_session_by_gravity_is_read_by_the_same_calls() -> None:
+    session = simulate(None, "hands", ["misalignment"], 1, scenarios=20)[0]
+    found = explain(session)
+    for result in (compare(session), diagnose(session), calibrate(session), found):
+        assert len(repr(result)) < 200
+        assert result.summary()
+        assert isinstance(result.plot(), Figure)
+        assert result.to_dataframe().height
+        assert result == result
+    assert found.model.ids[-1] == "misalignment"
+    assert compare(session, found.model, as_is=True).verdict == "adequate"
+    assert add(session, None, "misalignment").model.ids == found.model.ids
+    with pytest.raises(InputError, match="only_day: not for a session whose reference is gravity"):
+        compare(session, only_day=1)
+
+
 def test_two_comparisons_can_be_compared(session: Session) -> None:
     one = diagnose(session).comparison
     assert (one == diagnose(session).comparison) in (True, False)

@@ -14,9 +14,12 @@ from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import Explanation
 from gyrocal.error_model.model import Model
+from gyrocal.gravity import compare as gravity
+from gyrocal.gravity import diagnose as gravity_diagnosis
 from gyrocal.inference.fitted import Fit
 from gyrocal.planning.plan import Plan
 from gyrocal.present import explanation, pictures
+from gyrocal.present import gravity as by_gravity
 from gyrocal.present.output import plus_minus
 from gyrocal.present.plan import promise, words
 from gyrocal.present.preview import preview
@@ -73,13 +76,13 @@ def _diagnosis_words(found: Diagnosis) -> str:
     return "\n".join([f"{found.verdict}; {verdict_text(found)}", *named])
 
 
-def _diagnosis_table(found: Diagnosis) -> pl.DataFrame:
+def _diagnosis_table(found: Diagnosis | gravity_diagnosis.Diagnosis) -> pl.DataFrame:
     """One row for each candidate, best first."""
     keys = ("effect", "axis", "decision", "heldout_gain", "heldout_gain_se", "q_value", "explained", "next_measurement")
     return _table([{key: row[key] for key in keys} for row in (c.to_json() for c in found.candidates)])
 
 
-def _diagnosis_figure(found: Diagnosis) -> Figure:
+def _diagnosis_figure(found: Diagnosis | gravity_diagnosis.Diagnosis) -> Figure:
     """What each candidate gains held out, with its standard error; those to add are blue."""
     rows = [c for c in found.candidates if c.gain is not None][::-1]
     figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
@@ -130,7 +133,7 @@ def _calibration_figure(found: Calibration) -> Figure:
     return figure
 
 
-def _steps_table(found: Explanation) -> pl.DataFrame:
+def _steps_table(found: Explanation | gravity_diagnosis.Explanation) -> pl.DataFrame:
     """One row for each step; the candidates that are left are those of ``found.last``."""
     empty = {"effects": pl.List(pl.String), "axes": pl.List(pl.String)}
     return _table([step.to_json() for step in found.steps]) if found.steps else pl.DataFrame(schema=empty)
@@ -194,7 +197,47 @@ def _plan_figure(plan: Plan) -> Figure:
     return figure
 
 
+def _angles_words(found: gravity.Comparison) -> str:
+    level = found.pooled
+    levels = f"rms {deg(level.rms_deg)} deg, noise floor {deg(level.floor_deg)} deg, excess {deg(level.excess_deg)} deg"
+    where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
+    return "\n".join([f"{found.verdict}; {levels}", by_gravity.headline(found), *where, *([found.note] if found.note else [])])
+
+
+def _angles_table(found: gravity.Comparison) -> pl.DataFrame:
+    """Levels of the movements about each axis and of all together, deg."""
+    return _table([{"axis": axis} | level.to_json() for axis, level in [*found.per_axis.items(), ("all", found.pooled)]])
+
+
+def _angles_figure(found: gravity.Comparison) -> Figure:
+    """Rms and noise floor of the movements about each axis."""
+    figure = Figure(figsize=(8, 2), layout="constrained")
+    axes = figure.subplots()
+    for place, level in enumerate(found.per_axis.values()):
+        axes.barh(place, level.rms_deg or 0.0, color="C0", height=0.6)
+        axes.barh(place, level.floor_deg or 0.0, color="0.5", height=0.6)
+    axes.set_yticks(range(len(found.per_axis)), [f"about {axis}" for axis in found.per_axis])
+    axes.set_xlabel("rms of held-out movements, deg (grey: noise floor)")
+    return figure
+
+
+def _named_words(found: gravity_diagnosis.Diagnosis) -> str:
+    named = [f"{c.decision}: {c.effect.title} on {c.axis}" for c in found.candidates if c.decision in ("add", "suggest")]
+    return "\n".join([f"{found.verdict}; {by_gravity.headline(found.comparison)}", *named])
+
+
+def _added_words(found: gravity_diagnosis.Explanation) -> str:
+    steps = [
+        f"{', '.join(s.effects)} on {', '.join(s.axes)}: excess {deg(s.before.pooled.excess_deg)} deg before, "
+        f"{deg(s.after.pooled.excess_deg)} after" for s in found.steps
+    ]  # fmt: skip
+    return "\n".join([f"{found.verdict}; {by_gravity.headline(found.last.comparison)}", *steps])
+
+
 VIEWS.update({
+    gravity.Comparison: View(_angles_words, _angles_table, _angles_figure),
+    gravity_diagnosis.Diagnosis: View(_named_words, _diagnosis_table, _diagnosis_figure),
+    gravity_diagnosis.Explanation: View(_added_words, _steps_table, lambda e: _angles_figure(e.last.comparison)),
     Session: View(_session_words, _session_table, preview),
     Comparison: View(_comparison_words, _comparison_table, pictures.levels),
     Diagnosis: View(_diagnosis_words, _diagnosis_table, _diagnosis_figure),
