@@ -2,8 +2,12 @@
 
 import os
 import signal
+import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -87,6 +91,47 @@ def test_a_worker_keeps_no_history_of_what_it_did(require_module: Callable[[str]
     with engine(1) as cluster:
         list(cluster.run(slowly_named, range(3)))
         assert set(cluster.client.run(profiled).values()) == {0}  # type: ignore[attr-defined]
+
+
+@dataclass
+class Cluster:
+    """A scheduler and a worker, started as a user starts them, at the same address after each restart."""
+
+    address: str
+    processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+
+    def start(self) -> None:
+        port = self.address.rpartition(":")[2]
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        scheduler = ["scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
+        worker = ["worker", self.address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
+        self.processes = [
+            subprocess.Popen([sys.executable, "-m", "dask", *role], env=env, stderr=subprocess.DEVNULL)
+            for role in (scheduler, worker)
+        ]
+
+    def kill(self) -> None:
+        for process in self.processes:
+            process.kill()
+            process.wait()
+
+
+def test_a_scheduler_that_restarts_costs_only_unfinished_tasks(require_module: Callable[[str], None]) -> None:
+    require_module("distributed")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        there = Cluster(f"tcp://127.0.0.1:{free.getsockname()[1]}")
+    with ExitStack() as stack:
+        stack.callback(there.kill)
+        there.start()
+        cluster = stack.enter_context(engine(scheduler=there.address))
+        done = []
+        for job in cluster.run(slowly_named, range(6)):
+            done.append(job)
+            if len(done) == 2:
+                there.kill()
+                there.start()
+    assert sorted(done) == list(range(6))
 
 
 def test_options_that_exclude_each_other() -> None:

@@ -160,6 +160,29 @@ def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
     assert np.mean(run.reached) > 0.95
 
 
+def test_an_axis_about_which_the_sensor_hardly_turns_is_told() -> None:
+    """A mount that bends by 0.2 deg while the sensor turns about z gives x a wrong scale, far outside of its standard error."""
+    ref = motion(T_S) * (0.02, 1.0, 1.0)
+    bend = np.deg2rad(0.2)
+    gyro = ref + bend * np.outer(ref[:, 2], (1.0, 0.0, 0.0)) + np.random.default_rng(8).normal(0, 0.1, ref.shape)
+    told = [w for w in check(with_reference(gyro, Reference(), **rates(ref))) if w.code == "hardly_turned"]
+    assert [(w.axis, w.blocking) for w in told] == [("x", False)]
+    assert not [w for w in check(with_reference(motion(T_S), Reference(), **rates(motion(T_S)))) if w.code == "hardly_turned"]
+
+
+def test_a_tracker_that_finds_the_sensor_again_slowly_is_left_out_until_then() -> None:
+    """After the loss its error decays from 120 dps within a second; what is left in the fit is below the usual difference."""
+    rng = np.random.default_rng(8)
+    ref = motion(T_S)
+    gyro = ref + rng.normal(0, 0.1, ref.shape)
+    error_dps = np.where(T_S > 5.0, 120.0 * np.exp(-(T_S - 5.0) / 0.2), 0.0)
+    session = with_reference(gyro, Reference(), **rates(ref + error_dps[:, None]))
+    run = registered(session).runs[0]
+    assert not run.reached[(T_S > 5.0) & (error_dps > 2.0)].any()
+    assert np.mean(run.reached) > 0.9
+    assert sum(w.code == "reference_jumps" for w in check(session)) == 1
+
+
 def test_a_reference_that_is_often_wrong_is_told_and_kept() -> None:
     """With losses beside nearly every sample of a run, it is not clear whether the tracker or the sensor is wrong."""
     rng = np.random.default_rng(8)

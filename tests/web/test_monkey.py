@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web.export import BOX, PNG
+from gyrocal.web.hero_view import COPY
+from gyrocal.web.panels.compare import ZOOM
 
 from .monkey import play
 
@@ -27,8 +30,8 @@ def test_random_use_leaves_no_error(serve: Callable[..., Any], look: Callable[..
     assert served.process.poll() is None
 
 
-def test_a_chart_can_be_removed_before_it_is_made(serve: Callable[..., Any], chromium: Any, tmp_path: Path) -> None:
-    """Its element is removed without an error from the moment that the page stands, before the server says anything."""
+def test_a_chart_that_is_not_yet_made_leaves_no_error(serve: Callable[..., Any], chromium: Any, tmp_path: Path) -> None:
+    """It can be removed from the moment that the page stands, and its buttons pressed, before the server says anything."""
     served = serve(tmp_path)
     context = chromium.new_context()
     context.add_init_script("window.WebSocket = undefined")
@@ -39,4 +42,6 @@ def test_a_chart_can_be_removed_before_it_is_made(serve: Callable[..., Any], chr
     chart = next(a for a in re.findall(r'import\("([^"]+)"\)', page.content()) if a.endswith("echart.js"))
     remove = f"import({chart!r}).then(({{default: chart}}) => chart.beforeUnmount.call({{}}) ?? 'removed')"
     assert page.evaluate(remove) == "removed"
+    for press in (PNG % (0, "name"), BOX % 0, COPY % 0, ZOOM % (0, 0.25, -0.25)):  # no chart has this number
+        page.evaluate(press)
     context.close()

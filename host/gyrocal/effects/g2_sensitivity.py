@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.quantities import acceleration_g, means_of_tenths
+from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
 from gyrocal.recording.session import Array, Run
 
 TOTAL = "k_dps_per_g2"
@@ -68,21 +68,25 @@ class G2Sensitivity(Effect):
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1)])
         return stack(*(squares[:, ALONG.get(name, ALL)] for name in self.used(values)))
 
-    def has_line(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> bool:
-        """True if the squared acceleration has a line there. The gyroscope's low-pass weakens it, not the rectified part."""
-        terms = [self.term(r, axis, values) for r in runs]
-        spectra = [np.abs(np.fft.rfft((y - y.mean()) * np.hanning(y.size))) ** 2 for y in terms]
-        frequencies = [np.fft.rfftfreq(len(r), 1 / r.sample_rate_hz) for r in runs]
-        near = [(f > low_hz - LINE_HZ) & (f < high_hz + LINE_HZ) for f in frequencies]
-        ratios = [float(p[n].max(initial=0.0)) / max(float(np.median(p)), 1e-300) for p, n in zip(spectra, near, strict=True)]
-        return max(ratios, default=0.0) > LINE
+    def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
+        """That of the squared acceleration. The gyroscope's low-pass weakens and delays it, not the rectified part."""
+        ratios, squares = [], []
+        for run in runs:
+            window = np.hanning(len(run))
+            term = self.term(run, axis, values)
+            power = np.abs(np.fft.rfft((term - term.mean()) * window)) ** 2
+            frequency_hz = np.fft.rfftfreq(len(run), 1 / run.sample_rate_hz)
+            near = (frequency_hz > low_hz - LINE_HZ) & (frequency_hz < high_hz + LINE_HZ)
+            ratios.append(float(power[near].max(initial=0.0)) / max(float(np.median(power)), 1e-300))
+            squares.append(4 * float(power[near].sum()) / (len(run) * float(window @ window)))
+        return float(np.sqrt(np.mean(squares))) if max(ratios, default=0.0) > LINE else 0.0
 
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
         return [(float(ALONG.get(name, ALL)),) for name in self.used(values)]
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
         """The names whose mean square over a tenth of a run changes between or within runs."""
-        means = [means_of_tenths(a**2) for r in runs if (a := acceleration_g(r)) is not None]
+        means = [tenths[1] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]
         squares_g2 = np.vstack(means) if means else np.zeros((1, 3))
         moved_g2 = np.ptp(np.column_stack([squares_g2, squares_g2.sum(axis=1)]), axis=0)
         return [name for name, i in {TOTAL: ALL, **ALONG}.items() if moved_g2[i] >= LEAST_CHANGE_G2]

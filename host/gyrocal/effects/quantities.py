@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gyrocal.effects.base import elapsed_s
+from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
 
 REFERENCE_C = 25.0
@@ -96,6 +97,13 @@ def acceleration_g(run: Run) -> Array | None:
     return np.column_stack([_filled(run.acc_g[:, i], run.t_s) for i in range(3)])
 
 
+@once_a_run
+def acceleration_of_tenths(run: Run) -> tuple[Array, Array] | None:
+    """Mean (g) and mean square (g^2) of the acceleration in each tenth of a run, shape [min(n, 10), 3] each."""
+    acc_g = acceleration_g(run)
+    return None if acc_g is None else (means_of_tenths(acc_g), means_of_tenths(acc_g**2))
+
+
 def means_of_tenths(values: Array) -> Array:
     """Means of ``values`` [n, k] over ten successive parts of a run, as even as possible; shape [min(n, 10), k]."""
     edges = np.linspace(0, len(values), min(10, len(values)) + 1).astype(np.intp)
@@ -108,6 +116,7 @@ def temperature_moves(runs: Sequence[Run]) -> bool:
     return bool(means) and bool(np.ptp(np.concatenate(means)) >= LEAST_RANGE_C)
 
 
+@once_a_run
 def temperature_by_second(run: Run) -> tuple[Array, Array]:
     """Mean time (s) and temperature (degC) of each second of a run that has samples, shape [m] each."""
     temp_c = temperature_c(run)

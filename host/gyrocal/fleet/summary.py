@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -62,12 +62,12 @@ class Summary:
 
     def save(self, path: Path) -> None:
         """Write the summary whole or not at all."""
-        told = {"format": FORMAT, **{k: v for k, v in asdict(self).items() if k != "axes"}, "axes": {}}
+        told = {"format": FORMAT, **_shallow(self, "axes"), "axes": {}}
         arrays: dict[str, Array] = {}
         for axis, one in self.axes.items():
             upper = np.triu_indices(one.cycles.shape[-1])
             arrays |= {f"cov_{axis}": one.cov, f"cycles_{axis}": one.cycles[:, :, *upper]}
-            told["axes"][axis] = {k: v for k, v in asdict(one).items() if k not in ("cov", "cycles")}
+            told["axes"][axis] = _shallow(one, "cov", "cycles")
         with replacing(path, durable=False) as partial, partial.open("wb") as handle:
             np.savez(handle, told=np.array(json.dumps(told)), **arrays)  # type: ignore[arg-type]
 
@@ -94,6 +94,11 @@ class Summary:
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise GyrocalError(f"{path}: no summary of this version ({error}); delete it, and it is computed again") from None
         return Summary(**{**told, "warnings": tuple(told["warnings"])}, axes=axes)
+
+
+def _shallow(of: AxisSummary | Summary, *without: str) -> dict[str, Any]:
+    """The fields of a summary by name; ``dataclasses.asdict`` copies each array."""
+    return {f.name: getattr(of, f.name) for f in fields(of) if f.name not in without}
 
 
 def _whole(upper: Array) -> Array:

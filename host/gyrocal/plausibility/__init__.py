@@ -28,9 +28,10 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
     means = Means(session, skip={(w.axis, w.file) for w in dead} | useless)
     lines = slopes.lines(means)
     moved = rests.moved(means, lines)
+    accused = slopes.contradictions(means, lines)
     found = [
-        *slopes.contradictions(means, lines),
-        *sizes.check(means, lines, moved),
+        *accused,
+        *sizes.check(means, lines, accused, moved),
         *moved,
         *dead,
         *noise.unit_unsure(session),

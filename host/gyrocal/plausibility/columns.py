@@ -54,15 +54,13 @@ def _acceleration(session: Session) -> list[Warning]:
 
 def _temperature(session: Session) -> list[Warning]:
     low, high = POLICY.temperatures_c
-
-    def median(run: Run) -> float:
-        return float("nan") if run.temp_c is None else float(np.nanmedian(run.temp_c))
-
-    hit = [r for r in session.runs if not np.isnan(median(r)) and not low <= median(r) <= high]
+    medians_c = {r.file: float(np.nanmedian(r.temp_c)) for r in session.runs if r.temp_c is not None}
+    beyond = {file for file, median_c in medians_c.items() if median_c < low or median_c > high}  # neither without a reading
+    hit = [r for r in session.runs if r.file in beyond]
 
     def text(run: Run | None) -> str:
         return (
-            f"temp_c is {median(run or hit[0]):.4g}, outside {low:g} to {high:g} degC. "
+            f"temp_c is {medians_c[(run or hit[0]).file]:.4g}, outside {low:g} to {high:g} degC. "
             "Give the unit when importing (--map temp_c=COLUMN:K, or degF), or drop the column"
         )
 

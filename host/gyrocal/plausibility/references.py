@@ -1,4 +1,6 @@
-"""Checks of measured columns: a reference that jumps, an inverted or mirrored one, an open offset, and unknown noise."""
+"""Checks of measured columns: a reference that jumps, an inverted or mirrored one, an open offset, an axis that hardly turns,
+and unknown noise.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.measured_rates import QUATERNION, RATES
 from gyrocal.recording.register import registered
 from gyrocal.recording.registration import Lost, Registration
-from gyrocal.recording.session import Array, Run, Session
+from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.recording.smoothing import Smoothed
 from gyrocal.recording.stretches import stretches
 from gyrocal.warning import Warning
@@ -23,8 +25,8 @@ TOLD = 5
 
 
 def check(session: Session) -> list[Warning]:
-    """``reference_jumps``, ``reference_unrelated``, ``sign_flipped`` for a mirrored reference, ``offset_ambiguous``, and
-    ``noise_unknown``.
+    """``reference_jumps``, ``reference_unrelated``, ``sign_flipped`` for a mirrored reference, ``offset_ambiguous``,
+    ``hardly_turned`` and ``noise_unknown``.
     """
     out = [*_noise_unknown(session)]
     for run in session.runs:
@@ -54,6 +56,7 @@ def check(session: Session) -> list[Warning]:
         )
         return [*out, Warning("reference_unrelated", None, None, text, True)]
     out += map(_lost, fit.lost)
+    out += _hardly_turned(registered(session))
     if fit.mirrored:
         text = (
             "the readings follow the reference only as a mirror image: an axis of the sensor or of the reference has the wrong "
@@ -68,6 +71,32 @@ def check(session: Session) -> list[Warning]:
             f"{others} s. Move irregularly for a few seconds to tell"
         )
         out.append(Warning("offset_ambiguous", None, None, text))
+    return out
+
+
+def _hardly_turned(session: Session) -> list[Warning]:
+    """``hardly_turned``: axes with so little motion that small errors of the reference's axes change their scale."""
+    runs = [run for run in session.runs if run.three_axes and run.reached.any()]
+    if not runs:
+        return []
+    rates = [np.column_stack([run.about(axis).rate_dps for axis in AXES])[run.reached] for run in runs]
+    centred = np.concatenate([r - r.mean(axis=0) for r in rates])
+    out = []
+    for i, axis in enumerate(AXES):
+        beside = np.delete(centred, i, axis=1)
+        own_dps = float(np.sqrt(np.mean(centred[:, i] ** 2)))
+        alone = centred[:, i] - beside @ np.linalg.lstsq(beside, centred[:, i], rcond=None)[0]
+        error = POLICY.leak * float(np.sqrt(np.sum(beside**2) / max(float(alone @ alone), 1e-300)))
+        if error < POLICY.hardly_turned or not beside.any():
+            continue
+        others_dps = float(np.sqrt(np.sum(beside**2) / len(beside)))
+        text = (
+            f"the sensor hardly turns about {axis} ({own_dps:.2g} dps rms, {others_dps:.3g} about the other axes). If the "
+            f"reference's axes bend against the sensor's by {np.rad2deg(POLICY.leak):.1g} deg while it turns, the scale of "
+            f"{axis} is wrong by {min(error, 1.0):.0%}, which its standard error does not contain. Turn the sensor about "
+            f"{axis} too, or do not use this scale"
+        )
+        out.append(Warning("hardly_turned", axis, None, text))
     return out
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means
-from gyrocal.plausibility.slopes import Lines, agreed, contradictions, middle_of
+from gyrocal.plausibility.slopes import Lines, agreed, middle_of
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES
 from gyrocal.warning import Warning
 
 
-def check(means: Means, found: Lines, moved: list[Warning]) -> list[Warning]:
-    """Biases and spreads over power cycles that are too large for a gyroscope, without runs that are explained otherwise."""
-    accused = contradictions(means, found)
+def check(means: Means, found: Lines, accused: list[Warning], moved: list[Warning]) -> list[Warning]:
+    """Biases and spreads over power cycles that are too large for a gyroscope, without runs that other warnings explain."""
     whole = {w.axis for w in accused if w.file is None}
     if any(w.code == "axes_swapped" for w in accused):
         return []

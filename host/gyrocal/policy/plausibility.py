@@ -93,6 +93,11 @@ class Plausibility:
         smaller="a mount that bends is called a wrong scale of an axis about which the sensor hardly turns",
         chosen_by=SLOPES,
     )  # fmt: skip
+    hardly_turned: float = threshold(
+        0.05, "error of an axis's scale by `leak` from which on it is told that the sensor hardly turns about this axis",
+        larger="wrong scales of axes about which the sensor hardly turns are not explained",
+        smaller="the motion of an ordinary recording is complained about", chosen_by=REFERENCES,
+    )  # fmt: skip
     lost_part: float = threshold(
         0.5, "difference of reference and readings, as a part of the larger, from which on the reference is lost",
         larger="a tracker that follows late is not reported", smaller="a strong misfit is called a lost reference",
@@ -102,6 +107,11 @@ class Plausibility:
         20.0, "that difference over its median in the run",
         larger="a reference that is often lost is not reported", smaller="fast motions are called a lost reference",
         chosen_by=REFERENCES,
+    )  # fmt: skip
+    lost_edge_times: float = threshold(
+        5.0, "that difference over its median, down to which the samples before and after a lost stretch belong to it",
+        larger="a tracker that finds the sensor again slowly spoils the fit",
+        smaller="much of an ordinary recording is left out", chosen_by=REFERENCES,
     )  # fmt: skip
     inverted_part: float = threshold(
         0.1, "part of the readings' power that orientations must leave, and part of that which their inverses may leave, for "

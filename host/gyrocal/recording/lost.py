@@ -7,14 +7,15 @@ import numpy as np
 from gyrocal.policy import POLICY
 from gyrocal.recording.registration import Lost
 from gyrocal.recording.run import AXES, Run
-from gyrocal.recording.stretches import stretches
+from gyrocal.recording.stretches import Mask, stretches
 
 
 def lost(run: Run) -> Lost | None:
     """The stretches of a registered run; None if there are none.
 
-    Reference and readings differ there by most of the larger of the two, and by far more than in the rest of the run. Readings
-    near the end of their range do not count.
+    Reference and readings differ there by most of the larger of the two, and by far more than in the rest of the run. The
+    samples before and after belong to the stretch as long as both differ more than usual. Readings near the end of their range
+    do not count.
     """
     true_dps = np.column_stack([run.about(axis).rate_dps for axis in AXES])
     y_dps = run.gyro_dps
@@ -30,7 +31,21 @@ def lost(run: Run) -> Lost | None:
     start, length = start[length >= POLICY.lost_samples], length[length >= POLICY.lost_samples]
     if not start.size:
         return None
-    samples, beside = np.zeros(len(run), dtype=bool), round(POLICY.lost_beside_s * run.sample_rate_hz)
-    for first, count in zip(start, length, strict=True):
-        samples[max(0, first - beside) : first + count + beside] = True
-    return Lost(run.file, samples, run.t_s[start], float(samples.mean()), float(apart[off].max()), usual_dps)
+    beside = round(POLICY.lost_beside_s * run.sample_rate_hz)
+    near = ~known | (apart > POLICY.lost_edge_times * usual_dps)
+    samples, starts_s = np.zeros(len(run), dtype=bool), []
+    for first, end in _joined(near, beside):
+        if np.any((start >= first) & (start < end)):
+            samples[max(0, first - beside) : end + beside] = True
+            starts_s.append(run.t_s[first])
+    return Lost(run.file, samples, np.array(starts_s), float(samples.mean()), float(apart[off].max()), usual_dps)
+
+
+def _joined(mask: Mask, gap: int) -> list[tuple[int, int]]:
+    """First sample and end of each stretch of a mask [n]; stretches up to ``gap`` samples apart are one."""
+    joined: list[tuple[int, int]] = []
+    for first, count in zip(*(part.tolist() for part in stretches(mask)), strict=True):
+        if joined and first - joined[-1][1] <= gap:
+            first = joined.pop()[0]
+        joined.append((first, first + count))
+    return joined

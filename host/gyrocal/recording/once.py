@@ -30,3 +30,17 @@ def once(function: Callable[[Sequence[Run], int], T]) -> Callable[[Sequence[Run]
         return result
 
     return kept
+
+
+def once_a_run(function: Callable[[Run], T]) -> Callable[[Run], T]:
+    """A function of a run whose result is kept with the run. The result must be small, and not be changed by its callers."""
+    name = f"{function.__module__}.{function.__qualname__}"
+
+    @wraps(function)
+    def kept(run: Run) -> T:
+        results: dict[str, T] = run.__dict__.setdefault("_once_a_run", {})
+        if name not in results:
+            results[name] = function(run)
+        return results[name]
+
+    return kept

@@ -7,16 +7,19 @@ import io
 from typing import Any
 
 PNG = """() => {
+    const chart = getElement(%d)?.chart;
+    if (!chart) return;  // another picture has taken its place
     const link = document.createElement("a");
     const colour = getComputedStyle(document.body).getPropertyValue("--face").trim();
-    link.href = getElement(%d).chart.getDataURL({pixelRatio: 2, backgroundColor: colour});
+    link.href = chart.getDataURL({pixelRatio: 2, backgroundColor: colour});
     link.download = "%s.png";
     link.click();
 }"""
 """Saves the chart with this id under this name."""
 BOX = """() => {
-    const chart = getElement(%d).chart, act = on => chart.dispatchAction(
+    const chart = getElement(%d)?.chart, act = on => chart.dispatchAction(
         {type: "takeGlobalCursor", key: "dataZoomSelect", dataZoomSelectActive: on});
+    if (!chart) return;
     const once = () => { chart.off("datazoom", once); setTimeout(() => act(false), 0); };
     act(true);
     chart.on("datazoom", once);

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
 COPY = """async () => {
+    const chart = getElement(%d)?.chart;
+    if (!chart) return;  // another picture has taken its place
     const colour = getComputedStyle(document.body).getPropertyValue("--face").trim();
-    const url = getElement(%d).chart.getDataURL({pixelRatio: 2, backgroundColor: colour});
+    const url = chart.getDataURL({pixelRatio: 2, backgroundColor: colour});
     const bytes = Uint8Array.from(atob(url.split(",")[1]), c => c.charCodeAt(0));
     const picture = new Blob([bytes], {type: "image/png"});
     try {
