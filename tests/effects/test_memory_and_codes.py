@@ -217,6 +217,7 @@ def test_a_line_of_the_vibration_is_in_its_square(make_run: MakeRun) -> None:
     assert g2.line_dps([run], 2, values, 8.01, 8.01) == pytest.approx(size_dps, rel=0.02)
     assert g2.line_dps([run], 2, values, 5.0, 9.0) == pytest.approx(size_dps, rel=0.02)
     assert g2.line_dps([run], 2, values, 11.0, 11.0) == 0
+    assert g2.line_dps([run], 2, {}, 8.01, 8.01) == 0  # it was not measurable
     sizes = ((8.0, 1.5 * size_dps), (8.0, 2.5 * size_dps), (11.0, 0.1 * size_dps))
     assert [is_left_of_a_line([(g2, values)], [run], 2, hz, size) for hz, size in sizes] == [True, False, False]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
 from gyrocal.recording.session import Array, Run
 
@@ -66,7 +66,7 @@ class G2Sensitivity(Effect):
         if acc_g is None:
             return np.zeros((len(run), len(self.used(values))))
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1)])
-        return stack(*(squares[:, ALONG.get(name, ALL)] for name in self.used(values)))
+        return np.asarray(squares[:, [ALONG.get(name, ALL) for name in self.used(values)]])
 
     def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
         """That of the squared acceleration. The gyroscope's low-pass weakens and delays it, not the rectified part."""
