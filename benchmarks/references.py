@@ -24,24 +24,31 @@ from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
+from gyrocal.gravity.aims import progress
 from gyrocal.gravity.calibrate import calibrate, misalignment
 from gyrocal.present.output import stdout, table
-from gyrocal.recording.session import AXES
+from gyrocal.recording.session import AXES, Session
 from gyrocal.simulation.simulate import simulate
 
 SEEDS, FIRST_SEED = 20, 0
 SAMPLE = ("second_file", "encoder", "by_hand")
 BAND = (0.85, 1.2)
+LEAST_S = 50.0
+"""15 rests, which a guided recording has at the least, take longer."""
 SCALE, CROSS = 0.003, 0.004
 """Errors of scale and misalignment that a calibration by hand should stay within."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of reference and how its sessions are made; None for the campaign ``hands``."""
+    """A kind of reference and how its sessions are made; None for the campaign ``hands``.
+
+    ``to_aims``: the recording ends where ``gyrocal record --hands`` ends it.
+    """
 
     words: str
     make: Callable[[np.random.Generator], sessions.Made] | None
+    to_aims: bool = False
 
 
 KINDS = {
@@ -57,15 +64,19 @@ KINDS = {
     "encoder_effect": Kind("an effect by an encoder, steps of 0.02-0.5 deg", sessions.encoder((0.02, 0.1, 0.5), planted=True)),
     "turns": Kind("turns of a known angle", sessions.turns),
     "by_hand": Kind("gravity, 30 rests", None),
+    "by_hand_guided": Kind("gravity, ended at the aims of record --hands", None, to_aims=True),
 }
 
 
 def judge(job: tuple[str, int]) -> dict[str, Any]:
     """One session: errors, errors over standard errors by parameter, the verdict, and whether the planted effect is named."""
-    (kind, seed), begun = job, time.process_time()
-    make = KINDS[kind].make
-    found = _by_hand(seed) if make is None else _made(make(np.random.default_rng([zlib.crc32(kind.encode()), seed])))
-    return {"kind": kind, "seed": seed, **found, "seconds": time.process_time() - begun}
+    (name, seed), begun = job, time.process_time()
+    kind = KINDS[name]
+    if kind.make is None:
+        found = _by_hand(seed, kind.to_aims)
+    else:
+        found = _made(kind.make(np.random.default_rng([zlib.crc32(name.encode()), seed])))
+    return {"kind": name, "seed": seed, **found, "seconds": time.process_time() - begun}
 
 
 def _made(made: sessions.Made) -> dict[str, Any]:
@@ -101,10 +112,10 @@ def _truth(made: sessions.Made, lines: dict[Any, Any]) -> dict[Any, float]:
     return {**made.truth, **dict(zip(keys, map(float, nearest), strict=True))}
 
 
-def _by_hand(seed: int) -> dict[str, Any]:
+def _by_hand(seed: int, to_aims: bool) -> dict[str, Any]:
     """A simulated phone-grade part, turned by hand between rests, against its truth."""
     session, truth = simulate(campaign="hands", seed=seed)
-    found = calibrate(session)
+    found = calibrate(_until_aims(session) if to_aims else session)
     planted = truth["runs"][0]
     errors: list[list[Any]] = []
     for e in found.estimates:
@@ -121,6 +132,16 @@ def _by_hand(seed: int) -> dict[str, Any]:
     within = all(abs(error) < limits[effect] for effect, _, _, error, _ in errors if effect in limits)
     verdict = "misfit" if flagged else "adequate"
     return {"verdict": verdict, "named": None, "false": False, "effect": None, "errors": errors, "where": [], "within": within}
+
+
+def _until_aims(session: Session) -> Session:
+    """The recording until its standard errors meet the aims, looked at every five seconds."""
+    (whole,) = session.runs
+    for seconds in np.arange(LEAST_S, whole.duration_s, 5.0):
+        part = session.with_runs([whole.first(float(seconds)) or whole])
+        if progress(part).met:
+            return part
+    return session
 
 
 def run(

@@ -14,8 +14,9 @@ from gyrocal.device import simulated as device
 from gyrocal.device.port import Link
 from gyrocal.device.record_hands import HandsRecorder, HandsReport
 from gyrocal.errors import DeviceError, InputError
-from gyrocal.gravity.aims import Progress
+from gyrocal.gravity.aims import Aim, Progress, Turn
 from gyrocal.gravity.calibrate import calibrate
+from gyrocal.present.hands import Guide
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
@@ -121,3 +122,11 @@ def test_a_second_recording_goes_on_and_other_kinds_are_refused(tmp_path: Path) 
 @pytest.mark.parametrize("more", [["--rate", "78"], ["--follow"], ["--plan", "plan.toml"]])
 def test_it_takes_no_rate(more: list[str], tmp_path: Path) -> None:
     assert main(["record", str(tmp_path / "out"), "--port", "nowhere", "--hands", *more]) == 2
+
+
+@pytest.mark.parametrize(("rests", "words"), [(9, "the aims are met; 6 more rests, and the recording ends"), (15, None)])
+def test_a_recording_that_goes_on_although_its_aims_are_met_says_why(rests: int, words: str | None) -> None:
+    told: list[str] = []
+    aims = tuple(Aim(axis, scale_se=0.001, misalignment_se=0.001) for axis in "xyz")
+    Guide(told.append, lambda _: None).show(Progress(rests, True, aims, Turn("x", "z", 90.0)))
+    assert [line.strip() for line in told if "met" in line] == ([words] if words else [])

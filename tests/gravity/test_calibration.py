@@ -111,6 +111,7 @@ def test_the_budget_adds_up_to_the_standard_error(parts: Parts) -> None:
         rows = [row for row in told["budget"] if row["axis"] == e.axis]
         assert np.sqrt(sum(row["scale_se"] ** 2 for row in rows)) == pytest.approx(e.scale_se, rel=0.02)
         assert np.sqrt(sum(row["bias_se_dps"] ** 2 for row in rows)) == pytest.approx(e.bias_se_dps, rel=0.02)
+        assert all(row["advice"].startswith("nothing") == (row["scale_se"] == 0) for row in rows if row["cause"] == "misfit")
 
 
 def turned_about(axes: list[int], seed: int = 0) -> Session:

@@ -13,6 +13,7 @@ from gyrocal.cli import main
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference.fit import fit
+from gyrocal.plausibility import check
 from gyrocal.recording.column_map import Scaling
 from gyrocal.recording.cut import Cut
 from gyrocal.recording.file_labels import labels_of
@@ -21,6 +22,7 @@ from gyrocal.recording.importer import Imported, import_recording, read_recordin
 from gyrocal.recording.resample import resampled
 from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import Session
+from gyrocal.warning import Warning
 
 MAPS = ["t_s=t", "gx_dps=x", "gy_dps=y", "gz_dps=z"]
 AT_78 = {"table_rate_dps": 78.0}
@@ -349,3 +351,34 @@ def test_a_reference_in_the_same_file_may_have_its_own_clock(tmp_path: Path) -> 
         words = ["--map", "t_s=t", "--map", "gz_dps=z", "--map", "rate_ref_dps=w", "--ref-clock", clock]
         assert main(["import", str(tmp_path / "a.csv"), str(tmp_path / clock), *words]) == 0
         assert Session.open(tmp_path / clock).reference.clock == clock
+
+
+def test_import_writes_nothing_that_the_next_verb_complains_about(tmp_path: Path) -> None:
+    """A log with dropouts has the rate between them, and a rest face down is known by its accelerometer."""
+    rng = np.random.default_rng(3)
+    kept = np.ones(6000, dtype=bool)
+    for start in range(200, 5800, 400):
+        kept[start : start + rng.integers(30, 80)] = False
+    t_s = (np.arange(6000) / 250.0)[kept] + rng.normal(0, 2e-5, int(kept.sum()))
+    gyro, noise_g = rng.normal([0.3, -0.2, 0.1], 0.05, (t_s.size, 3)), rng.normal(0, 0.003, (t_s.size, 3))
+    columns = {f"g{a}_dps": gyro[:, i] for i, a in enumerate("xyz")}
+    columns |= {f"a{a}_g": noise_g[:, i] - (a == "z") for i, a in enumerate("xyz")}
+    pl.DataFrame({"t_s": t_s, **columns}).write_csv(tmp_path / "log.csv")
+    told: list[Warning] = []
+    found = import_recording(tmp_path / "log.csv", tmp_path / "out", defaults={"table_rate_dps": 0.0}, warn=told.append)
+    assert kept.mean() < 0.9
+    assert found.sample_rate_hz == pytest.approx(250, rel=1e-3)
+    assert [(r.file, r.face) for r in found.runs] == [("000_down.csv", "down")]
+    assert [*told, *check(found)] == []
+
+
+def test_a_stated_face_is_not_guessed(tmp_path: Path) -> None:
+    """The accelerometer may be mounted the other way; the check tells the contradiction."""
+    t_s = np.arange(1000) / 100.0
+    noise = np.random.default_rng(4).normal(0, 0.01, (1000, 6))
+    columns = {f"g{a}_dps": noise[:, i] for i, a in enumerate("xyz")}
+    columns |= {f"a{a}_g": noise[:, 3 + i] - (a == "z") for i, a in enumerate("xyz")}
+    pl.DataFrame({"t_s": t_s, **columns}).write_csv(tmp_path / "log.csv")
+    defaults = {"table_rate_dps": 0.0, "face": "up"}
+    found = import_recording(tmp_path / "log.csv", tmp_path / "out", defaults=defaults)
+    assert [w.code for w in check(found)] == ["face_wrong"]

@@ -23,6 +23,7 @@ ADVICE = {
     "sample clock": "compare t_s with a better clock over an hour",
     "misfit": "diagnose the session: the movements differ by more than the noise",
 }
+NO_MISFIT = "nothing: the movements differ by no more than the noise"
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,6 @@ def budget(fitted: GravityFit) -> list[BudgetRow]:
         rows.append(BudgetRow(axis, "sample clock", CLOCK_SE, 0.0, ADVICE["sample clock"]))
         of_scale = with_role(Role.SCALE)
         excess = np.sqrt(max(fitted.misfit**2 - 1, 0.0)) * fitted.se(of_scale.id, axis, of_scale.linear[0])
-        rows.append(BudgetRow(axis, "misfit", float(excess), 0.0, ADVICE["misfit"]))
+        rows.append(BudgetRow(axis, "misfit", float(excess), 0.0, ADVICE["misfit"] if excess else NO_MISFIT))
         out += sorted(rows, key=lambda r: -r.scale_se)
     return out

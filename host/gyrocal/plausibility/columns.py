@@ -7,6 +7,7 @@ import numpy as np
 from gyrocal.plausibility.runs import told
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Run, Session
+from gyrocal.recording.stamps import in_bursts, period_s
 from gyrocal.warning import Warning
 
 STANDARD_GRAVITY = 9.80665
@@ -102,8 +103,13 @@ def measured_hz(run: Run) -> float:
     """Samples per second by regression of time on the sample's number.
 
     If samples arrive in bursts, only the first of each burst counts, because a line through a few steps depends on its ends.
+    Elsewhere lost samples are counted if that makes the rate the stated one, as when a recording with dropouts is imported.
     """
     gaps = np.diff(run.t_s)
     first = np.concatenate([[0], np.flatnonzero(gaps > gaps.mean() / 2) + 1])
     number = first - first.mean()
-    return float(number @ number) / float(number @ (run.t_s[first] - run.t_s[0]))
+    hz = float(number @ number) / float(number @ (run.t_s[first] - run.t_s[0]))
+    if hz < POLICY.slowest_hz or in_bursts(run.t_s):
+        return hz
+    with_lost_hz = 1 / period_s(run.t_s)
+    return hz if abs(with_lost_hz / run.sample_rate_hz - 1) > POLICY.sample_rate_off else with_lost_hz

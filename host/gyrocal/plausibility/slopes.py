@@ -15,6 +15,7 @@ import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means, told
 from gyrocal.policy import POLICY
+from gyrocal.recording.run import points_up
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.warning import Warning
 
@@ -323,7 +324,7 @@ def _against_gravity(means: Means, axis: str, line: Line | None) -> list[Warning
     If it contradicts all runs and the gyroscope agrees with them, the sign of the accelerometer is wrong.
     """
     runs = [r for r in means.session.runs if r.axis == axis and r.acc_g is not None and not r.three_axes]
-    up = {r.index: _upwards(r) for r in runs}
+    up = {r.index: points_up(r.acc_g, r.axis_index) for r in runs if r.acc_g is not None}
     hit = [r for r in runs if up[r.index] * r.face_sign < 0]
     known = [r for r in runs if up[r.index] != 0]
     turned = line is not None and any(abs(s.value - 1) < POLICY.sign_within for s in line.slopes)
@@ -341,10 +342,3 @@ def _against_gravity(means: Means, axis: str, line: Line | None) -> list[Warning
 
 def _pole(sign: float) -> str:
     return f"{'up' if sign > 0 else 'down'}, face says {'down' if sign > 0 else 'up'}"
-
-
-def _upwards(run: Run) -> float:
-    """+1 if the run's axis points up by its accelerometer, -1 if down, 0 if neither or if gravity turns about it."""
-    assert run.acc_g is not None
-    along = float(np.nanmean(run.acc_g[:, run.axis_index])) / max(float(np.nanmedian(np.linalg.norm(run.acc_g, axis=1))), 1e-12)
-    return float(np.sign(along)) if abs(along) > POLICY.gravity_along else 0.0

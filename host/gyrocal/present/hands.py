@@ -26,6 +26,8 @@ class Guide:
             return
         self._rests = now.rests
         self._say(f"{_rests(now.rests)}; {aims_line(now.aims)}")
+        if now.aims and all(aim.met for aim in now.aims) and not now.met:
+            self._say(f"  the aims are met; {POLICY.aim_rests - now.rests} more rests, and the recording ends")
         if not now.met:
             self._say(f"  next: {now.turn}")
 

@@ -20,6 +20,7 @@ from gyrocal.recording.guess import Guess, guess
 from gyrocal.recording.header import Reference, read_header, write_header
 from gyrocal.recording.import_options import Options, with_gravity, with_second
 from gyrocal.recording.resample import resampled
+from gyrocal.recording.run import points_up
 from gyrocal.recording.session import AXES, Array, Run, Session, run_entry
 from gyrocal.recording.source import Source
 from gyrocal.recording.stamps import goes_back, period_s
@@ -165,7 +166,7 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
     defaults = {**labels, **options.defaults}
     if options.gravity or ("turn_deg" in options.defaults and "table_rate_dps" not in options.defaults):
         defaults.pop("table_rate_dps", None)
-    kind = "hands" if options.gravity else defaults.get("face", "up")
+    kind = "hands" if options.gravity else _face(defaults, table.columns, defaults.get("axis") or axis)
     cuts = list(options.cuts) or [Cut(stem if named else f"{number:03d}_{kind}")]
     cuts = with_meta(cuts, options.run_meta, defaults)
     check_names_differ(cuts)
@@ -269,12 +270,19 @@ def _run(
     columns |= {name: np.zeros(end - start) for name in REQUIRED[1:] if name not in columns}
     _check_reference(cut, columns, reference, source.not_taken(mappings))
     return Run(
-        index, file, meta.get("scenario", "s000"), meta.get("face", "up"), run_axis,  # type: ignore[arg-type]
+        index, file, meta.get("scenario", "s000"), _face(meta, columns, run_axis), run_axis,  # type: ignore[arg-type]
         meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
         rate_hz or _nominal_rate_hz(columns["t_s"]),
         frame=check_table(_frame(columns), f"{source.label}: run {cut.name}"), table_rate_se_dps=meta.get("table_rate_se_dps"),
         reference=reference,
     )  # fmt: skip
+
+
+def _face(meta: Mapping[str, Any], columns: Mapping[str, Array], axis: str) -> str:
+    """The face of a run. If it is not stated, the accelerometer says it of a rest; it is up otherwise."""
+    acc_g = [columns[name] for name in ("ax_g", "ay_g", "az_g") if name in columns]
+    lies_down = meta.get("table_rate_dps") == 0 and len(acc_g) == 3 and points_up(np.column_stack(acc_g), AXES.index(axis)) < 0
+    return str(meta.get("face", "down" if lies_down else "up"))
 
 
 def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Reference, not_taken: str) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError
+from gyrocal.policy import POLICY
 from gyrocal.recording.angle_slopes import GAP_STEPS
 from gyrocal.recording.header import Axis, Face, Reference
 from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
@@ -340,3 +341,9 @@ def _filled(t_s: Array, rate_dps: Array) -> Array:
     usual_s = float(np.median(np.diff(known_s))) if known_s.size > 1 else 0.0
     curve = between(known_s, values, t_s, GAP_STEPS * usual_s)
     return np.where(np.isfinite(curve), curve, np.interp(t_s, known_s, values))
+
+
+def points_up(acc_g: Array, axis: int) -> float:
+    """+1 if an axis points up by accelerations [n, 3], g; -1 if it points down, 0 if neither or if gravity turns about it."""
+    along = float(np.nanmean(acc_g[:, axis])) / max(float(np.nanmedian(np.linalg.norm(acc_g, axis=1))), 1e-12)
+    return float(np.sign(along)) if abs(along) > POLICY.gravity_along else 0.0
