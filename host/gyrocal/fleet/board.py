@@ -21,11 +21,16 @@ from gyrocal.fleet.summary import AxisSummary, Summary
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.plausibility import check
+from gyrocal.plausibility.noise import own_sd_dps
 from gyrocal.recording.session import AXES, Session
 from gyrocal.warning import Warning
 
 CODE = ("policy", "recording", "noise", "effects", "variables", "error_model", "inference", "plausibility", "fleet")
 """The folders on whose code a summary depends."""
+
+SAMPLE_NOISE_SE = 1.2533 * (3 / 4) ** 0.5
+"""Relative standard error of :func:`own_sd_dps` times the root of the number of samples: mean squares of changes (3/4 for white
+noise), of which the median over runs is taken (1.2533)."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ def summarise(folder: Path, name: str, model: Model, drifts: Mapping[str, FleetD
     fitted = plain_fit(session, of_fleet(model, drifts))
     return Summary(
         name, session.board or name, session.rig, session.line, session.made_on, _codes(warnings),
-        {axis: _summary_of(one, drifts.get(axis)) for axis, one in fitted.items() if one.design.layout.fixed},
+        {axis: _summary_of(session, one, drifts.get(axis)) for axis, one in fitted.items() if one.design.layout.fixed},
     )  # fmt: skip
 
 
@@ -140,17 +145,21 @@ def _codes(warnings: Sequence[Warning]) -> tuple[str, ...]:
     return tuple(sorted({f"{w.code}:{w.axis}" if w.axis else w.code for w in warnings}))
 
 
-def _summary_of(fitted: AxisFit, drift: FleetDrift | None) -> AxisSummary:
+def _summary_of(session: Session, fitted: AxisFit, drift: FleetDrift | None) -> AxisSummary:
     layout, axis = fitted.design.layout, AXES[fitted.design.axis]
     terms = fitted.design.terms
     columns = tuple(f"{terms[i].effect_id}.{axis}.{terms[i].effect.used(terms[i].values)[j]}" for i, j in layout.fixed)
     named = [(f"{t.effect_id}.{axis}.{n}", v, t.se.get(n)) for t in fitted.terms for n, v in t.values.items()]
+    samples = sum(map(len, session.runs))
     noises = [fitted.noise] if drift is None else [near.noise(fitted.noise) for near in drift.near]
     candidates, cycles = cycle_equations(fitted, noises)
     noise = {
         "white_sd_dps": fitted.noise.white_sd_dps, "drift_sd_dps": fitted.noise.ou_sd_dps,
         "drift_tau_s": fitted.noise.ou_tau_s,
     }  # fmt: skip
+    sample_sd_dps = own_sd_dps(session, fitted.design.axis)
+    if sample_sd_dps is not None:
+        noise |= {"sample_sd_dps": sample_sd_dps, "sample_sd_se_dps": SAMPLE_NOISE_SE * sample_sd_dps / samples**0.5}
     if fitted.noise_model.turn_on_bias is not None:
         noise["turn_on_bias_dps"] = fitted.scenario_sd(fitted.spreads.scenario, Role.BIAS)
     return AxisSummary(
