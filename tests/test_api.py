@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,20 @@ import polars as pl
 import pytest
 from matplotlib.figure import Figure
 
-from gyrocal.api import InputError, Model, Session, add, calibrate, compare, diagnose, explain, import_recording, simulate
+from gyrocal.api import (
+    InputError,
+    Model,
+    Session,
+    add,
+    apply,
+    calibrate,
+    compare,
+    diagnose,
+    explain,
+    import_recording,
+    plan,
+    simulate,
+)  # fmt: skip
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -130,6 +144,19 @@ def test_frames_that_are_no_session(frames: list[Any], runs: list[dict[str, Any]
         Session.from_frames(frames, runs, **header)
 
 
+def test_a_recording_is_imported_by_the_names_of_its_facts(tmp_path: Path) -> None:
+    rows = np.column_stack([T["t_s"], 131 * np.ones(9)])
+    np.savetxt(tmp_path / "log.csv", rows, "%.1f", ",", header="t,w", comments="")
+    maps = ["t_s=t", "gz_dps=w:counts"]
+    facts: dict[str, Any] = {"face": "down", "table_rate_dps": 78.0, "lsb_dps": 1 / 131, "cuts": ["one:1:8"]}
+    session = import_recording(tmp_path / "log.csv", tmp_path / "lab", maps, **facts)
+    (run,) = session.runs
+    assert (run.file, run.face, run.table_rate_dps, len(run)) == ("one.csv", "down", 78.0, 7)
+    assert run.gyro_dps[:, 2] == pytest.approx(1.0)
+    with pytest.raises(InputError, match="no argument 'rate_hs' \\(did you mean rate_hz\\?\\)"):
+        import_recording(tmp_path / "log.csv", tmp_path / "new", maps, rate_hs=100.0)
+
+
 def test_a_folder_will_do_and_errors_speak_python(session: Session, tmp_path: Path) -> None:
     session.save(tmp_path / "s")
     assert [e.scale for e in calibrate(str(tmp_path / "s"), [4.0], ["baseline"])] == pytest.approx(
@@ -147,3 +174,38 @@ def test_a_folder_will_do_and_errors_speak_python(session: Session, tmp_path: Pa
         with pytest.raises(InputError) as error:
             wrong()
         assert "--" not in str(error.value)
+
+
+WRONG: dict[str, Callable[[Path], Any]] = {
+    "most_steps is -1; give": lambda s: explain(s, most_steps=-1),
+    "only_day 9: no such day": lambda s: compare(s, only_day=9),
+    "methods guess: there are": lambda s: calibrate(s, methods=["guess"]),
+    "between drift: give two different effects": lambda s: plan(s, between=["drift"]),
+    "between and measure ask two questions": lambda s: plan(s, between=["drift", "warmup"], measure="drift"),
+    "table_dps -1: want": lambda s: plan(s, table_dps=-1.0),
+    "chamber_c 30:10: want": lambda s: plan(s, chamber_c=(30.0, 10.0)),
+    "minutes -5: want": lambda s: plan(s, minutes=-5.0),
+    "effects drift:k_dps_per_s: 'k_dps_per_s' is not": lambda s: simulate(None, "paper", ["drift:k_dps_per_s"]),
+    "bias rest:x: give seconds": lambda s: apply(s, "default", s.with_name("out"), "rest:x"),
+    "bias none: No such file or directory; give model, rest:S or the JSON of `gyrocal calibrate": lambda s: apply(
+        s, "default", s.with_name("out"), "none"
+    ),
+    "no time: map t_s, or give rate_hz": lambda s: imported(s, "gz_dps=w"),
+    "give table_rate_dps, turn_deg, or map rate_ref_dps; or gravity": lambda s: imported(s, "t_s=t", "gz_dps=w"),
+    "maps gz_dps=w:rpm: unit": lambda s: imported(s, "gz_dps=w:rpm"),
+    "maps gz_dps=w:counts: the unit counts needs lsb_dps": lambda s: imported(s, "gz_dps=w:counts"),
+}
+
+
+def imported(session: Path, *maps: str) -> Session:
+    source = session.with_name("log.csv")
+    source.write_text("t,w\n0,1\n1,1\n2,1\n")
+    return import_recording(source, session.with_name("lab"), maps)
+
+
+@pytest.mark.parametrize("says", WRONG)
+def test_an_error_names_the_argument(says: str, session: Session, tmp_path: Path) -> None:
+    session.save(tmp_path / "s")
+    with pytest.raises(InputError) as error:
+        WRONG[says](tmp_path / "s")
+    assert says in str(error.value)

@@ -28,7 +28,7 @@ HINTS = {
     "compare log.csv": "`gyrocal import` makes one of a recording",
     "compare empty": "a session is a folder with session.toml",
     "compare broken/time": "the header lacks t_s; it has time",
-    "compare broken/face": "run.1.face: Input should be 'up' or 'down'",
+    "compare broken/face": '[[run]] 1: face = "top"; write "up" or "down"',
     "compare broken/rate": "give table_rate_dps or turn_deg in session.toml",
     "compare broken/file": "no such file (named by",
     "compare broken/toml": "not a session",
@@ -39,7 +39,7 @@ HINTS = {
     "device --session session": "as `gyrocal import`, `record` and `simulate` make",
     # models and effects
     "compare s --model m.toml": "not a model, as `gyrocal add` writes it",
-    "compare s --model mine.toml": "`gyrocal add` makes one",
+    "compare s --model mine.toml": "`gyrocal explain` and `gyrocal add` make one",
     "compare s --model tuned": "`gyrocal explain` makes a file",
     "add ripple s --model out.toml": "did you mean table_ripple?",
     "add s table_ripple --model out.toml": "no effect 's'",
@@ -59,13 +59,17 @@ HINTS = {
     "import photo.jpg new --rate 78": "docs/importing.md lists them",
     "import notes.txt new --rate 78": "else name the columns by --map",
     "import empty new --rate 78": "no tables in this folder (.csv",
+    "import log.csv new --map t_s=time": "among time, x, y, z; say which columns to take: --map gz_dps=COLUMN:UNIT",
+    "import raw.csv new --rate 78": "say what one count is, for example --lsb-dps 0.00763359",
+    "import enc.csv new --yes": "--rate 0 is a sensor that lay still; columns not taken: encoder",
+    "import enc.csv new --rate 78 --map gz_dps=gz": "no time: map t_s, or give --rate-hz where samples are evenly spaced",
     "import log.csv new --rate 78 --map t_s=time --map gz=z": "did you mean gz_dps?",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=w": "row 1 is 'time,x,y,z'",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:rpm": "gz_dps takes dps, deg/s, mdps, rad/s, counts",
     "import log.csv new --rate 78 --map t_s=time --map gz_dps=z:counts": "needs --lsb-dps",
     "import log.csv new --rate 78 --map gz_dps=z": "map t_s, or give --rate-hz",
     "import log.csv new --map t_s=time --map gz_dps=z": "give --rate, --turn-deg, or map rate_ref_dps; or --gravity",
-    "import log.csv new --face top --map t_s=time --map gz_dps=z": "--face: face=top: Input should be 'up' or 'down'",
+    "import log.csv new --face top --map t_s=time --map gz_dps=z": '--face: face=top; write "up" or "down"',
     "import log.csv new --rate 78 --axis x --map t_s=time --map gz_dps=z": "nothing is mapped to gx_dps; see --axis",
     "import log.csv new --rate 78 --run up:0:5000 --map t_s=time --map gz_dps=z": "the table has 400 rows",
     "import log.csv new --gravity --map t_s=time --map gz_dps=z": "map ax_g, ay_g and az_g",
@@ -85,6 +89,7 @@ HINTS = {
     "monitor --port /dev/ttyNONE": "plug the device in",
     "monitor --port log.csv": "give a serial device such as",
     "record new --port socket://localhost:1 --face up --rate 78 --seconds 3": "is `gyrocal device --tcp localhost:1` running",
+    "record new --port PORT --follow": "wait until `gyrocal device` has printed its name",
     "record new --face up --rate 78 --seconds 3": "Missing option '--port'",
 }
 """What a user types, and words of the line that says what to do."""
@@ -107,6 +112,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = np.column_stack([np.arange(400) / 100, np.random.default_rng(0).normal([0, 0, 78], 0.1, (400, 3))])
     for name, header in {"log": "time,x,y,z", "good": "t_s,gx_dps,gy_dps,gz_dps"}.items():
         np.savetxt(folder / f"{name}.csv", rows, "%.6f", ",", header=header, comments="")
+    counts = np.column_stack([rows[:, 0], np.rint(131 * rows[:, 1:])])
+    np.savetxt(folder / "raw.csv", counts, "%.6g", ",", header="time,gx,gy,gz", comments="")
+    np.savetxt(folder / "enc.csv", rows[:, [0, 1, 2, 3, 0]], "%.6f", ",", header="time,gx,gy,gz,encoder", comments="")
     (folder / "nothing.csv").touch()
     (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0\x00\x10JFIF" + bytes(range(256)))
     (folder / "notes.txt").write_text("hello\nworld\n")

@@ -56,7 +56,14 @@ __all__ = [
 
 P = ParamSpec("P")
 R = TypeVar("R")
-FLAG = re.compile(r"--([a-z][a-z-]*)")
+FLAG = re.compile(r"(`[^`]*`)|--([a-z][a-z-]*)")
+"""An option of the command line in a message, and what is not one: a command to type."""
+ARGUMENTS = {
+    "chamber": "chamber_c", "effect": "effects", "format": "form", "heldout-day": "only_day", "map": "maps",
+    "max": "most_steps", "method": "methods", "rate": "table_rate_dps", "ref-clock": "clock", "ref-map": "second",
+    "reference": "second", "run": "cuts", "sections": "cuts", "table": "table_dps",
+}  # fmt: skip
+"""Options whose argument has another name."""
 
 
 def _in_python(function: Callable[P, R]) -> Callable[P, R]:
@@ -67,7 +74,7 @@ def _in_python(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except GyrocalError as error:
-            words = FLAG.sub(lambda flag: flag[1].replace("-", "_"), str(error))
+            words = FLAG.sub(lambda found: found[1] or ARGUMENTS.get(found[2], found[2].replace("-", "_")), str(error))
             if words == str(error):
                 raise
             raise type(error)(words) from error

@@ -8,8 +8,10 @@ import pytest
 
 from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.levels import Cleaned
+from gyrocal.error_model.model import Model
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
@@ -132,3 +134,27 @@ def test_a_step_is_as_large_in_words_as_in_the_residual() -> None:
     inside = (t_all >= low) & (t_all < high)
     assert told_mdps == pytest.approx(drawn[inside].mean() - drawn.mean(), rel=0.2)
     assert first.amplitude_dps * 1e3 == pytest.approx(np.sqrt(2) * np.std(np.where(t_all > 20, 30.0, 0.0)), rel=0.2)
+
+
+def shaken(tone_dps: float) -> Session:
+    """Rectified vibration behind a low-pass of 30 Hz, as strong as the motor of each run, and a tone of another cause."""
+    from scipy.signal import butter, lfilter
+
+    rng, t_s, made = np.random.default_rng(12), np.arange(2000) / 100, []
+    for i, strength_g in enumerate((0.0, 0.5, 1.0, 1.5, 0.3, 0.8)):
+        envelope = strength_g * np.abs(np.sin(np.pi * (t_s / 11 + rng.random())))
+        acc_g = envelope * np.sin(2 * np.pi * (rng.uniform(8, 11) * t_s + rng.random()))
+        gyro = rng.normal(0, 0.01, (t_s.size, 3))
+        gyro[:, 2] += tone_dps * np.sin(2 * np.pi * (31 * t_s + rng.random()))
+        gyro[:, 2] += lfilter(*butter(2, 30, fs=100), 0.05 * acc_g**2)
+        columns = {"ax_g": acc_g, "ay_g": 0.0, "az_g": 1.0}
+        made.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{i}", day=1 + i % 3, **columns))
+    return make_session(*made)
+
+
+def test_what_the_low_pass_leaves_of_a_vibration_s_own_line_is_not_unknown() -> None:
+    """Beside its rectified part, lines at twice the motor's frequencies stayed unknown. One of another cause is told."""
+    model = Model.builtin("default").add("g2_sensitivity", "z")
+    assert [f for f in measure(shaken(0.0), model).where if f.against == "frequency"] == []
+    lines = [f for f in measure(shaken(0.004), model).where if f.band_hz is not None]
+    assert [round(f.band_hz[0]) for f in lines if f.band_hz] == [31]

@@ -6,7 +6,12 @@ from functools import partial
 import numpy as np
 import pytest
 
+from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.evidence import judge
+from gyrocal.diagnosis.sets import fitted_together
+from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
 from gyrocal.noise.drift import ou_noise
@@ -76,6 +81,24 @@ def test_a_chamber_at_any_temperature_shows_the_same(mean_c):
     assert found.verdict == "add"
     assert found.best.effect.id == "bias_temperature"
     assert abs(found.best.values["k1_dps_per_c"] - K1) < 3 * found.best.se["k1_dps_per_c"]
+
+
+def swinging(p_s, t_s, cycle, face, mean_c):
+    """The chamber goes up and down by 3 degC within each run."""
+    return mean_c + 1.5 * np.sin(2 * np.pi * (cycle / 4 + face / 8 + t_s / 40))
+
+
+def test_a_hysteresis_wider_than_the_way_back_of_the_temperature_is_no_rival_of_a_line_over_temperature():
+    """Its play operator never moves, and bias_temperature and thermal_hysteresis were named as a group."""
+    compared = measure(thermal(0, swinging, 45.0))
+    current = Current.of(compared, "z")
+    line, loop = (judge(current, effect(i)) for i in ("bias_temperature", "thermal_hysteresis"))
+    assert line.gain > 0
+    assert loop.values["width_c"] > 3.0
+    assert loop.gain is None  # not tested further
+    assert fitted_together(current, [effect("thermal_hysteresis")]) is None
+    runs = compared.fit.session.runs
+    assert [effect("thermal_hysteresis").observable({"width_c": w}, runs) for w in (2.9, 3.2)] == [True, False]
 
 
 @pytest.mark.parametrize("mean_c", [45.0, 70.0])

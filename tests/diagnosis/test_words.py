@@ -6,6 +6,7 @@ The residual is computed here from the session's arrays: readings minus scale an
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -246,3 +247,145 @@ def test_a_run_without_the_variable_belongs_to_no_step(times_rate: bool) -> None
     of_all, of_two = (drawn_power(f, Finding("z", "temperature", 9.0, 0.0, amplitude, "", shape)) for f in
                       (fitted(last=True), fitted(last=False)))  # fmt: skip
     assert 0.4 * of_two < of_all < 1.2 * of_two
+
+
+@dataclass
+class Moved:
+    """Eight runs: the true rate and the planted error of z [runs, n], the noise [runs, 3, n], and what ``make_run`` is told."""
+
+    rate_dps: Array
+    planted_dps: Array
+    noise_dps: Array
+    keys: list[dict[str, Any]]
+
+    def session(self) -> Session:
+        t_s, made = T_S[: self.rate_dps.shape[1]], []
+        for i, keys in enumerate(self.keys):
+            gyro = np.column_stack([*self.noise_dps[i, :2], self.noise_dps[i, 2] + 1.003 * self.rate_dps[i] + 0.05])
+            gyro[:, 2] += self.planted_dps[i]
+            made.append(make_run(t_s, gyro, **({"scenario": f"s{i}", "day": 1 + i % 3} | keys)))
+        return make_session(*made)
+
+    def drawn_dps(self) -> Array:
+        """Readings of z minus scale and bias, by least squares on all samples, shape [runs, n]."""
+        known = np.column_stack([self.rate_dps.ravel(), np.ones(self.rate_dps.size)])
+        y = (self.planted_dps + self.noise_dps[:, 2]).ravel()
+        return np.asarray(y - known @ np.linalg.lstsq(known, y, rcond=None)[0]).reshape(self.rate_dps.shape)
+
+    def check(self, against: str, pattern: str, columns: Array) -> re.Match[str]:
+        """The strongest finding: its variable, its words, and its rms beside that of the drawn residual's part in columns."""
+        first = measure(self.session()).where[0]
+        assert (first.axis, first.against) == ("z", against), first.note
+        y = self.drawn_dps().ravel()
+        known = np.column_stack([np.ones(y.size), columns.reshape(y.size, -1)])
+        part = (known @ np.linalg.lstsq(known, y, rcond=None)[0]).reshape(self.rate_dps.shape)
+        assert number(first.note, rf"{NUMBER} mdps") == pytest.approx(1e3 * float(np.std(part)), rel=WITHIN), first.note
+        said = re.search(pattern, first.note)
+        assert said is not None, first.note
+        return said
+
+
+def noise(rng: np.random.Generator) -> Array:
+    """White noise [runs, 3, n], deg/s."""
+    return rng.normal(0, NOISE_DPS, (8, 3, T_S.size))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_friction_is_told_between_a_rising_and_a_falling_rate(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    phase = 2 * np.pi * T_S / 6 + rng.uniform(0, 2 * np.pi, (8, 1))
+    rate_dps, rises = 60 * np.sin(phase), np.sign(np.cos(phase))
+    size = rng.uniform(0.03, 0.2) * rng.choice([-1, 1])
+    moved = Moved(rate_dps, size * rises, noise(rng), [{"rate_ref_dps": r} for r in rate_dps])
+    moved.check("direction", "between a rate that rises and one that falls$", rises)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_an_offset_of_one_direction_of_the_table_is_told_by_its_sign(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rates = np.array([30.0, 60.0, 90.0, -30.0, -60.0, -90.0, 30.0, -30.0])
+    rate_dps = np.broadcast_to(rates[:, None], (8, T_S.size))
+    sense = np.sign(rate_dps)
+    size = rng.uniform(0.1, 0.3) * rng.choice([-1, 1])
+    moved = Moved(rate_dps, size * sense, noise(rng), [{"table_rate_dps": r} for r in rates])
+    said = moved.check("direction", rf"most, {NUMBER} mdps, the table's (negative|positive) direction", sense)
+    drawn = moved.drawn_dps()
+    inside = sense < 0 if said[2] == "negative" else sense > 0
+    assert float(said[1]) == pytest.approx(1e3 * (drawn[inside].mean() - drawn.mean()), rel=WITHIN)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_an_offset_of_one_face_is_told_by_the_face(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    faces = np.array([1, -1, 1, -1, 1, -1, 1, -1])
+    tables = np.array([40.0, 40.0, -40.0, -40.0, 80.0, 80.0, -80.0, -80.0])
+    rate_dps = np.broadcast_to((faces * tables)[:, None], (8, T_S.size))
+    up = np.broadcast_to(faces[:, None], rate_dps.shape)
+    size = rng.uniform(0.05, 0.2) * rng.choice([-1, 1])
+    keys = [{"table_rate_dps": r, "face": "up" if f > 0 else "down"} for r, f in zip(tables, faces, strict=True)]
+    moved = Moved(rate_dps, size * up, noise(rng), keys)
+    said = moved.check("face", rf"most, {NUMBER} mdps, face (up|down)$", up)
+    assert float(said[1]) == pytest.approx(1e3 * size * (1 if said[2] == "up" else -1), rel=WITHIN)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_part_in_proportion_to_the_acceleration_has_its_size(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    sway = np.sin(2 * np.pi * T_S / 11 + rng.uniform(0, 2 * np.pi, (8, 1)))
+    rate_dps = np.broadcast_to(np.resize([50.0, -50.0], 8)[:, None], sway.shape)
+    size = rng.uniform(0.03, 0.2) * rng.choice([-1, 1])
+    keys = [
+        {"table_rate_dps": rate_dps[i, 0], "ax_g": 0.5 * sway[i] + rng.normal(0, 1e-3, T_S.size), "ay_g": 0.0, "az_g": 1.0}
+        for i in range(8)
+    ]  # fmt: skip
+    Moved(rate_dps, size * sway, noise(rng), keys).check("acceleration", "in proportion to the acceleration$", sway)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_curve_over_the_time_since_power_on_has_its_window_and_size(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    on_s = np.linspace(1, 170, 8)
+    since_s = on_s[:, None] + T_S
+    rate_dps = np.broadcast_to(np.resize([50.0, -50.0], 8)[:, None], since_s.shape)
+    size = rng.uniform(0.3, 0.6) * rng.choice([-1, 1])
+    keys = [{"table_rate_dps": rate_dps[i, 0], "power_on_s": on_s[i], "scenario": "s0", "day": 1} for i in range(8)]
+    moved = Moved(rate_dps, size * np.exp(-since_s / 40), noise(rng), keys)
+    first = measure(moved.session()).where[0]
+    assert (first.axis, first.against) == ("z", "power_on_time"), first.note
+    low, high = window(first.note, "s")
+    drawn = moved.drawn_dps()
+    inside = (since_s >= low) & (since_s < high)
+    assert number(first.note, rf"most, {NUMBER} mdps") == pytest.approx(1e3 * (drawn[inside].mean() - drawn.mean()), rel=WITHIN)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_tone_of_a_broken_number_per_turn_is_told_on_an_axis_across_the_table_s(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rates, order, size = np.array([60.0, 90.0, 120.0, -75.0] * 2), rng.choice([3.5, 4.25, 6.5]), rng.uniform(0.03, 0.1)
+    wave = size * np.sin(order * np.deg2rad(rates[:, None] * T_S) + rng.uniform(0, 2 * np.pi, (8, 1)))
+    made = []
+    for i, rate in enumerate(rates):
+        gyro = rng.normal(0, NOISE_DPS, (T_S.size, 3)) + np.column_stack([wave[i], 0 * T_S, 0 * T_S + 1.003 * rate])
+        made.append(make_run(T_S, gyro, table_rate_dps=rate, scenario=f"s{i}", day=1 + i % 3))
+    first = measure(make_session(*made)).where[0]
+    assert (first.axis, first.against) == ("x", "order"), first.note
+    assert number(first.note, rf"{NUMBER} per turn") == pytest.approx(order, abs=0.02)
+    assert number(first.note, rf"{NUMBER} mdps") == pytest.approx(1e3 * size, rel=WITHIN)
+    assert first.amplitude_dps == pytest.approx(size, rel=WITHIN)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    phase = 2 * np.pi * T_S / 12 + rng.uniform(0, 2 * np.pi, (8, 1))
+    rate_dps = 80 * np.sin(phase) ** 3
+    missing = np.where(np.abs(rate_dps) < 10, -rng.uniform(0.02, 0.05) * rate_dps, 0.0)
+    moved = Moved(rate_dps, missing, noise(rng), [{"rate_ref_dps": r} for r in rate_dps])
+    first = measure(moved.session()).where[0]
+    assert (first.axis, first.against) == ("z", "level"), first.note
+    low, high = window(first.note, "deg/s")
+    inside = (np.abs(rate_dps) >= low) & (np.abs(rate_dps) < high)
+    drawn = moved.drawn_dps()
+    of_rate = float(drawn[inside] @ rate_dps[inside] / (rate_dps[inside] @ rate_dps[inside]))
+    whole = float(drawn.ravel() @ rate_dps.ravel() / np.sum(rate_dps**2))
+    assert number(first.note, rf"most, {NUMBER} ppm") == pytest.approx(1e6 * (of_rate - whole), rel=WITHIN)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.effects.base import effect
+from gyrocal.effects.base import effect, is_left_of_a_line
 from gyrocal.effects.byte_fault import carried, lost_carry, single_power
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.order_tone import spectrum_over_turns, told_from_frequency
@@ -212,9 +212,14 @@ def test_a_line_of_the_vibration_is_in_its_square(make_run: MakeRun) -> None:
     noise = np.random.default_rng(11).normal(0, 1e-3, (3, t_s.size))
     run = make_run(t_s, table_rate_dps=0.0, ax_g=noise[0], ay_g=1 + shaken + noise[1], az_g=noise[2])
     g2 = effect("g2_sensitivity")
-    assert g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 8.01, 8.01)
-    assert not g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 11.0, 11.0)
-    assert g2.has_line([run], 2, {"ky_dps_per_g2": -0.03}, 5.0, 9.0)
+    values = {"ky_dps_per_g2": -0.03}
+    size_dps = 2 * 0.3 * 0.03 * np.sqrt(1 + 0.5**2 / 2)
+    assert g2.line_dps([run], 2, values, 8.01, 8.01) == pytest.approx(size_dps, rel=0.02)
+    assert g2.line_dps([run], 2, values, 5.0, 9.0) == pytest.approx(size_dps, rel=0.02)
+    assert g2.line_dps([run], 2, values, 11.0, 11.0) == 0
+    assert g2.line_dps([run], 2, {}, 8.01, 8.01) == 0  # it was not measurable
+    sizes = ((8.0, 1.5 * size_dps), (8.0, 2.5 * size_dps), (11.0, 0.1 * size_dps))
+    assert [is_left_of_a_line([(g2, values)], [run], 2, hz, size) for hz, size in sizes] == [True, False, False]
 
 
 @pytest.mark.parametrize(("rate", "told"), [(np.sign, True), (np.ones_like, False)])

@@ -10,14 +10,16 @@ from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import AxisFit
 from make_runs import make_run, make_session
 
+NOISE_DPS, SAMPLES = 0.01, 200
 
-def offsets(cycles: int, seed: int, runs: int = 1) -> AxisFit:
-    """Short runs at rest whose offsets differ from power cycle to power cycle by far more than the noise of a run."""
+
+def offsets(cycles: int, seed: int, spread_dps: float = 0.05, runs: int = 1) -> AxisFit:
+    """Short runs at rest whose offsets differ from power cycle to power cycle, usually by far more than the noise of a run."""
     rng = np.random.default_rng(seed)
-    t_s = np.arange(200) / 20.0
+    t_s = np.arange(SAMPLES) / 20.0
     made = [
-        make_run(t_s, rng.normal(offset, 0.01, (t_s.size, 3)), table_rate_dps=0.0, scenario=f"s{k}")
-        for k, offset in enumerate(rng.normal(0, 0.05, cycles)) for _ in range(runs)
+        make_run(t_s, rng.normal(offset, NOISE_DPS, (t_s.size, 3)), table_rate_dps=0.0, scenario=f"s{k}")
+        for k, offset in enumerate(rng.normal(0, spread_dps, cycles)) for _ in range(runs)
     ]  # fmt: skip
     return fit(make_session(*made), Model.open(None), axes="x").axes["x"]
 
@@ -39,3 +41,17 @@ def test_errors_of_four_power_cycles_cover_the_truth() -> None:
         z.append(bias.values["bias_dps"] / bias.se["bias_dps"])
     assert np.mean(np.abs(z) < 1.96) > 0.85
     assert np.std(z) < 1.2
+
+
+@pytest.mark.parametrize("ratio", [0, 2])
+def test_errors_are_honest_whether_cycles_agree_or_not(ratio: float) -> None:
+    """Four cycles whose offsets are equal, or differ by twice the error with which one of them shows its own.
+
+    There it is hardest to tell cycles that agree from cycles that do not.
+    """
+    z = []
+    for seed in range(1000, 1120):
+        (bias,) = (term for term in offsets(4, seed, ratio * NOISE_DPS / SAMPLES**0.5).terms if term.effect_id == "bias")
+        z.append(bias.values["bias_dps"] / bias.se["bias_dps"])
+    assert 0.75 < np.std(z) < 1.2
+    assert np.mean(np.abs(z) < 1.96) > 0.9

@@ -12,9 +12,11 @@ from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Model, Term
+from gyrocal.inference import design
 from gyrocal.inference.fit import fit
 from gyrocal.inference.heldout import fitted as in_sample
-from gyrocal.inference.timing import started, with_timing
+from gyrocal.inference.noise_search import fit_noise
+from gyrocal.inference.timing import settle, started, with_timing
 from gyrocal.recording.session import Session
 from gyrocal.recording.timing import SYNCHRONOUS
 from make_runs import make_run, make_session
@@ -149,6 +151,23 @@ def test_a_large_error_of_time_is_named_and_nothing_else(name: str, effect_id: s
     assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", effect_id, "z")
 
 
+def test_power_cycles_may_cease_to_show_a_scale_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step of the delay moves the true rates, and the least of them may then vary too little within its power cycle."""
+    rng, runs = np.random.default_rng(4), []
+    for i in range(4):
+        t_s = np.arange(0, 8, 0.02)
+        gyro = rng.normal(0, 0.05, (t_s.size, 3))
+        gyro[:, 2] += 30 * np.sin(2 * np.pi * 0.4 * (t_s - 0.02) + i)
+        runs.append(make_run(t_s, gyro, scenario=f"s{i}", rate_ref_dps=30 * np.sin(2 * np.pi * 0.4 * t_s + i)))
+    plain = fit(make_session(*runs), Model.builtin("default"), axes="z").axes["z"].design
+    unshifted = fit_noise(plain.changed([*plain.terms, Term("lag", "z", {"order": 1.0, "tau_s": 0.0})]))
+    assert unshifted.spreads.scenario.size == 2
+    monkeypatch.setattr(design, "LEAST_CONTRAST", 10.0)
+    late = settle(unshifted)
+    assert late.spreads.scenario.size == 1
+    assert late.design.terms[-1].values["tau_s"] == pytest.approx(0.02, abs=0.002)
+
+
 def test_without_an_error_of_time_none_is_found() -> None:
     session = BENCHMARK.session(BENCHMARK.Cell("none"), 4)
     assert diagnose(session).verdict == "adequate"
@@ -161,3 +180,25 @@ def test_a_search_for_a_delay_stays_within_the_reference(tmp_path: Path) -> None
     late = with_timing(current, Term("lag", "z"))
     assert np.isfinite(late.loglik)
     assert late.design.n_blocks.sum() > current.design.n_blocks.sum() / 4
+
+
+@pytest.mark.parametrize("e", [5e-5, -5e-4])
+def test_a_delay_and_a_clock_that_cancel_within_the_runs_are_named_together(e: float) -> None:
+    """Alone, the clock's error would be found a quarter of its size and hundreds of errors off, and the delay not at all."""
+    rng = np.random.default_rng(2)
+    t_s, tau_s, runs = np.arange(0, 40, 0.02), 20 * e, []
+    for i in range(6):
+        hz, size, phase = rng.uniform(0.2, 0.9, 6), rng.uniform(5, 20, 6), rng.uniform(0, 2 * np.pi, 6)
+        reference, late = (
+            np.sin(2 * np.pi * np.outer(at_s, hz) + phase) @ size for at_s in (t_s, (1 + e) * t_s - tau_s)
+        )  # fmt: skip
+        gyro = rng.normal(0, 0.044, (t_s.size, 3))
+        gyro[:, 2] += 1.004 * late + 0.1 + rng.normal(0, 0.005)
+        runs.append(make_run(t_s, gyro, scenario=f"s{i}", rate_ref_dps=reference))
+    found = diagnose(make_session(*runs))
+    assert found.verdict == "add"
+    named = {c.effect.id: c for c in found.candidates if c.decision == "add"}
+    assert set(named) == {"clock_error", "lag"} == set(named["lag"].together)
+    for candidate, name, truth in ((named["clock_error"], "e", e), (named["lag"], "tau_s", tau_s)):
+        assert abs(candidate.values[name] - truth) < 3 * candidate.se[name]
+        assert candidate.se[name] < 0.01 * abs(truth)

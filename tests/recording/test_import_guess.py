@@ -75,11 +75,24 @@ def test_the_true_rate_is_recognized_by_name_and_unit(name: str, expected: str |
     assert all(not g.map.startswith(("rate_ref", "ref_")) for g in guess(Source("a.csv", table), Scaling(), reference=False))
 
 
+def test_columns_beside_those_that_are_mapped_are_guessed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line for the encoder alone does not turn off the guess at the gyroscope."""
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{10 * i},0.1,0.2,{9 + i % 3},{i / 10}\n" for i in range(300))
+    Path("log.csv").write_text(f"time_ms,gx,gy,gz,enc\n{rows}")
+    assert main(["import", "log.csv", "lab", "--map", "ref_angle_deg=enc", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["guessed"] == ["t_s=time_ms:ms", "gx_dps=gx:dps", "gy_dps=gy:dps", "gz_dps=gz:dps"]
+    assert "ref_angle_deg" in Session.open("lab").runs[0].table.columns
+
+
 def test_raw_counts_are_not_guessed() -> None:
     table = columns(["t", "gx", "gy", "gz"], 9000, 1, 1).with_columns(pl.col("gx", "gy", "gz").round())
-    with pytest.raises(InputError, match=r"raw counts up to 9000.*gx_dps=gx/131"):
+    with pytest.raises(InputError, match=r"raw counts up to 9000.*--lsb-dps 0.00763359.*'gx_dps=\(gx-32768\)/131'"):
         guess(Source("a.csv", table), Scaling())
-    assert "gz_dps=gz:counts" in {g.map for g in guess(Source("a.csv", table), Scaling(lsb_dps=0.0076))}
+    assert "gz_dps=gz:counts" in {g.map for g in guess(Source("a.csv", table), Scaling(lsb_dps=0.00763359))}
 
 
 def test_no_gyroscope_is_told() -> None:

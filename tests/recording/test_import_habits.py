@@ -67,6 +67,12 @@ HABITS: dict[str, str | bytes] = {
     "dates by points": timed("%d.%m.%Y %H:%M:%S.%f"),
     "dates with AM and PM": timed("%m/%d/%Y %I:%M:%S.%f %p"),
     "times of day across midnight": timed("%H:%M:%S.%f"),
+    "minutes and seconds": text([[f"{59 + t // 60:02.0f}:{t % 60:06.3f}", *r[1:]] for t, r in zip(T_S, ROWS, strict=True)]),
+    "rates of roll, pitch and yaw": text(head=["time", "roll_rate", "pitch_rate", "yaw_rate"]),
+    "a serial monitor's stamps": "".join(
+        f"12:00:59.9{i % 10} -> {line}\n" if i < 2 else f"12:01:{T_S[i - 2]:06.3f} -> {line}\n"
+        for i, line in enumerate(["Booting...", "gyro_x,gyro_y,gyro_z", *(",".join(row[1:]) for row in ROWS)])
+    ),
     "nanoseconds since 1970": text([[str(1_770_000_000_123_456_789 + i * 10**7), *r[1:]] for i, r in enumerate(ROWS)]),
     "a counter that begins again": counted(2**32 - 1_000_000, 10_000),
     "a counter that nearly begins again": counted(2**32 - 4_000_000, 10_000),
@@ -84,10 +90,12 @@ def test_a_habit_is_read_as_what_it_means(habit: str, tmp_path: Path) -> None:
 
 COUNTS = np.rint(GYRO_DPS * 131).astype(int)
 UNSIGNED = COUNTS % 65536
+MONITORED = "".join(f"12:01:{t:06.3f} > {','.join(row[1:])}\n" for t, row in zip(T_S, ROWS, strict=True))
 REFUSED: dict[str, tuple[str, str]] = {
     "16 bits without a sign": (text([[r[0], *map(str, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "Subtract 65536"),
     "counts about a zero": (text([[r[0], *map(str, c + 32768)] for r, c in zip(ROWS, COUNTS, strict=True)]), "-32768)/131"),
     "hexadecimal": (text([[r[0], *map(hex, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "write decimal ones"),
+    "a serial monitor's stamps without a header": (MONITORED, "name all columns, as by --columns time,gx,gy,gz"),
     "JSON": ("\n".join(f'{{"t":{r[0]},"gz":{r[3]}}}' for r in ROWS), "this is JSON"),
     "a pointer": ("version https://git-lfs.example/spec/v1\noid sha256:0b8d\nsize 311115\n", "git lfs pull"),
     "HTML": ("<table>\n<tr><td>1</td></tr>\n", "XML or HTML"),
@@ -103,6 +111,14 @@ def test_what_cannot_be_read_says_what_to_do(habit: str, tmp_path: Path) -> None
         read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 78.0}))
     assert says in str(told.value)
     assert "\n" not in str(told.value)
+
+
+def test_a_serial_monitor_s_stamps_are_a_column_that_can_be_named(tmp_path: Path) -> None:
+    (tmp_path / "log.txt").write_text(MONITORED)
+    options = Options(columns=["time", "gx", "gy", "gz"], defaults={"table_rate_dps": 78.0})
+    run = read_recording(tmp_path / "log.txt", options).session.runs[0]
+    assert np.array_equal(run.gyro_dps, GYRO_DPS)
+    assert run.t_s == pytest.approx(T_S, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,24 +13,47 @@ from typing import Any
 from gyrocal.cli import main
 from gyrocal.simulation.simulate import simulate
 
+LISTS = ("Rests", "Movements between them")
+
 
 def test_rests_and_comparison_are_those_of_the_command_line(
     serve: Callable[..., Any], look: Callable[..., Any], chromium: Any, tmp_path: Path
 ) -> None:
     simulate(tmp_path / "hand", "hands", [], 3)
+    simulate(tmp_path / "short", "paper", [], 3, scenarios=1, seconds=2)
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
         assert main(["compare", str(tmp_path / "hand"), "--json"]) == 0
     compared = json.loads(out.getvalue())
-    page = look(serve(tmp_path, "hand").url)
+    served = serve(tmp_path, "hand")
+    page = look(served.url)
     page.locator(".figure b").first.wait_for()
     assert page.locator(".session-name").inner_text() == "hand"
     shown = page.locator(".figure b").all_inner_texts()
     assert shown == [f"{compared[name]:.4f}" for name in ("rms_deg", "floor_deg", "excess_deg")]
-    assert page.locator("[aria-label='Rests'] tbody tr").count() == compared["rests"]
-    assert page.locator("[aria-label='Movements between them'] tbody tr").count() == compared["movements"]
+    for title, counted in zip(LISTS, (compared["rests"], compared["movements"]), strict=True):
+        listed = page.locator(f"[aria-label='{title}']")
+        assert listed.locator("tbody tr").count() == counted
+        assert page.get_by_role("heading", name=f"{title} ({counted})").is_visible()
+        assert listed.evaluate("e => e.scrollHeight <= e.clientHeight")  # all of them are on the page
     budgets = page.locator("[aria-label='error budget'] table")
     assert budgets.count() == 3
     assert "sample clock" in budgets.first.inner_text()
+    answers = page.locator("table.plain", has_text="trusted").inner_text()
+    assert re.findall("bias[^,]*, (m?dps)", answers + budgets.first.inner_text()) == ["dps", "dps"]  # biases of several dps
+    assert "one stretch of time after another is left out of the fit" in page.locator("[aria-label=verdict]").inner_text()
     assert page.locator(".preview img").evaluate("i => i.complete && i.naturalWidth > 100")
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_function("innerWidth === 390")
+    assert all(page.locator(f"[aria-label='{title}']").bounding_box()["height"] < 0.62 * 844 for title in LISTS)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+    page.goto(f"{served.url}compare?session=short")
+    page.locator(".session-name", has_text="short").wait_for()
+    page.get_by_text("not known: nothing could be left out of the fit").wait_for()
+    assert "±" not in page.locator("[aria-label=verdict]").inner_text()  # nothing is known, with no error of it either
+    assert page.locator(".figure b").all_inner_texts()[0] == "–"
+    page.locator(".per-axis").evaluate("e => { e.textContent = 'x 333.88 ± 13.06 · '.repeat(4); }")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390

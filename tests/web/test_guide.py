@@ -63,6 +63,7 @@ def test_the_page_guides_a_simulated_hand_to_the_aims(
     page.get_by_role("button", name="Record by hand").click()
     guide = page.locator("[aria-label='what to do by hand']")
     guide.get_by_text(re.compile("^(Lay|Hold|Done)")).wait_for()
+    page.get_by_text(re.compile("^Writing .*, 0 lost$")).wait_for()  # what was sent before is not lost
     guide.get_by_text("Done: every axis is known well enough.").wait_for()
     page.get_by_text(re.compile("1 recording, .* is in recorded")).wait_for()
     assert page.locator("[aria-label='errors by hand'] .reached.good").count() == 6

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gyrocal.web import charts
 from gyrocal.web.against import panels
 from gyrocal.web.hero import picture
 from gyrocal.web.strip import share
@@ -26,6 +27,16 @@ def test_the_curve_lies_through_the_means_whatever_the_bias_does(offset_dps: flo
     assert shown is not None
     assert shown.view == "temperature"
     assert np.abs(np.array(shown.left) - np.array(shown.curve)).max() < 1e-6
+
+
+def test_no_tick_stands_at_the_odd_ends_of_the_data() -> None:
+    of = points(4000)
+    shown = picture("z", of["z"], of, {0: "000_up.csv"})
+    assert shown is not None
+    across = charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["words"])["xAxis"]
+    assert across["max"] == shown.edges[-1]
+    assert not across["axisLabel"]["showMinLabel"]
+    assert not across["axisLabel"]["showMaxLabel"]
 
 
 def test_an_excess_that_is_small_beside_the_noise_stays_pale() -> None:

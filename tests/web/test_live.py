@@ -16,6 +16,7 @@ from gyrocal.device.simulated import SimulatedDevice, replay, simulated_scenario
 from gyrocal.device.wire import PROTOCOL, encode
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web import charts
 from gyrocal.web.words import method
 
 
@@ -100,6 +101,14 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     assert abs(rates(page)[2] - down_dps) < 1.0
     assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
 
+    page.reload()  # the device has stopped: nothing comes any more, and what came stays
+    page.wait_for_function(f"() => {CHART}.getOption().series[2].data.length > 10")
+    assert abs(rates(page)[2] - down_dps) < 1.0
+    page.get_by_role("button", name="light or dark").click()
+    page.wait_for_function("() => document.body.classList.contains('body--dark')")
+    page.wait_for_function(f"() => {CHART}.getOption().title[0].textStyle.color === '{charts.DARK.dim}'")
+    page.wait_for_function(f"() => {CHART}.getOption().series[2].data.length > 10")
+
     fold, around = (page.locator(f"[aria-label=results]{of}").bounding_box() for of in (" summary", ""))
     assert fold["y"] + fold["height"] <= around["y"] + around["height"]  # the answer and its fold are not cut off
     page.get_by_text("All answers").click()
@@ -161,9 +170,7 @@ def test_each_sensor_of_a_board_has_its_own(
         page.get_by_text("All answers").click()
         shown = [row.split("\t") for row in page.locator("[aria-label=results] tbody tr").all_inner_texts()]
     said = [s for s in replay(parts[1]) if s.tag == "CAL" and s.fields["method"] == "baseline"]
-    assert [row[3] for row in shown if row[1] == method("baseline")] == [
-        f"{100 * (s.real('scale') or 0):.4f}" for s in said
-    ]
+    assert [row[3] for row in shown if row[1] == method("baseline")] == [f"{100 * (s.real('scale') or 0):.4f}" for s in said]
     recorded = Session.open(tmp_path / "recorded")
     theirs = [np.abs(recorded.runs[-1].gyro_dps[-100:] - part.runs[-1].gyro_dps[-100:]).max() for part in parts]
     assert theirs[1] < 0.00876 < theirs[0]

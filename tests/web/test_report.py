@@ -14,8 +14,10 @@ from typing import Any
 
 import pytest
 
+from gyrocal.api import compare
 from gyrocal.cli import main
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web.report import spectrum
 from gyrocal.web.state import Workbench
 
 from .loop import finish
@@ -51,6 +53,12 @@ def reports(folder: Path) -> tuple[str, str]:
     assert first is not None
     assert last is not None
     return first, last
+
+
+def test_the_spectrum_begins_at_the_lowest_frequency_that_a_run_holds() -> None:
+    session, _ = simulate(None, "paper", [], 3, scenarios=3, seconds=20)
+    drawn = spectrum(compare(session)).axes[0].lines[0].get_xdata()
+    assert drawn[0] == pytest.approx(1 / max(run.duration_s for run in session.runs), rel=0.01)
 
 
 def words(text: str) -> str:

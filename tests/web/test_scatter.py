@@ -34,11 +34,12 @@ def test_biases_within_their_errors_are_not_said_to_scatter() -> None:
     rng = np.random.default_rng(2)
     told = sentences(estimates((-100 + rng.normal(0, 2.0, 9)).tolist(), 2.0), "z")
     assert len(told) == 1
+    assert "the scale scatters by 0 % about 1.0000 %, own error 0.01 %." in told[0]
 
 
 def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
     found = [*estimates([-1.0, 0.0, 1.0], 2.0), *estimates([5.0], 2.0, ("misfit", "missed"))]
-    assert "1 of 4 answers are not trusted" in sentences(found, "z")[-1]
+    assert "1 of 4 answers is not trusted" in sentences(found, "z")[-1]
     assert [line.split(":")[0] for line in meanings(found)] == ["misfit", "missed"]
     drawn = picture(found, "z", ("#111", "#222", "#333"))
     assert drawn.count('r="3.5" fill="none"') == 1

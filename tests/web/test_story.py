@@ -16,6 +16,7 @@ import pytest
 from gyrocal.cli import main
 from gyrocal.present.output import mdps
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web import charts
 from gyrocal.web.words import method
 
 SECONDS, SCENARIOS = 20, 3
@@ -53,10 +54,8 @@ def shown_excess(page: Any) -> list[str]:
     return str(label).split(": ")[1].split()
 
 
-POINTS = (
-    "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart.getOption()"
-    ".series[0].data.filter(p => p[1] !== null)"
-)
+CHART = "getElement(Number(document.querySelector('.nicegui-echart').id.slice(1))).chart"
+POINTS = f"{CHART}.getOption().series[0].data.filter(p => p[1] !== null)"
 """Those of the first curve that the browser holds."""
 
 
@@ -148,7 +147,7 @@ def exports(page: Any, folder: Path, excess: list[str]) -> None:
     """The model is the command line's, the report is self-contained, and the firmware gets both of its files."""
     assert downloaded(page, "Model, TOML") == (folder / "m.toml").read_text()
     report = downloaded(page, "Report, one HTML file")
-    for words in (*excess, "Ripple of the table&#39;s speed", "<td class=\"text\">no: misfit</td>"):
+    for words in (*excess, "Ripple of the table&#39;s speed", '<td class="text">no: misfit</td>'):
         assert words in report
     assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", report)
 
@@ -196,6 +195,23 @@ def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -
         page.locator(f'[role=img][aria-label="{view}"] canvas').wait_for()
         few = view in ("Rate", "Face", "Direction", "Level")  # one point for each value, and one for each run
         page.wait_for_function(f"(least) => {POINTS}.length > least", arg=0 if few else 10)
+
+
+def test_light_and_dark_keep_what_was_chosen(served: Any, look: Callable[..., Any]) -> None:
+    page = look(f"{served.url}compare")
+    figures(page)
+    page.get_by_role("button", name="Timeline").click()
+    page.get_by_role("button", name="x", exact=True).click()
+    page.get_by_role("button", name="x", exact=True, pressed=True).wait_for()
+    page.get_by_role("button", name="zoom in").click()
+    zoomed = CHART + ".getOption().dataZoom[0]"
+    page.wait_for_function(f"() => {zoomed}.start > 0")
+    chosen = page.evaluate(f"() => [{zoomed}.start, {zoomed}.end]")
+    page.wait_for_timeout(500)  # the server has heard of it
+    page.get_by_role("button", name="light or dark").click()
+    page.wait_for_function(f"() => {CHART}.getOption().title[0].textStyle.color === '{charts.DARK.dim}'")
+    assert page.evaluate(f"() => [{zoomed}.start, {zoomed}.end]") == pytest.approx(chosen)
+    assert page.get_by_role("button", name="x", exact=True, pressed=True).is_visible()
 
 
 def test_the_keyboard_is_enough(served: Any, look: Callable[..., Any]) -> None:

@@ -187,6 +187,6 @@ def _tell(found: "Imported", session: "Session", out: Path, as_json: bool) -> No
         })  # fmt: skip
         return
     print_warnings(warnings)
-    print(f"{out}: {len(session.runs)} runs, {samples} samples at {session.sample_rate_hz:g} Hz")
+    print(f"{out}: {len(session.runs)} run{'s' * (len(session.runs) != 1)}, {samples} samples at {session.sample_rate_hz:g} Hz")
     for what, count in found.repaired.items():
         print(f"{count} {REPAIRED[what]}")

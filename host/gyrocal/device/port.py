@@ -148,7 +148,8 @@ def _why_not_open(name: str, error: Exception) -> str:
         from serial.tools.list_ports import comports
 
         there = ", ".join(p.device for p in comports() if p.hwid != "n/a")
-        return f"{name}: no such port; plug the device in. Ports here: {there or 'none'}"
+        starting = "" if name.startswith("/dev/") else ", or wait until `gyrocal device` has printed its name"
+        return f"{name}: no such port; plug the device in{starting}. Ports here: {there or 'none'}"
     if number == errno.ENOTTY or Path(name).is_file():
         return f"{name}: a file and no port; give a serial device such as /dev/ttyUSB0, or socket://HOST:PORT"
     return f"{name}: cannot be opened as a serial port: {error}"

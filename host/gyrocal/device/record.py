@@ -245,8 +245,8 @@ class Recorder:
         if heard.start is None:
             self._ask()
         if wanted is not None and heard.setting is None:
-            if self.link.replays:
-                return  # until its setting is known
+            if self.link.replays and self.reference is None:
+                return  # until its setting is known; without a rate, every run will do
             axis = wanted.axis or self._folder.axis
             heard.setting = Setting(wanted.face, axis, wanted.table_rate_dps, wanted.turn_deg)
             heard.face = wanted.face

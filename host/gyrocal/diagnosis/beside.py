@@ -5,7 +5,9 @@ it: a dead band makes jumps, and a lost carry makes wide waves. Beside the first
 decision ``add`` only if it still gains with the first one in the model.
 
 Slow effects can also hide each other: a curve over temperature hides a hysteresis, and alone neither predicts held-out data.
-Where no candidate of an axis passes, those that were suggested are compared as sets.
+Where no candidate of an axis passes, those that were suggested are compared as sets. Effects of time hide each other most: if a
+delay and the clock's error cancel in the middle of the runs, a fit of one of them is wrong by many errors. They are compared as
+a set also where one of them passes.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from gyrocal.diagnosis.explained import explained
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.sets import choose, fitted_together
 from gyrocal.effects.base import Effect
+from gyrocal.effects.timing import TimingEffect
 from gyrocal.policy import POLICY
 from gyrocal.threads import each
 
@@ -73,22 +76,50 @@ def _gains(again: Candidate, first: Candidate, tested: int) -> bool:
 
 
 def as_sets(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
-    """The candidates; on each axis with a finding and without a name, the members of the best set have decision ``add``."""
-    named = {c.axis for c in candidates if c.decision == "add"}
-    found = {f.axis for f in comparison.where} - named
+    """The candidates; the members of the best set of an axis have decision ``add``, with their values beside each other.
+
+    Sets are compared on axes with a finding and without a name. Effects of time are compared on every axis on which one of them
+    was suggested.
+    """
+    tested = sum(c.decision != "not_measurable" for c in candidates)
+    found = {f.axis for f in comparison.where} - {c.axis for c in candidates if c.decision == "add"}
     out = list(candidates)
     for axis in comparison.judged:
         runs = comparison.fit.session.runs
         slow = [
             c for c in candidates
-            if c.axis == axis and c.decision == "suggest" and c.signal is not None and not c.effect.fast
-            and c.effect.scope_in(runs) == "session" and not c.contradicted
+            if c.axis == axis and c.signal is not None and not c.effect.fast and c.effect.scope_in(runs) == "session"
         ]  # fmt: skip
-        if axis in found and len(slow) > 1:
-            pool = sorted(slow, key=lambda c: c.chance)[: POLICY.largest_pool]
-            changed = _set_of(pool, comparison, sum(c.decision != "not_measurable" for c in candidates))
-            out = [changed.get(c.effect.id, c) if c.axis == axis else c for c in out]
+        suggested = [c for c in slow if c.decision == "suggest" and not c.contradicted]
+        changed = _in_time([c for c in slow if isinstance(c.effect, TimingEffect)], comparison, tested)
+        if axis in found and len(suggested) > 1 and not any(c.decision == "add" for c in changed.values()):
+            pool = sorted(suggested, key=lambda c: c.chance)[: POLICY.largest_pool]
+            changed |= _set_of(pool, comparison, tested)
+        out = [changed.get(c.effect.id, c) if c.axis == axis else c for c in out]
     return out
+
+
+def _in_time(pool: Sequence[Candidate], comparison: Comparison, tested: int) -> dict[str, Candidate]:
+    """Effects of time of one axis by id, with their values beside each other if noise explains none of them there.
+
+    The set is named if it is certain. Else each keeps its decision and is at least suggested.
+    """
+    if len(pool) < 2 or not any(c.decision in ("add", "suggest") for c in pool):
+        return {}
+    named = _set_of(pool, comparison, tested)
+    if len(named) == len(pool) and all(c.together for c in named.values()):
+        return named
+    current, changed = Current.of(comparison, pool[0].axis), {}
+    for c in pool:
+        others = fitted_together(current, [other.effect for other in pool if other is not c])
+        again = None if others is None else judge(replace(current, fit=others, changed=True), c.effect)
+        if again is None or again.chance * tested >= POLICY.name_alarm:
+            return {}
+        changed[c.effect.id] = replace(
+            again, decision="add" if c.decision == "add" else "suggest", group=c.group,
+            together=tuple(c.effect.id for c in pool), q_value=min(1.0, again.chance * tested),
+        )  # fmt: skip
+    return changed
 
 
 def _set_of(pool: Sequence[Candidate], comparison: Comparison, tested: int) -> dict[str, Candidate]:

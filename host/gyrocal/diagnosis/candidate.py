@@ -38,7 +38,7 @@ class Candidate:
     q_value: float | None = None
     group: tuple[str, ...] = ()
     together: tuple[str, ...] = ()
-    """The effects of the set in which this one is certain; empty if its evidence is that of the effect alone."""
+    """The effects of the set beside which this one was judged; empty if its evidence is that of the effect alone."""
     next_measurement: str = ""
     parameters: int = 0
     signal: Array | None = field(default=None, repr=False)

@@ -63,7 +63,7 @@ def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:
     if finding.band_hz[0] == finding.band_hz[1]:
         of.append((c.effect, c.values))
     runs, axis = comparison.fit.session.runs, AXES.index(c.axis)
-    return any(effect.has_line(runs, axis, values, *finding.band_hz) for effect, values in of)
+    return any(effect.line_dps(runs, axis, values, *finding.band_hz) > 0 for effect, values in of)
 
 
 def proven(c: Candidate, tested: int) -> bool:

@@ -80,7 +80,9 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     looks = effect.looks(current.runs, current.index)
     chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     known = [(t.effect, t.values) for t in fitted.terms[:-1]]
-    if chance > unless or effect.repeats(term.values, current.runs, current.index, known):
+    told_otherwise = not effect.observable(term.values, current.runs)
+    told_otherwise = told_otherwise or effect.repeats(term.values, current.runs, current.index, known)
+    if chance > unless or told_otherwise:
         return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
     parameters += effect.picked(current.runs, current.index)
     gains = held_out_gain(current.fit, fitted, current.folds)

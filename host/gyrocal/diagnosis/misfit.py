@@ -18,11 +18,12 @@ from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_read
 from gyrocal.diagnosis.rounding import beside_rounding
 from gyrocal.diagnosis.told import strongest_first, told_once, without_echoes
 from gyrocal.diagnosis.whiteness import too_much_power
+from gyrocal.effects.base import is_left_of_a_line
 from gyrocal.effects.byte_fault import ByteFault
 from gyrocal.effects.order_tone import over_turns, told_from_frequency
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
-from gyrocal.noise.spectrum import spectrum
+from gyrocal.noise.spectrum import Peak, Spectrum, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
 from gyrocal.threads import each
@@ -36,8 +37,8 @@ Progress = Callable[[str], None]
 def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a line in the residual's spectrum."""
     spectrum = remainder.spectrum
-    peak = spectrum.peak()
-    if peak is None or peak.chance >= alarm:
+    peak = _unexplained_peak(fitted, axis, spectrum, alarm)
+    if peak is None:
         return None
     if peak.amplitude_dps < 2 * np.pi * peak.frequency_hz * measured_angle_noise_deg(fitted.session, axis):
         return None  # the steps of an encoder make lines, whose angle is below its noise
@@ -48,6 +49,18 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
     note = f"a line of {rate_text(peak.amplitude_dps)} at {peak.frequency_hz:.4g} Hz"
     line_hz = peak.frequency_hz
     return Finding(axis, Frequency.name, strength, peak.chance, peak.amplitude_dps, note, band_hz=(line_hz, line_hz))
+
+
+def _unexplained_peak(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Peak | None:
+    """The strongest line that is not left of a line of the model's own terms by a filter; None if noise explains it."""
+    known = [(t.effect, t.values) for t in fitted.model.on(axis)]
+    runs = [b.run for b in fitted.blocks]
+    while (peak := spectrum.peak()) is not None and peak.chance < alarm:
+        hz = peak.frequency_hz
+        if not is_left_of_a_line(known, runs, AXES.index(axis), hz, peak.amplitude_dps):
+            return peak
+        spectrum = spectrum.without_line(hz)
+    return None
 
 
 def _in_readings_dps(fitted: Fit, axis: str, frequency_hz: float) -> float:

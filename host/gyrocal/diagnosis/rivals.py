@@ -60,7 +60,8 @@ def with_suggested_groups(candidates: Sequence[Candidate], axes: Iterable[str]) 
         suggested = [c for c in candidates if c.axis == axis and c.decision == "suggest" and not c.contradicted]
         best = min(suggested, key=lambda c: c.chance, default=None)
         if best is not None:
-            rivals = [c for c in suggested if c is not best and cosine(best.signal, c.signal) > POLICY.similar_shape]
+            others = [c for c in suggested if c is not best and c.effect.id not in best.together]
+            rivals = [c for c in others if cosine(best.signal, c.signal) > POLICY.similar_shape]
             group = (best.effect.id, *(c.effect.id for c in rivals))
             out = [replace(c, group=group) if c is best and rivals else c for c in out]
     return out

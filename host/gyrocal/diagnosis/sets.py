@@ -128,7 +128,7 @@ def choose(current: Current, pool: Sequence[Effect], tested: int) -> Choice:
 
 
 def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | None:
-    """The model with all members, fitted together; None if a member's parameters leave their physical range."""
+    """The model with all members, fitted together; None if a member leaves its physical range, or what the runs can show."""
     if not members:
         return current.fit
     fitted = current.fit
@@ -136,7 +136,8 @@ def fitted_together(current: Current, members: Sequence[Effect]) -> AxisFit | No
         fitted = choose_variant(fitted, Term.of(effect, current.axis))
     fitted = finish(refine(fitted))
     for effect, term in zip(members, fitted.terms[-len(members) :], strict=True):
-        if not in_range(Candidate(effect, current.axis, "reject", term.values)):
+        physical = in_range(Candidate(effect, current.axis, "reject", term.values))
+        if not physical or not effect.observable(term.values, current.runs):
             return None
     return fitted
 

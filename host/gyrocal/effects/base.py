@@ -174,9 +174,16 @@ class Effect(Described):
         """
         return False
 
-    def has_line(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> bool:
-        """True if the term itself has a line between these frequencies, which a filter may have weakened in the readings."""
-        return False
+    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
+        """False if these runs hold nothing of the fitted ``values`` that a simpler effect does not do as well."""
+        return True
+
+    def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
+        """Amplitude of the term's own line between these frequencies, deg/s; 0 if it has none.
+
+        It is that of the mean square over the runs. A filter may have weakened and delayed the line in the readings.
+        """
+        return 0.0
 
     def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
         """True if the fitted ``values`` describe what an imperfect fit of an effect among the ``known`` ones leaves over."""
@@ -329,6 +336,16 @@ def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Va
         if not equals or not np.isfinite(values[name]):
             raise InputError(f"--effect {text}: {part!r} is not name=value with a finite number")
     return kind.id, values
+
+
+def is_left_of_a_line(
+    known: Sequence[tuple[Effect, Values]], runs: Sequence[Run], axis: int, frequency_hz: float, amplitude_dps: float
+) -> bool:
+    """True if a line is no larger than what the gyroscope's low-pass and delay leave of a line of a ``known`` term."""
+    return any(
+        amplitude_dps < POLICY.left_of_line * effect.line_dps(runs, axis, values, frequency_hz, frequency_hz)
+        for effect, values in known
+    )
 
 
 def elapsed_s(run: Run) -> Array:

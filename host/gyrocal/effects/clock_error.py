@@ -28,7 +28,7 @@ class ClockError(TimingEffect):
     looks_like = "lag (constant over the run); scale, if only the net angle of a turn is known"
     measure_next = (
         "swing the table for some minutes and record its encoder as rate_ref_dps, or compare the recorder's clock with "
-        "a watch over an hour"
+        "a watch over an hour; if the reference was stamped by a clock of its own, import it with --ref-clock own"
     )
     parameters = (
         Parameter("e", "fraction", (2e-5, 0.02), "crystals +-20 ppm; MEMS gyroscopes' own oscillators +-1-2 %", 0.001),

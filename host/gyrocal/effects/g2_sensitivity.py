@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Law, Parameter, Values
 from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
 from gyrocal.recording.session import Array, Run
 
@@ -66,16 +66,20 @@ class G2Sensitivity(Effect):
         if acc_g is None:
             return np.zeros((len(run), len(self.used(values))))
         squares = np.column_stack([acc_g**2, (acc_g**2).sum(axis=1)])
-        return stack(*(squares[:, ALONG.get(name, ALL)] for name in self.used(values)))
+        return np.asarray(squares[:, [ALONG.get(name, ALL) for name in self.used(values)]])
 
-    def has_line(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> bool:
-        """True if the squared acceleration has a line there. The gyroscope's low-pass weakens it, not the rectified part."""
-        terms = [self.term(r, axis, values) for r in runs]
-        spectra = [np.abs(np.fft.rfft((y - y.mean()) * np.hanning(y.size))) ** 2 for y in terms]
-        frequencies = [np.fft.rfftfreq(len(r), 1 / r.sample_rate_hz) for r in runs]
-        near = [(f > low_hz - LINE_HZ) & (f < high_hz + LINE_HZ) for f in frequencies]
-        ratios = [float(p[n].max(initial=0.0)) / max(float(np.median(p)), 1e-300) for p, n in zip(spectra, near, strict=True)]
-        return max(ratios, default=0.0) > LINE
+    def line_dps(self, runs: Sequence[Run], axis: int, values: Values, low_hz: float, high_hz: float) -> float:
+        """That of the squared acceleration. The gyroscope's low-pass weakens and delays it, not the rectified part."""
+        ratios, squares = [], []
+        for run in runs:
+            window = np.hanning(len(run))
+            term = self.term(run, axis, values)
+            power = np.abs(np.fft.rfft((term - term.mean()) * window)) ** 2
+            frequency_hz = np.fft.rfftfreq(len(run), 1 / run.sample_rate_hz)
+            near = (frequency_hz > low_hz - LINE_HZ) & (frequency_hz < high_hz + LINE_HZ)
+            ratios.append(float(power[near].max(initial=0.0)) / max(float(np.median(power)), 1e-300))
+            squares.append(4 * float(power[near].sum()) / (len(run) * float(window @ window)))
+        return float(np.sqrt(np.mean(squares))) if max(ratios, default=0.0) > LINE else 0.0
 
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
         return [(float(ALONG.get(name, ALL)),) for name in self.used(values)]

@@ -58,6 +58,10 @@ class ThermalHysteresis(Effect):
         range_c = max(float(np.ptp(temperature_by_second(r)[1])) for r in runs if r.temp_c is not None)
         return [{"width_c": w, "amplitude_dps": 0.0} for w in WIDTHS_C if w <= max(range_c, WIDTHS_C[0])]
 
+    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
+        """True if a run reaches both branches. Within the width, a hysteresis is a line over temperature."""
+        return any(_way_back_c(temperature_by_second(r)[1]) >= values["width_c"] for r in runs if r.temp_c is not None)
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if run.temp_c is None:
             return np.zeros((len(run), 1))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Law, Parameter, Values, elapsed_s
+from gyrocal.effects.base import Effect, Law, Parameter, Values, elapsed_s, is_left_of_a_line
 from gyrocal.effects.wave import Tone
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.once import once
@@ -68,6 +68,10 @@ class VibrationTone(Tone):
 
     def highest_hz(self, runs: Sequence[Run], values: Mapping[str, float]) -> float:
         return values["f_hz"]
+
+    def repeats(self, values: Values, runs: Sequence[Run], axis: int, known: Sequence[tuple[Effect, Values]]) -> bool:
+        """Rectified vibration has a line of its own, which the gyroscope's low-pass changes."""
+        return is_left_of_a_line(known, runs, axis, values["f_hz"], values["A_dps"])
 
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         return 0.2 / (values["f_hz"] * max(r.duration_s for r in runs))

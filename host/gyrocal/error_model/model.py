@@ -73,7 +73,7 @@ class Model(Shown):
             return Model.builtin(str(source))
         if path.suffix != ".toml" and not path.is_file():
             return Model.builtin(str(source))
-        missing = "no such model; `gyrocal add` makes one, `default` and `paper` are built in"
+        missing = "no such model; `gyrocal explain` and `gyrocal add` make one, `default` and `paper` are built in"
         return _parse(read_toml(path, missing, "a model, as `gyrocal add` writes it"), path)
 
     @property

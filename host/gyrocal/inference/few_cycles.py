@@ -2,10 +2,11 @@
 
 A standard error at the fitted spreads takes them for known. With c power cycles, the estimate is then distributed like
 Student's t with about c - 1 degrees of freedom, and a spread that is fitted as zero has no part in the error at all. The
-spreads are therefore averaged over. Each value weighs as much as its likelihood (REML), with a prior that is uniform in
-``log(1 + sd / unit)``, where ``unit`` is the error with which one power cycle determines its own offset. The prior is flat for
-spreads that no cycle shows and scale-free above (Gelman, Bayesian Analysis 1 (2006) 515, discusses such priors). The factor
-makes the interval of 1.96 standard errors hold 95 % of that mixture of normal distributions.
+spreads are therefore averaged over. Each value weighs as much as its likelihood (REML) and its prior probability. The prior
+holds that the quantity does not vary at all with the probability ``POLICY.same_in_cycles``, and is otherwise uniform in
+``log(1 + sd / unit)``, where ``unit`` is the error with which one power cycle determines its own offset: flat for spreads that
+no cycle shows and scale-free above (Gelman, Bayesian Analysis 1 (2006) 515, discusses such priors). The factor makes the
+interval of 1.96 standard errors hold 95 % of that mixture of normal distributions.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.reml import LARGEST_SPREAD, SpreadScale
+from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
 POINTS = 25
@@ -44,7 +46,8 @@ def widening(current: AxisFit) -> Array:
         scenario[:, j] = unit * np.expm1(np.linspace(0.0, np.log1p(largest[j] / unit), POINTS))
         tried = equations.solve_each(current.spreads.run, scenario)
         loglik = np.array([s.loglik for s in tried])
-        weight = np.exp(loglik - loglik.max())
+        weight = np.exp(loglik - loglik.max()) * (1 - POLICY.same_in_cycles)
+        weight[0] += np.exp(loglik[0] - loglik.max()) * POINTS * POLICY.same_in_cycles
         sd = np.sqrt(np.array([np.diag(s.cov) for s in tried]))
         off = np.array([s.beta for s in tried]) - current.solution.beta
         half = _half_of_95(weight / weight.sum(), off, sd)

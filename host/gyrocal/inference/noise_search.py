@@ -87,9 +87,12 @@ def first_noises(design: Design, white0: float) -> list[Noise]:
 
 
 def carry_spreads(old: AxisFit, design: Design) -> Spreads:
-    """Spreads to begin with for a design that has more terms than ``old``: its own, and unknown ones for the new terms."""
+    """Spreads to begin with for a design with further terms, or with another part of the samples: those of ``old`` and unknown
+    ones for new terms. All are unknown where the samples determine fewer of them.
+    """
     fresh = unknown_spreads(design)
-    fresh.run[: old.spreads.run.size] = old.spreads.run
+    if old.spreads.run.size <= fresh.run.size:
+        fresh.run[: old.spreads.run.size] = old.spreads.run
     return Spreads(
         fresh.run, old.spreads.scenario if old.spreads.scenario.size == fresh.scenario.size else fresh.scenario
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import profile_loglik
-from gyrocal.inference.noise_search import fit_noise, with_noise
+from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.recording.session import Array
 
 NEARBY, MOVES = 3.0, 5
@@ -37,7 +37,8 @@ def refine(current: AxisFit) -> AxisFit:
 
         def at(x: Array, i: int = i, names: list[str] = names, base: AxisFit = base) -> AxisFit:
             values = dict(zip(names, map(float, np.exp(x)), strict=True))
-            return with_noise(base.design.with_values(i, values), base.noise, base.spreads)
+            design = base.design.with_values(i, values)
+            return with_noise(design, base.noise, carry_spreads(base, design))
 
         def cost(x: Array, at: Callable[[Array], AxisFit] = at) -> float:
             return -profile_loglik(at(x))

@@ -64,7 +64,7 @@ def settle(current: AxisFit) -> AxisFit:
         design = settled.design.changed(terms)
         if design.n_blocks.sum() < REACHED * settled.design.n_blocks.sum():
             break
-        settled = with_noise(design, settled.noise, settled.spreads)
+        settled = with_noise(design, settled.noise, carry_spreads(settled, design))
     return settled if settled is current else fit_noise(settled.design, start=settled)
 
 

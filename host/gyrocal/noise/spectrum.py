@@ -19,6 +19,8 @@ NO_POWER = 1e-30
 """Power of a reading that never changes, as a fraction of its segment's."""
 PAD = 2
 """Zero-padding factor of the periodogram. A line may lie between the frequencies of the unpadded one."""
+SAME_LINE_HZ = 0.1
+"""Distance within which two peaks are one line, Hz."""
 BUMP_WIDTHS_HZ = (2.0, 4.0, 8.0)
 TAPER = 0.25
 """Fraction of a segment with a cosine taper. A line keeps most of its power, and slow variations do not leak into it."""
@@ -75,6 +77,11 @@ class Spectrum:
         line_power = float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
         chance = min(1.0, float(self.tail[k]) * self.frequency_hz.size)
         return Peak(float(self.frequency_hz[k]), float(np.sqrt(2 * line_power)), chance)
+
+    def without_line(self, frequency_hz: float) -> Spectrum:
+        """The spectrum, in which no line is found near a frequency."""
+        inside = np.abs(self.frequency_hz - frequency_hz) <= SAME_LINE_HZ
+        return replace(self, ratio=np.where(inside, 0.0, self.ratio), tail=np.where(inside, 1.0, self.tail))
 
     def bump(self) -> Bump | None:
         """The most significant band with more power than both its neighbours; None if there is none.

@@ -17,7 +17,7 @@ from gyrocal.planning.columns import Columns, Member
 from gyrocal.planning.contest import Contest
 from gyrocal.planning.expected import Expected
 from gyrocal.planning.precision import Precision
-from gyrocal.planning.question import Question, ask
+from gyrocal.planning.question import Question, ask, check_one_question
 from gyrocal.planning.rig import Cycle, Pose, Rig
 from gyrocal.planning.search import Criterion, ToMeasure, ToTellApart, search
 from gyrocal.policy import POLICY
@@ -85,6 +85,7 @@ def plan(
     """
     if minutes is not None and not 0.0 < minutes < np.inf:
         raise InputError(f"--minutes {minutes:g}: want the time to record, a positive number")
+    check_one_question(between, measure)
     if session.reference.kind == "gravity":
         raise InputError("plan needs runs of a table; this session is judged by gravity, so turn the sensor more often instead")
     rig = Rig.of(session, table_dps, chamber_c)

@@ -42,10 +42,16 @@ class Question:
         return members
 
 
-def ask(diagnosis: Diagnosis, between: Sequence[str] = (), measure: str | None = None) -> Question:
-    """The question that was asked, or else the most urgent one of a diagnosis. Raises InputError if there is none."""
+def check_one_question(between: Sequence[str], measure: str | None) -> None:
+    """Raise InputError unless the words of a question ask one, or none."""
     if between and measure is not None:
         raise InputError("--between and --measure ask two questions; give one of them")
+    if len(set(between)) == 1:
+        raise InputError(f"--between {','.join(between)}: give two different effects, ID,ID")
+
+
+def ask(diagnosis: Diagnosis, between: Sequence[str] = (), measure: str | None = None) -> Question:
+    """The question that was asked, or else the most urgent one of a diagnosis. Raises InputError if there is none."""
     if between:
         return _between(diagnosis, between)
     if measure is not None:
@@ -58,8 +64,6 @@ def ask(diagnosis: Diagnosis, between: Sequence[str] = (), measure: str | None =
 def _between(diagnosis: Diagnosis, between: Sequence[str]) -> Question:
     kinds = [_effect(name, diagnosis) for name in between]
     ids = tuple(dict.fromkeys(kind.id for kind in kinds))
-    if len(ids) < 2:
-        raise InputError(f"--between {','.join(between)}: give two different effects, ID,ID")
     for kind in kinds:
         _check(kind)
         if any(t.effect_id == kind.id for t in diagnosis.comparison.fit.model.terms):

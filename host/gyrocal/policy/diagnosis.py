@@ -250,6 +250,11 @@ class Diagnosis:
         larger="a motor whose speed wanders is no tone", smaller="a resonance of the mount is named a vibration",
         chosen_by="half of the power; pytest tests/diagnosis/test_mistaken.py has a resonance and a tone",
     )  # fmt: skip
+    left_of_line: float = threshold(
+        2.0, "amplitude of a line over that of a term's line at the same frequency up to which a filter leaves it of that one",
+        larger="a vibration of the same frequency is taken for it", smaller="the line of rectified vibration stays unknown",
+        chosen_by="a delay of half a period makes it 2, a second-order low-pass 1.27; pytest tests/diagnosis/test_physics.py",
+    )  # fmt: skip
     most_parts: int = threshold(
         8, "largest number of parts of a run in which the phase of a tone is compared, of at least four periods each",
         larger="each part knows the phase of a weak tone less well", smaller="a resonance keeps its phase over a part of a run",

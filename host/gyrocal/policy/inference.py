@@ -16,6 +16,12 @@ class Inference:
         larger="the spread of few power cycles is left out of the model",
         smaller="a spread is stated that two values determine, with one degree of freedom",
     )  # fmt: skip
+    same_in_cycles: float = threshold(
+        0.2, "prior probability that scale or bias does not differ between power cycles, in the standard errors of few cycles",
+        larger="errors are too small if the cycles differ by about what one of them shows",
+        smaller="errors are too large if the cycles do not differ",
+        chosen_by="pytest tests/inference/test_few_cycles_error.py",
+    )  # fmt: skip
     largest_bias_spread_dps: float = threshold(
         5.0, "largest standard deviation of the bias over power cycles, dps",
         larger="a wrong face or rate counts as a spread of power cycles", smaller="poor sensors are called implausible",

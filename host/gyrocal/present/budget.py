@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from gyrocal.calibration.budget import BudgetRow, largest
 from gyrocal.calibration.calibrate import Estimate
-from gyrocal.present.output import mdps, stdout, table
+from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.present.output import stdout, table
 
 
 def shown(found: Sequence[Estimate]) -> Estimate | None:
@@ -20,12 +21,13 @@ def print_budget(found: Sequence[Estimate]) -> None:
     best = shown(found)
     if best is None:
         return
+    unit = unit_of(e.bias_dps for e in found)
     rows = [
-        [row.source, _percent(row.scale), mdps(row.bias_dps, 2), "yes" if row.in_se else "no"]
+        [row.source, _percent(row.scale), unit.text(row.bias_dps, 2), "yes" if row.in_se else "no"]
         for row in sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
     ]
     title = f"Where the error comes from: {best.scenario}, {best.axis}, {best.method}, {best.seconds:g} s"
-    table(title, ["source:", "scale ± %", "bias ± mdps", "in the standard error:"], rows)
+    table(title, ["source:", "scale ± %", f"bias ± {unit.name}", "in the standard error:"], rows)
     stdout.print(headline(best.budget), markup=False)
 
 

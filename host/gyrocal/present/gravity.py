@@ -18,7 +18,7 @@ from gyrocal.gravity.calibrate import Calibration, misalignment
 from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
 from gyrocal.gravity.scene import Scene
-from gyrocal.present.output import emit, mdps, plus_minus, stdout, table
+from gyrocal.present.output import emit, plus_minus, stdout, table
 from gyrocal.present.report import ANGLES, BLOCKED, MOVED, REJECTED_SHOWN, angle_row, deg, moved_rows, print_warnings, sizes
 from gyrocal.recording.session import Session
 
@@ -179,10 +179,10 @@ def print_calibration(c: Calibration) -> None:
     ]  # fmt: skip
     table("What an axis reads of rotation about another", ["scenario:", "axis:", "about:", "%"], cross)
     shares = [
-        [row.axis, row.cause, f"{100 * row.scale_se:.4f}", mdps(row.bias_se_dps, 2), row.advice]
+        [row.axis, row.cause, f"{100 * row.scale_se:.4f}", unit.text(row.bias_se_dps, 2), row.advice]
         for fitted in c.fits.values() for row in budget(fitted)
     ]  # fmt: skip
-    table("Where the error comes from", ["axis:", "cause:", "scale ± %", "bias ± mdps", "to lower it:"], shares)
+    table("Where the error comes from", ["axis:", "cause:", "scale ± %", f"bias ± {unit.name}", "to lower it:"], shares)
 
 
 def _begins(scene: Scene) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 from gyrocal.errors import InputError
 from gyrocal.files import UNREADABLE, why_unreadable
-from gyrocal.recording.header import RunEntry
+from gyrocal.recording.header import RunEntry, must_be
 
 _META_NAMES = {"rate": "table_rate_dps", "turn": "turn_deg"}
 
@@ -61,7 +61,7 @@ def check_meta(keys: Mapping[str, Any], what: str) -> dict[str, Any]:
     except ValidationError as error:
         fault = error.errors()[0]
         name = {v: k for k, v in _META_NAMES.items()}.get(str(fault["loc"][0]), fault["loc"][0])
-        raise InputError(f"{what}: {name}={fault['input']}: {fault['msg']}") from None
+        raise InputError(f"{what}: {name}={fault['input']}; {must_be(fault)}") from None
     return {name: getattr(entry, name) for name in keys}
 
 

@@ -33,7 +33,7 @@ def session_of(frames: Sequence[Any], runs: Sequence[Mapping[str, Any]], **heade
     try:
         checked = SessionFile.model_validate({"format": FORMAT, "sample_rate_hz": rate_hz, **header, "run": entries})
     except ValidationError as error:
-        raise InputError(describe(error)) from None
+        raise InputError(describe(error, run="run")) from None
     strange = next(iter(checked.model_extra or ()), None)
     if strange is not None:
         raise InputError(f"a session has no key {strange!r}{did_you_mean(strange, SessionFile.model_fields)}")

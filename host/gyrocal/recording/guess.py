@@ -23,6 +23,7 @@ GYRO = (
     r"gyro(?:scope)?s?|gyro_?adc|gyrs?|gyr_rad_s|g|gy|w|omega|angular_?velocity|angular_?rate|w_rs_s|imu\.gyro|rotation_?rate|"
     r"all_gyro_2|drehrate"
 )
+TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 ACCELERATION = (
     r"acc|accel|accelerometer|acceleration|acc_?smooth|accel_[lw][nr]|a|ac|linear_?acceleration|a_rs_s|imu\.acc|all_accel_2|"
     r"beschleunigung"
@@ -56,6 +57,8 @@ LARGEST_RAD_S = 35.0
 """Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
 COUNTS_ABOVE = 100.0
 """Whole numbers, of which some are larger, are raw counts."""
+COUNTS_PER_DPS = 131
+"""Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
 COUNTS_PER_G = (16384, 8192, 4096, 2048)
 
 
@@ -151,17 +154,18 @@ def _bare(name: str) -> tuple[str, str]:
 
 
 def _named(source: Source, words: str, axis: str) -> str | None:
-    """The first column whose name is one of the words with this axis, as ``gyr_x``, ``gx``, ``Gyro X (dps)``."""
+    """The first column whose name is one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``, ``yaw_rate``."""
     index = str(AXES.index(axis))
     number = rf"\.{index}|\[{index}\]"
+    units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
     for name in source.frame.columns:
         bare, _ = _bare(name)
-        units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
         kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
         named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
         if re.fullmatch(named, bare):
             return name
-    return None
+    turn = rf"(?:.*[/._ ])?{TURNS[axis]}[ _.-]?(?:rate|speed|velocity){units}"
+    return next((n for n in source.frame.columns if GYRO in words and re.fullmatch(turn, _bare(n)[0])), None)
 
 
 def _stated_unit(name: str, kind: str) -> str | None:
@@ -237,8 +241,9 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scalin
                 "Subtract 65536 from these, then say how many make a deg/s, as by --map gx_dps=COLUMN/131"
             )
         raise InputError(
-            f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say how many make a deg/s: "
-            f"--map gx_dps={names[0]}/131, or '({names[0]}-32768)/131' for unsigned ones, or --lsb-dps 0.0076"
+            f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
+            f"{1 / COUNTS_PER_DPS:.6g} for {COUNTS_PER_DPS} counts per deg/s; unsigned ones need each axis mapped, as by "
+            f"--map 'gx_dps=({names[0]}-32768)/{COUNTS_PER_DPS}'"
         )
     if largest > LARGEST_RAD_S:
         return ":dps", f"readings up to {largest:.4g} are too large for rad/s"

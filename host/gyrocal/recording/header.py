@@ -106,14 +106,76 @@ def read_header(folder: Path) -> SessionFile:
         raise InputError(f"{path}: {describe(error)}") from None
 
 
-def describe(error: ValidationError) -> str:
-    """The first fault that pydantic found, in a person's words."""
+def describe(error: ValidationError, run: str = "[[run]]") -> str:
+    """The first fault that pydantic found, in plain words: where it is, what is wrong, and what to write.
+
+    ``run`` is what a run's entry is called, before its number.
+    """
     fault = error.errors()[0]
-    where = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in fault["loc"])
-    message = fault["msg"].removeprefix("Value error, ")
-    return (
-        f"{where}: {message} (got {fault['input']!r})" if where and fault["type"] != "missing" else f"{where} {message}".strip()
-    )
+    match fault["loc"]:
+        case ():
+            return fault["msg"].removeprefix("Value error, ")
+        case ("run", int(number), str(key), *_):
+            place = f"{run} {number + 1}: "
+        case ("reference", str(key), *_):
+            place = "[reference]: "
+        case (key, *_):
+            place = ""
+    if fault["type"] == "missing":
+        return f"{place}{key} is missing; write {_EXAMPLES.get(str(key), f'{key} = ...')}"
+    if fault["type"] == "extra_forbidden":
+        return f"{place}there is no key {key}; remove it"
+    return f"{place}{key} = {_as_toml(fault['input'])}; {must_be(fault)}"
+
+
+_EXAMPLES = {
+    "file": 'file = "000_up.csv", the table of this run',
+    "face": 'face = "up" or face = "down"',
+    "sample_rate_hz": "sample_rate_hz = 100.0, the samples per second",
+    "run": "[[run]] and below it the keys of a run, for each table",
+    "axis": 'axis = "x", "y" or "z"',
+    "table_rate_dps": "table_rate_dps = 78.0, in deg/s",
+    "seconds": "seconds = 60.0",
+    "scenario": 'scenario = "s000", the same for the runs of one power cycle',
+}
+"""What to write for a key that is missing from a session or a plan."""
+_MUST_BE = {
+    "float_type": "write a number without quotes",
+    "float_parsing": "write a number",
+    "int_type": "write a whole number without quotes",
+    "int_from_float": "write a whole number",
+    "int_parsing": "write a whole number",
+    "string_type": "write text in quotes",
+    "finite_number": "write a finite number",
+    "list_type": "write a list in brackets",
+    "too_short": "give at least one",
+}
+_MUST_BE_TABLE = {
+    "run": "write a table that begins with [[run]], in two brackets, for each run",
+    "reference": "write a table that begins with [reference]",
+    "accept": 'write a list such as accept = ["clipped:z"]',
+}
+_LIMITS = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
+
+
+def must_be(fault: Mapping[str, Any]) -> str:
+    """What to write for a value that pydantic refused, from one of its errors."""
+    key = next((part for part in fault["loc"] if part in _MUST_BE_TABLE), None)
+    if key is not None and fault["type"] in ("list_type", "model_type", "dict_type", "too_short"):
+        return _MUST_BE_TABLE[str(key)]
+    limits = fault.get("ctx", {})
+    if "expected" in limits:
+        return f"write {str(limits['expected']).replace(chr(39), chr(34))}"
+    for name, words in _LIMITS.items():
+        if name in limits:
+            return f"write a number {words} {limits[name]:g}"
+    return _MUST_BE.get(fault["type"], str(fault["msg"]))
+
+
+def _as_toml(value: Any) -> str:
+    """A value as it stands in session.toml, shortened."""
+    words = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else repr(value)
+    return words if len(words) <= 60 else words[:57] + "..."
 
 
 def write_header(folder: Path, header: Mapping[str, Any], runs: Iterable[Mapping[str, Any]]) -> None:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from gyrocal.errors import InputError
+from gyrocal.errors import InputError, did_you_mean
 from gyrocal.recording.column_map import Scaling
-from gyrocal.recording.cut import Cut
+from gyrocal.recording.cut import Cut, check_meta
 from gyrocal.recording.guess import Guess
 from gyrocal.recording.header import Reference
 from gyrocal.recording.second_file import SecondFile
 from gyrocal.recording.session import Session
+
+FACTS = ("face", "table_rate_dps", "turn_deg", "scenario", "day", "power_on_s")
+"""Facts of all runs that :meth:`Options.of` takes by name."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,25 @@ class Options:
     resample_hz: float | None = None
     gravity: bool = False
     clock: str = "same"
+
+    @staticmethod
+    def of(maps: Sequence[str], given: Mapping[str, Any]) -> Options:
+        """The options by name: fields of this class and of :class:`Scaling`, and ``FACTS``; ``cuts`` may be NAME:START:END.
+
+        InputError where a name is none of these.
+        """
+        own, scales = ({f.name for f in fields(kind)} for kind in (Options, Scaling))
+        known = sorted(own | scales | set(FACTS))
+        for name in given:
+            if name not in known:
+                raise InputError(f"no argument {name!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
+        taken = {name: value for name, value in given.items() if name in own and value is not None}
+        cuts = [Cut.parse(cut) if isinstance(cut, str) else cut for cut in taken.get("cuts", ())]
+        facts = {name: given[name] for name in FACTS if given.get(name) is not None}
+        sizes = {name: given[name] for name in scales if given.get(name) is not None}
+        defaults = check_meta({**taken.get("defaults", {}), **facts}, "import_recording")
+        scaling = Scaling(**{**asdict(taken.get("scaling", Scaling())), **sizes})
+        return Options(**{**taken, "maps": maps, "cuts": cuts, "defaults": defaults, "scaling": scaling})
 
     @property
     def reference(self) -> Reference:

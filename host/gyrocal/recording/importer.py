@@ -67,7 +67,9 @@ def import_recording(
     warn: Callable[[Warning], None] = lambda _: None,
     **options: Any,
 ) -> Session:
-    """Make a session of a recording in one step, without a guess; ``options`` are fields of :class:`Options`.
+    """Make a session of a recording in one step, without a guess; ``options`` are those of :meth:`Options.of`.
+
+    For example ``import_recording("log.csv", "lab", ["t_s=time:ms", "gz_dps=w:rad/s"], table_rate_dps=78.0, face="up")``.
 
     Args:
         source: the file; a folder with a file a run; for EuRoC its folder (``imu0``) will do.
@@ -79,8 +81,7 @@ def import_recording(
         InputError: one line naming file, row or option, and the reason.
     """
     check_is_new(Path(out), append)
-    known = {key: value for key, value in options.items() if value is not None}
-    found = read_recording(source, Options(maps=maps, **known), existing=_existing(Path(out), append))
+    found = read_recording(source, Options.of(maps, options), existing=_existing(Path(out), append))
     if found.guessed:
         raise InputError(f"{source}: its columns are not mapped; a guess: {' '.join(g.map for g in found.guessed)}")
     for warning in found.warnings:
@@ -148,7 +149,8 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
     axis = options.axis or _only_axis(mappings)
     rate_hz = options.scaling.rate_hz
     if "t_s" not in {m.target for m in mappings} and rate_hz is None:
-        raise InputError(f"{source.label}: no time: map t_s, or give --rate-hz where samples are evenly spaced")
+        what = "no time: map t_s, or give --rate-hz where samples are evenly spaced"
+        raise InputError(f"{source.label}: {what}{source.not_taken(mappings)}")
     table = convert(source, mappings, rate_hz)
     timed = _rate_and_unit(source, mappings, table, rate_hz)
     table, rate_hz, warnings = timed.table, timed.rate_hz, list(timed.warnings)
@@ -188,21 +190,21 @@ class _Mapped:
 
 
 def _mapped(path: Path, options: Options) -> _Mapped:
-    """The mappings are guessed if none is given and the columns do not have a session's names."""
+    """The given mappings. Those that are missing are guessed if no gyroscope is mapped, and no column has a session's name."""
     scaling = options.scaling
     mappings = list({m.target: m for m in (ColumnMap.parse(text, scaling) for text in options.maps)}.values())
-    names = [m.column for m in mappings]
-    source = readers.read(path, names, options.columns, options.skip, options.topic)
-    if mappings:
-        source.check_has(names)
-        if not any(f"g{a}_dps" in {m.target for m in mappings} for a in AXES):
-            raise InputError(f"{path}: no gyroscope is mapped, as by --map gz_dps=COLUMN:UNIT; see gyrocal import --help")
+    names, targets = [m.column for m in mappings], {m.target for m in mappings}
+    complete = any(f"g{a}_dps" in targets for a in AXES)
+    source = readers.read(path, names if complete else (), options.columns, options.skip, options.topic)
+    source.check_has(names)
+    if complete:
         return _Mapped(mappings, source)
-    if set(REQUIRED) <= set(source.frame.columns):
+    if not mappings and set(REQUIRED) <= set(source.frame.columns):
         return _Mapped([ColumnMap(name, name) for name in TARGETS if name in source.frame.columns], source)
     stated = options.gravity or options.second is not None or {"table_rate_dps", "turn_deg"} & set(options.defaults)
-    guessed = tuple(guess(source, scaling, reference=not stated))
-    return _Mapped([ColumnMap.parse(g.map, scaling) for g in guessed], source, guessed)
+    found = guess(source, scaling, reference=not (stated or has_reference(targets)))
+    guessed = tuple(g for g in found if g.map.partition("=")[0] not in targets)
+    return _Mapped([*mappings, *(ColumnMap.parse(g.map, scaling) for g in guessed)], source, guessed)
 
 
 def _only_axis(mappings: Sequence[ColumnMap]) -> str:
@@ -265,7 +267,7 @@ def _run(
     if f"g{run_axis}_dps" not in columns:
         raise InputError(f"run {cut.name}: its axis is {run_axis}, and nothing is mapped to g{run_axis}_dps; see --axis")
     columns |= {name: np.zeros(end - start) for name in REQUIRED[1:] if name not in columns}
-    _check_reference(cut, columns, reference)
+    _check_reference(cut, columns, reference, source.not_taken(mappings))
     return Run(
         index, file, meta.get("scenario", "s000"), meta.get("face", "up"), run_axis,  # type: ignore[arg-type]
         meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
@@ -275,14 +277,14 @@ def _run(
     )  # fmt: skip
 
 
-def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Reference) -> None:
+def _check_reference(cut: Cut, columns: Mapping[str, Array], reference: Reference, not_taken: str) -> None:
     """Raise InputError unless a run has a true rate, or the accelerations that take its place."""
     stated = "table_rate_dps" in cut.meta or cut.meta.get("turn_deg") is not None or has_reference(columns)
     if reference.kind != "gravity":
         if not stated:
             raise InputError(
                 f"run {cut.name}: its true rate is not known; give --rate, --turn-deg, or map rate_ref_dps; or --gravity, "
-                "if it was turned by hand between rests"
+                f"if it was turned by hand between rests; --rate 0 is a sensor that lay still{not_taken}"
             )
     elif stated:
         raise InputError(f"run {cut.name}: the reference is gravity, and a true rate is given too; leave out one of them")

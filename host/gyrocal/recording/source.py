@@ -28,6 +28,8 @@ AT_WRAP = 0.01
 DAY_NS = 86_400_000_000_000
 CLOCK_12_H = ("%m/%d/%Y %I:%M:%S%.f %p", "%Y-%m-%d %I:%M:%S%.f %p")
 """Dates with AM and PM, month first."""
+MINUTES = r"^(\d{1,5}):(\d\d(?:\.\d+)?)$"
+"""Minutes and seconds, as spreadsheets show them."""
 LOOKED_AT = 20
 """Cells by which times written as text are recognized."""
 SHOWN_COLUMNS = 40
@@ -54,6 +56,12 @@ class Source:
                 shown = ", ".join(self.frame.columns[:SHOWN_COLUMNS])
                 near = did_you_mean(name, self.frame.columns)
                 raise InputError(f"{self.label}: no column {name!r} among {shown}{near}")
+
+    def not_taken(self, mappings: Sequence[ColumnMap]) -> str:
+        """The columns that no mapping takes, in words that end an error."""
+        taken = {m.column for m in mappings}
+        left = [name for name in self.frame.columns if name not in taken]
+        return f"; columns not taken: {', '.join(left[:SHOWN_COLUMNS])}" if left else ""
 
     def _column(self, mapping: ColumnMap) -> tuple[pl.Series, float]:
         """The column and the factor to the target's unit. Dates with times, and times of day, are whole nanoseconds."""
@@ -153,6 +161,9 @@ def moments_ns(column: pl.Series) -> pl.Series | None:
     if column.dtype != pl.String:
         return column.cast(pl.Datetime("ns")).cast(pl.Int64) if column.dtype == pl.Datetime else None
     text = column.str.strip_chars().str.replace(r"(?:Z|[+-]\d\d:?\d\d)$", "")
+    parts = [text.str.extract(MINUTES, group).cast(pl.Float64) for group in (1, 2)]
+    if parts[1].null_count() < len(text):
+        return ((60 * parts[0] + parts[1]) * 1e9).round().cast(pl.Int64)
     if not text.drop_nulls().head(LOOKED_AT).str.contains(r"\d:\d\d:\d\d").any():
         return None
     for form in CLOCK_12_H:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gyrocal.web.tables import number
+from gyrocal.diagnosis.rate_unit import MDPS, RateUnit, unit_of
+from gyrocal.web.tables import number, rate
 
 if TYPE_CHECKING:
     from gyrocal.calibration.calibrate import Estimate
@@ -35,13 +36,16 @@ class Budget:
     of: str
     lines: tuple[Line, ...]
     headline: str = ""
+    unit: RateUnit = MDPS
+    """The unit of the biases, which is that of the answers."""
 
     def table(self) -> str:
         """The sources as an HTML table with a bar for the scale's part."""
         most = max((line.scale or 0.0 for line in self.lines), default=0.0)
         bounds = any(not line.in_se for line in self.lines)
-        head = "<th class=text>source, and what would lower it</th><th>scale ±, %</th><td></td><th>bias ±, mdps</th>"
-        rows = "".join(_row(line, most) for line in self.lines)
+        source, bias = "source, and what would lower it", f"bias ±, {self.unit.name}"
+        head = f"<th class=text>{source}</th><th>scale ±, %</th><td></td><th>{bias}</th>"
+        rows = "".join(_row(line, most, self.unit) for line in self.lines)
         note = "<p class='dim small'>A pale bar is a bound of what the standard error leaves out.</p>" if bounds else ""
         return f"<table class=plain><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{note}"
 
@@ -55,23 +59,24 @@ def of_answers(found: Sequence[Estimate]) -> Budget | None:
         return None
     rows = sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
     lines = tuple(Line(row.source, row.scale, row.bias_dps, row.in_se, row.advice) for row in rows)
-    return Budget(f"{best.scenario}, axis {best.axis}, {best.method}, {best.seconds:g} s", lines, headline(best.budget))
+    unit = unit_of(e.bias_dps for e in found)
+    return Budget(f"{best.scenario}, axis {best.axis}, {best.method}, {best.seconds:g} s", lines, headline(best.budget), unit)
 
 
-def of_gravity(rows: Sequence[GravityRow]) -> tuple[Budget, ...]:
-    """A budget for each axis of a session by gravity."""
+def of_gravity(rows: Sequence[GravityRow], unit: RateUnit = MDPS) -> tuple[Budget, ...]:
+    """A budget for each axis of a session by gravity, its biases in ``unit``."""
     axes = dict.fromkeys(row.axis for row in rows)
     mine = {axis: [row for row in rows if row.axis == axis] for axis in axes}
     return tuple(
-        Budget(f"axis {axis}", tuple(Line(r.cause, r.scale_se, r.bias_se_dps, True, r.advice) for r in of))
+        Budget(f"axis {axis}", tuple(Line(r.cause, r.scale_se, r.bias_se_dps, True, r.advice) for r in of), unit=unit)
         for axis, of in mine.items()
     )
 
 
-def _row(line: Line, most: float) -> str:
+def _row(line: Line, most: float, unit: RateUnit) -> str:
     part = (line.scale or 0.0) / most if most > 0 else 0.0
     bar = f'<div class="reached{"" if line.in_se else " bound"}" aria-hidden="true"><div style="width: {part:.1%}"></div></div>'
     outside = "" if line.in_se else " (a bound, not in the standard error)"
     source = f"{html.escape(line.source + outside)}<div class='dim small'>{html.escape(line.advice)}</div>"
-    scale, bias = (f"<td>{number(*of)}</td>" for of in ((line.scale, ".4f", 100), (line.bias_dps, ".2f", 1e3)))
-    return f"<tr><td class=text>{source}</td>{scale}<td>{bar}</td>{bias}</tr>"
+    scale, bias = number(line.scale, ".4f", 100), rate(line.bias_dps, unit, 2)
+    return f"<tr><td class=text>{source}</td><td>{scale}</td><td>{bar}</td><td>{bias}</td></tr>"

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.web.budget import Budget, of_gravity
 
 if TYPE_CHECKING:
@@ -56,7 +57,8 @@ def look(folder: Path, progress: Callable[[str], None]) -> GravityView:
     progress("scale and bias")
     calibrated = calibrate(session, None, None, None)
     estimates = [e.to_json() for e in calibrated.estimates]
-    budgets = of_gravity([row for fitted in calibrated.fits.values() for row in budget(fitted)])
+    unit = unit_of(e.bias_dps for e in calibrated.estimates)
+    budgets = of_gravity([row for fitted in calibrated.fits.values() for row in budget(fitted)], unit)
     angles = ("measured_deg", "modelled_deg", "residual_deg")
     left = [
         [r["file"], f"{r['t_s']:.1f}", r["axis"], *(f"{r[name]:.3f}" for name in angles)]
@@ -79,10 +81,12 @@ def missing(folder: Path) -> tuple[str, list[list[str]]]:
     passed = [c for c in found.candidates if c.decision in ("add", "suggest")]
     best = found.best
     told = {
-        "add": f"Missing: {'' if best is None else f'{best.effect.title.lower()} on {best.axis}'}.",
         "ambiguous": f"One of {'' if best is None else ', '.join(best.group)}: the session cannot tell which.",
         "adequate": "Nothing is missing: what is left over is noise.",
     }  # fmt: skip
+    if found.verdict == "add" and best is not None:
+        axes = ", ".join(sorted(c.axis for c in passed if c.decision == "add" and c.effect.id == best.effect.id))
+        told["add"] = f"Missing: {best.effect.title.lower()} on {axes}."
     words = told.get(found.verdict, "Something is left over that no effect of the library explains.")
     return words, [[c.effect.title, c.axis, c.decision, sizes(c)] for c in passed]
 

@@ -277,14 +277,15 @@ def hero(
     }]  # fmt: skip
     entries = [entry(names[0], "dots"), entry(names[1], "thick"), entry(names[2], "band", 0.35)]
     entries += [entry(s["name"], "dots", 0.5) for s in own]
-    ends: Options = {} if few else {"min": shown.edges[0], "max": float(f"{shown.edges[-1]:.6g}")}
+    ends: Options = {} if few else {"min": shown.edges[0], "max": shown.edges[-1]}
+    plain: Options = {":formatter": PLAIN} if few else {":formatter": PLAIN, "showMinLabel": False, "showMaxLabel": False}
     return base(
         p, **moved,
         title=[title(p, text, 4 + 17 * k, 12) | ({"textStyle": _heading(p)} if k == 0 else {}) for k, text in enumerate(lines)],
         legend=legend(p, entries, left=54, right=12, top=4 + 17 * len(lines)),
         tooltip=tooltip(p, [unit.name], ""),
         grid=grid(left=54, right=16, top=34 + 17 * len(lines), bottom=40),
-        xAxis=axis(p, shown.x_label, nameGap=22, label={":formatter": PLAIN}, **ends),
+        xAxis=axis(p, shown.x_label, nameGap=22, label=plain, **ends),
         yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
         series=[
             {**line(names[1], through, p.axes[shown.axis], style={"width": 2.5}), **moved, "showSymbol": few},

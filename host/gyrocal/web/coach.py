@@ -148,6 +148,7 @@ class Coach:
         now = advice(sensor, replays=bool(live.status.get("replays")), ended=live.ended)
         self._tell.text, self._why.text = now.tell, now.why
         self._state.text = words(sensor)
+        self._state.set_visibility(not live.ended)
         measuring = sensor.get("state") == "recording" and not live.ended
         run_s = sensor.get("run_s", 0.0) if measuring else 0.0
         self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else "–", f"of {NEEDED_S:g} s")

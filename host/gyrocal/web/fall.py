@@ -70,7 +70,8 @@ class Fall:
         """The way of counting, as a phrase."""
         whose = f" of the richest model, {self._floor}" if len(self.bars) > 1 else ""
         how = f"{self.unit.name} rms on unseen recordings, beyond the noise floor{whose}"
-        return f"{how}, within power cycles (fewer than {POLICY.few_cycles})" if self.within else how
+        few = f"counted within each power cycle, because there are fewer than {POLICY.few_cycles} of them"
+        return f"{how}, {few}" if self.within else how
 
     @property
     def part_told(self) -> str:

@@ -164,8 +164,10 @@ class Tab:
         self._set_dark(not self.dark)
 
     def _set_dark(self, dark: bool) -> None:
+        """Draw the charts of the panel in the colours of the mode; what the user chose on it stays."""
         self.dark = dark
-        self.go(self.view, push=False)
+        with self._content:
+            self._update("scheme")
 
 
 MARK = (

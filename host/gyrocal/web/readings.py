@@ -13,6 +13,7 @@ from gyrocal.web.samples import SHOWN_S, Frame
 
 if TYPE_CHECKING:
     from gyrocal.web.live import Live
+    from gyrocal.web.page import Tab
 
 FRAME_S = 0.033
 READ_S = 0.15
@@ -28,8 +29,8 @@ WINDOWS_S = {5.0: "5 s", SHOWN_S: "10 s", 30.0: "30 s", 60.0: "60 s"}
 class Readings:
     """The two sections of a page that show one sensor of the board."""
 
-    def __init__(self, live: Live, palette: charts.Palette) -> None:
-        self._live, self._palette, self._imu = live, palette, 0
+    def __init__(self, live: Live, tab: Tab) -> None:
+        self._live, self._tab, self._imu = live, tab, 0
         self._sent = (0, 0.0)
         self._read = 0.0
         self._in_flight = 0
@@ -38,15 +39,24 @@ class Readings:
         """The vertical range that the user gave each strip."""
         with ui.element("section").classes("face readings").props('aria-label="readings"'):
             self._values = [self._value(name, unit) for name, unit in READINGS]
-        with ui.element("section").classes("face grow column").style("padding: 6px 6px; gap: 2px"):
+        with ui.element("section").classes("face grow column strips").style("padding: 6px 6px; gap: 2px"):
             self._controls()
-            self._chart = ui.echart(self._strips()).classes("chart grow")
+            self._chart = ui.echart(self._whole()).classes("chart grow")
             self._chart.props('role="img" aria-label="the last seconds of all axes and the temperature"')
         ui.timer(FRAME_S, self._frame)
 
     def show(self, imu: int) -> None:
         """Show another sensor of the board."""
-        self._imu, self._sent = imu, (0, 0.0)
+        self._imu = imu
+        self.redraw()
+
+    def redraw(self) -> None:
+        """Draw the whole chart anew, in the colours of the page."""
+        options = self._whole()
+        self._chart.options.clear()
+        self._chart.options.update(options)
+        self._chart.run_chart_method(":setOption", charts.script(options), "({notMerge: true})")
+        self._again()
 
     def _value(self, name: str, unit: str) -> tuple[ui.html, ui.label]:
         with ui.element("div").classes("reading"):
@@ -93,9 +103,19 @@ class Readings:
         """Draw anew, also if nothing has come."""
         self._sent, self._read = (0, 0.0), 0.0
 
+    def _whole(self) -> charts.Options:
+        """The strips with what has come so far: a page that is opened after the last sample gets no other."""
+        whole = self._strips()
+        samples = self._live.sensors.get(self._imu)
+        if samples is not None:
+            for name, parts in self._options(samples.frame(self._window.value)).items():
+                for mine, part in zip(whole[name], parts, strict=False):
+                    mine.update(part)
+        return whole
+
     def _strips(self) -> charts.Options:
-        p = self._palette
-        tops = [f"{4.5 + 17.8 * k:g}%" for k in range(5)]  # the rest is for the words of the last axis
+        p = self._tab.palette
+        tops = [f"{5.8 + 17.4 * k:g}%" for k in range(5)]  # the rest is for the words of the last axis
         x: list[charts.Options] = []
         for k in range(5):
             last = k == 4
@@ -107,9 +127,9 @@ class Readings:
         colours = [p.axes[a] for a in "xyzxyz"] + [p.ink]
         return charts.base(
             p,
-            grid=[charts.grid(top=top, height="12.5%", right=12, left=58) for top in tops],
-            title=[charts.title(p, name, f"{0.5 + 17.8 * k:g}%", 58) for k, name in enumerate(STRIPS)],
-            legend=charts.legend(p, acceleration, right=12, top="53%"),
+            grid=[charts.grid(top=top, height="11.2%", right=12, left=58) for top in tops],
+            title=[charts.title(p, name, f"{0.6 + 17.4 * k:g}%", 58) for k, name in enumerate(STRIPS)],
+            legend=charts.legend(p, acceleration, right=12, top="52.6%"),
             xAxis=x,
             yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
             series=[

@@ -11,15 +11,18 @@ import numpy as np
 from gyrocal.api import Comparison, Session
 from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.effects import base
+from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit
+from gyrocal.recording.session import AXES
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
+from gyrocal.web.spectra import against_frequency
 from gyrocal.web.told import Change
 from gyrocal.web.views import CalibrationView, Card, DiagnosisView
-from gyrocal.web.words import evidence, method
+from gyrocal.web.words import evidence, method, unseen
 
 CORRELATED = 0.3
 """Correlations of less are not listed."""
@@ -39,7 +42,7 @@ def page(
     compared, session = found.to_json(), found.fit.session
     drawn = [
         ("Residual against time", pictures.png_data(pictures.residual_against_time(found))),
-        ("Spectrum", pictures.png_data(pictures.spectra(found))),
+        ("Spectrum", pictures.png_data(spectrum(found))),
         ("Allan deviation", pictures.png_data(pictures.allan(found))),
     ]
     blocks = [] if fall is None else charts.blocks(charts.LIGHT, fall.bars, fall.unit)
@@ -55,7 +58,27 @@ def page(
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
         bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
+        unseen=unseen,
     )  # fmt: skip
+
+
+def spectrum(found: Comparison) -> Any:
+    """The amplitude density of the residual as on the page: from the lowest frequency that a run holds, with noise alone."""
+    figure, axes = pictures.framed(8, 3.2)
+    residuals: dict[str, list[Any]] = {axis: [] for axis in found.fit.axes}
+    for p in heldout.fitted(found.fit):
+        residuals[AXES[p.axis]].append(p.residual_dps)
+    for axis, of_runs in residuals.items():
+        if of_runs:
+            c, colour = against_frequency(found, axis, of_runs), pictures.AXIS_COLOURS[axis]
+            y, expected, low, high = (1e3 * np.array(v) for v in (c.y, c.expected, c.low, c.high))
+            axes.fill_between(c.x, low, high, color=colour, alpha=0.2, linewidth=0)
+            axes.plot(c.x, y, lw=0.9, color=colour, label=axis)
+            axes.plot(c.x, expected, lw=1.5, ls="--", color=colour)
+    title = "Spectrum of the residual (line: mean, band: lowest to highest; dashed: noise alone)"
+    axes.set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="mdps/√Hz", title=title)
+    axes.legend(frameon=False, ncols=3, loc="upper right")
+    return figure
 
 
 def _facts(session: Session, left_out: Sequence[str]) -> list[tuple[str, str]]:
@@ -98,7 +121,8 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
     def unit(effect: str, name: str) -> str:
         declared = {p.name: p.unit for p in kinds[effect].parameters} if effect in kinds else {}
-        return declared.get(name) or next((u for end, u in UNITS.items() if name.endswith(end)), "")
+        known = declared.get(name) or declared.get(name.removesuffix("_sd"))
+        return known or next((u for end, u in UNITS.items() if name.endswith(end)), "")
 
     return [{**p, "unit": unit(p["effect"], p["name"])} for p in parameters]
 

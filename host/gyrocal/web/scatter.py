@@ -67,7 +67,7 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
             told.append(
                 f"{head}: over {bias.cycles} power cycles the bias scatters by {rate_text(bias.sd)} about "
                 f"{unit.text(bias.mean)} {unit.name}, each answer's own error is {rate_text(bias.error)}; the scale scatters "
-                f"by {scale.sd:.2g} % about {scale.mean:.4f}, own error {scale.error:.2g} %."
+                f"by {scale.sd:.2g} % about {scale.mean:.4f} %, own error {scale.error:.2g} %."
             )
             parts = [name for name, one in (("bias", bias), ("scale", scale)) if one.beyond]
             if parts:
@@ -86,7 +86,8 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
                 )
     doubted = sum(not e["trusted"] for e in found)
     if doubted:
-        told.append(f"{doubted} of {len(found)} answers are not trusted; the last column says why.")
+        are = "is" if doubted == 1 else "are"
+        told.append(f"{doubted} of {len(found)} answers {are} not trusted; the last column says why.")
     return told
 
 

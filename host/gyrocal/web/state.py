@@ -18,16 +18,7 @@ from gyrocal.web.models import BY_HAND, Models, Recipe, Step, read_models, write
 from gyrocal.web.places import Places
 from gyrocal.web.told import story
 from gyrocal.web.training import Training
-from gyrocal.web.views import (
-    CalibrationView,
-    Card,
-    DiagnosisView,
-    ExportView,
-    ModelView,
-    Recording,
-    SessionView,
-    TrainedView,
-)
+from gyrocal.web.views import CalibrationView, Card, DiagnosisView, ExportView, ModelView, Recording, SessionView, TrainedView
 
 if TYPE_CHECKING:
     from gyrocal.web.by_gravity import GravityView
@@ -35,7 +26,9 @@ if TYPE_CHECKING:
     from gyrocal.web.mend import Mend
     from gyrocal.web.traces import Traces
 
-Topic = Literal["session", "runs", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message"]
+Topic = Literal[
+    "session", "runs", "model", "diagnosis", "calibration", "training", "export", "job", "device", "message", "scheme"
+]
 
 
 class Workbench:

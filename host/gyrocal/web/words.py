@@ -33,7 +33,7 @@ def evidence(card: Card) -> list[tuple[str, str]]:
         rows.append(("explains", explains(judged["explained"], judged["axis"], within=card.within)))
     if judged["heldout_gain"] is not None:
         gain = plus_minus(judged["heldout_gain"], judged["heldout_gain_se"])
-        rows.append(("on unseen data", f"held-out gain {gain} in log-likelihood"))
+        rows.append(("on unseen data", f"predicts it better by {gain} in log-likelihood"))
     if judged["q_value"] is not None:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
         rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))
@@ -51,6 +51,20 @@ def explains(part: float, axis: str, *, within: bool) -> str:
     if part <= 0:
         return f"nothing of the excess error {where}"
     return f"{part:.0%} of the squared excess error {where}; its rms falls by {1 - max(0.0, 1 - part) ** 0.5:.0%}"
+
+
+LEFT_OUT = {
+    "day": "each day in turn is", "scenario": "each power cycle in turn is", "run": "each run in turn is",
+    "time": "one stretch of time after another is", "session": "the whole session was",
+}  # fmt: skip
+"""The parts that ``gyrocal compare`` names as held out."""
+
+
+def unseen(held_out: str) -> str:
+    """What the errors are judged on, in a sentence; ``held_out`` as ``gyrocal compare`` gives it."""
+    if held_out not in LEFT_OUT:
+        return "Nothing could be left out of the fit, so the error on unseen data is not known."
+    return f"Errors are those on unseen data: {LEFT_OUT[held_out]} left out of the fit and compared with what the fit predicts."
 
 
 def not_yet(bench: Workbench) -> str:

@@ -26,6 +26,10 @@ NUMBERS = b"0123456789.+-eE\n"
 """What a table is made of whose every cell is a number; with a comma that separates no cells, it is text."""
 UNITS = r"n?s|[um]s|sec|(?:m?deg|m?d|rad|deg|°)/?(?:p?s|sec)|deg|rad|°|m?g|m/s\^?2|°?c|degc|k|counts?|lsb"
 """What a line of units below the columns' names is made of, in lower case."""
+MONITOR = rb"(?m)^(\d\d:\d\d:\d\d\.\d{1,6}) *-?> *"
+"""How a serial monitor stamps each line: ``12:01:02.345 -> 0.1,0.2,0.3`` of Arduino, ``>`` of PlatformIO."""
+CLOCK = re.compile(r"\d:\d\d")
+"""What a cell that holds a time of day has."""
 EXACT = 2.0**53
 """A whole number from here on does not fit a float64: nanoseconds since 1970, say, which are counted from the first one."""
 
@@ -65,7 +69,16 @@ def _plain(data: bytes) -> bytes:
     for old, new in ((b"\r\n", b"\n"), (b"\r", b"\n"), (MINUS, b"-")):
         if old in data:
             data = data.replace(old, new)
-    return data
+    return _of_monitor(data)
+
+
+def _of_monitor(data: bytes) -> bytes:
+    """A text in which a serial monitor's stamps are a column ``time``; any other text as it is."""
+    if re.match(MONITOR, data) is None:
+        return data
+    last = data[data.rstrip(BLANK).rfind(b"\n") + 1 :]
+    separator = next((s.encode() for s in ",\t;|" if s.encode() in last), b" ")
+    return re.sub(MONITOR + rb"(?=[^\W\d])", b"time" + separator, re.sub(MONITOR + rb"(?=\W*\d)", rb"\1" + separator, data))
 
 
 def _end(data: bytes) -> int:
@@ -217,7 +230,8 @@ def _find_any_header(path: Path, lines: list[str], skip: int | None) -> tuple[in
         for (number, header), (_, row), (_, next_row) in zip(rows, rows[1:], rows[2:], strict=False):
             fits = len(_without_tail(header)) <= len(row) == len(next_row) > 1 and (skip is None or number == skip)
             fits = fits and len(header) >= len(_without_tail(row))
-            if fits and not _is_number(header[0]) and _mostly_numbers(row) and _mostly_numbers(next_row):
+            fits = fits and not _is_number(header[0]) and not _mostly_numbers(header)
+            if fits and _mostly_numbers(row) and _mostly_numbers(next_row):
                 found.append((len(header), number, separator))
                 break
     if not found:
@@ -240,7 +254,7 @@ def _why_no_table(lines: list[str]) -> str:
         return "hexadecimal numbers are not read; write decimal ones"
     if labelled := re.search(r"[A-Za-z]\w*[:=]\s*[-+.\d]+", last):
         return f"its cells hold names, as {labelled[0]!r}; write the names once, in the first line, and numbers below"
-    return "no header: --columns a,b,c; else name the columns by --map"
+    return "no header: name all columns, as by --columns time,gx,gy,gz; else name the columns by --map"
 
 
 def _find_data(path: Path, lines: list[str], columns: Sequence[str], names: Sequence[str], skip: int | None) -> tuple[int, str]:
@@ -249,7 +263,7 @@ def _find_data(path: Path, lines: list[str], columns: Sequence[str], names: Sequ
     for number, line in _window(lines, skip):
         for separator in SEPARATORS:
             cells = _cells(line, separator)
-            if len(cells) == len(columns) and all(_is_number(cells[i], True) for i in wanted):
+            if len(cells) == len(columns) and all(_is_number(cells[i], True) or CLOCK.search(cells[i]) for i in wanted):
                 return number, separator
     named = ", ".join(dict.fromkeys(names or columns))
     raise InputError(f"{path}: no row of {len(columns)} cells with numbers in {named}; {_shown(lines, skip)}")

@@ -44,8 +44,9 @@ class CalibratePanel:
     def hear(self, topic: Topic) -> None:
         if topic == "session":
             self.axis = "" if self.bench.session is None else self.bench.session.axis
-        if topic in ("session", "model", "calibration"):
+        if topic in ("session", "model", "calibration", "scheme"):
             self._answers()
+        if topic in ("session", "model", "calibration"):
             self._budget()
         if topic == "training" and self.training is not None and self.training is self.bench.training:
             self._told()
@@ -83,7 +84,8 @@ class CalibratePanel:
                 ui.label(f"The first {MOST_ROWS} of {len(found.estimates)}; `gyrocal calibrate` prints all.").classes(
                     "dim small"
                 )
-            with ui.element("div").classes("scroll grow sideways").props('role="region" aria-label="answers" tabindex="0"'):
+            rows = ui.element("div").props('role="region" aria-label="answers" tabindex="0"')
+            with rows.classes("scroll grow sideways long"):
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
             for meaning in scatter.meanings(found.estimates):
                 ui.label(meaning).classes("dim small")

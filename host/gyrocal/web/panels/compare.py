@@ -38,6 +38,8 @@ SPECTRA = {
 AROUND = 4.0
 """Factor by which the part of a spectrum around a finding is wider than the finding on both sides."""
 ALL = (0.0, 100.0)
+UNKNOWN = "-"
+"""A figure that the command line does not know."""
 MOVES = (
     ("zoom_in", "zoom in", 0.25, -0.25), ("zoom_out", "zoom out", -0.5, 0.5),
     ("chevron_left", "earlier", -0.5, -0.5), ("chevron_right", "later", 0.5, 0.5),
@@ -67,6 +69,7 @@ class ComparePanel:
         self.place: Place | None = None
         """The finding whose picture is shown."""
         self.chart: Any = None
+        """None as long as there is nothing to draw."""
         self.root = ui.element("div").classes("column fill")
         self._build()
 
@@ -75,9 +78,12 @@ class ComparePanel:
             self.chose_axes, self.chosen, self.window, self.against, self.place = False, [], ALL, "timeline", None
         if topic in ("session", "runs", "model"):
             self._build()
+        if topic == "scheme" and self.chart is not None:
+            self._draw()
 
     def _build(self) -> None:
         self.root.clear()
+        self.chart = None
         with self.root:
             if self.bench.session is None:
                 self._nothing()
@@ -306,10 +312,11 @@ def _figures(view: ModelView, tone: str) -> None:
                 (f"error, {view.unit} rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
             ):  # fmt: skip
                 with ui.element("div").classes(f"figure {kind}"):
-                    ui.html(f"<b>{value}</b>", sanitize=False)
+                    ui.html(f"<b>{'–' if value == UNKNOWN else value}</b>", sanitize=False)
                     ui.label(name)
-        each = " · ".join(f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes)
-        ui.label(f"excess by axis: {each}").classes("dim small per-axis")
+        known = [f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN]
+        told = f"excess by axis: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
+        ui.label(told).classes("dim small per-axis")
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

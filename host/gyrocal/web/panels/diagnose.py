@@ -49,8 +49,11 @@ class DiagnosePanel:
         if topic in ("session", "model"):
             self._model()
             self._fall()
-        if topic in ("session", "model", "calibration"):
+        if topic in ("session", "model", "calibration", "scheme"):
             self._calibration()
+        if topic == "scheme":
+            self.hero.draw()
+            self._fall()
 
     def _allow(self) -> None:
         for button in (*self.acts, *self.acts_on_model):

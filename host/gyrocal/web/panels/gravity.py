@@ -12,6 +12,7 @@ from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain, rate
+from gyrocal.web.words import unseen
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -36,7 +37,7 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                 _budgets(view)
             with ui.element("div").classes("column"):
                 _listed("Rests", ("file:", "from, s", "length, s", "acceleration x, y, z, g"), view.rests)
-                columns = ("file:", "from, s", "about:", "gyroscope, deg", "model, deg", "left, deg")
+                columns = ("file:", "from, s", "mainly about:", "gyroscope, deg", "model, deg", "left over, deg")
                 _listed("Movements between them", columns, view.movements)
     return lambda topic: None
 
@@ -47,8 +48,8 @@ def _verdict(view: GravityView) -> None:
     with ui.element("section").classes(f"face verdict {tone}").props('aria-label="verdict"'):
         with ui.element("div"):
             ui.label(view.headline).classes("big")
-            counted = f"{compared['rests']} rests and {compared['movements']} movements are compared by angle"
-            ui.label(f"The reference is gravity: {counted}. Held out: {compared['held_out']}.").classes("dim")
+            counted = f"{compared['movements']} movements between {compared['rests']} rests are compared by angle"
+            ui.label(f"The reference is gravity: {counted}. {unseen(compared['held_out'])}").classes("dim")
         with ui.element("div").classes("figures"):
             for name in ("rms", "floor", "excess"):
                 with ui.element("div").classes(f"figure {name}"):
@@ -58,7 +59,7 @@ def _verdict(view: GravityView) -> None:
 
 def _levels(view: GravityView) -> None:
     with ui.element("section").classes("face column tight"):
-        ui.html("<h2>Held-out angle between movements and gravity, deg</h2>", sanitize=False)
+        ui.html("<h2>Angle between the turned gyroscope and gravity, on unseen data, deg</h2>", sanitize=False)
         ui.html(plain(("turned:", "rms", "floor", "excess", "±"), view.rows), sanitize=False).classes("sideways")
         where = [[f["axis"], f["against"].replace("_", " "), f"{f['strength']:.1f}", f["note"]] for f in view.compared["where"]]
         if where:
@@ -113,6 +114,6 @@ def _budgets(view: GravityView) -> None:
 
 def _listed(title: str, columns: tuple[str, ...], rows: list[list[str]]) -> None:
     with ui.element("section").classes("face column tight"):
-        ui.html(f"<h2>{title}</h2>", sanitize=False)
-        with ui.element("div").classes("scroll sideways listed").props(f'role="region" aria-label="{title}" tabindex="0"'):
+        ui.html(f"<h2>{title} ({len(rows)})</h2>", sanitize=False)
+        with ui.element("div").classes("scroll sideways long").props(f'role="region" aria-label="{title}" tabindex="0"'):
             ui.html(plain(columns, rows), sanitize=False)

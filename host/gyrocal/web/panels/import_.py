@@ -30,6 +30,11 @@ HINTS = {
     HAND: "It needs all three accelerations, and about fifteen rests of two seconds in different poses.",
 }
 """How the sensor moved, and what its file cannot say."""
+FIELDS = {
+    "--rate, --turn-deg, or map": "the table rate (0 at rest), or map a column to", "--rate-hz": "samples a second",
+    "--lsb-dps": "one count", "--gravity": "choose by hand", "--map": "the line",
+}  # fmt: skip
+"""What the page calls the options that a problem names."""
 
 
 class ImportPanel:
@@ -145,7 +150,7 @@ class ImportPanel:
             if looked.problem:
                 with ui.row().classes("tight").style("flex-wrap: nowrap; align-items: baseline"):
                     ui.element("span").classes("light bad")
-                    ui.label(looked.problem.replace(f"{self.file.parent}/", "")).props('role="status"')
+                    ui.label(_on_page(looked.problem.replace(f"{self.file.parent}/", ""))).props('role="status"')
             rows = [[*text.split("=", 1), why] for text, why in looked.maps]
             if rows:
                 ui.html(plain(("becomes:", "from:", "why:"), rows), sanitize=False).classes("sideways")
@@ -172,6 +177,13 @@ class ImportPanel:
         if done is not None:
             self.tab.go("compare")
             await self.bench.open(out)
+
+
+def _on_page(problem: str) -> str:
+    """A problem of the import with the names of the page's fields in place of the command line's options."""
+    for option, field in FIELDS.items():
+        problem = problem.replace(option, field)
+    return problem
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

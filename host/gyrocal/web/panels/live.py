@@ -45,12 +45,14 @@ class LivePanel:
                 with ui.element("div").classes("column") as self.at_table:
                     self.coach = Coach(self.live)
                 self.guide = Guide(self.live)
-                self.readings = Readings(self.live, tab.palette)
+                self.readings = Readings(self.live, tab)
         self.hear("device")
         ui.timer(0.25, lambda: self.hear("device"))
 
     def hear(self, topic: Topic) -> None:
         """Redraw only what has changed, so that no button disappears while it is pressed."""
+        if topic == "scheme":
+            self.readings.redraw()
         if topic != "device":
             return
         live, status = self.live, self.live.status
@@ -93,8 +95,8 @@ class LivePanel:
                 self._choose()
                 return
             with ui.row().style("flex-wrap: nowrap"):
-                up = self.live.connected and not self.live.ended
-                ui.element("span").classes(f"light {'good' if up else 'bad'}")
+                light = "" if self.live.ended else "good" if self.live.connected else "bad"
+                ui.element("span").classes(f"light {light}")
                 with ui.element("div"):
                     ui.label(self._state_words()).props('role="status"')
                     if part := self._part_words():
@@ -168,7 +170,7 @@ class LivePanel:
 
     async def _simulate(self, effect: str, speed: str) -> None:
         options = ["--speed", speed, *(["--effect", effect] if effect else [])]
-        self.bench.say("Starting the simulated device…")
+        ui.notify("Starting the simulated device…", timeout=2000)
         try:
             await self.live.simulate(self.bench.scratch / "device", options)
         except InputError as error:
@@ -178,7 +180,7 @@ class LivePanel:
         """A simulated device whose sensor a hand turns from pose to pose."""
         from gyrocal.simulation.simulate import simulate
 
-        self.bench.say("Starting the simulated device…")
+        ui.notify("Starting the simulated device…", timeout=2000)
         folder = Path(tempfile.mkdtemp(prefix="held", dir=self.bench.scratch)) / "session"
         await asyncio.to_thread(simulate, folder, "hands")
         try:
