@@ -28,10 +28,6 @@ from gyrocal.warning import Warning
 CODE = ("policy", "recording", "noise", "effects", "variables", "error_model", "inference", "plausibility", "fleet")
 """The folders on whose code a summary depends."""
 
-SAMPLE_NOISE_SE = 1.2533 * (3 / 4) ** 0.5
-"""Relative standard error of :func:`own_sd_dps` times the root of the number of samples: mean squares of changes (3/4 for white
-noise), of which the median over runs is taken (1.2533)."""
-
 
 @dataclass(frozen=True)
 class Done:
@@ -145,21 +141,28 @@ def _codes(warnings: Sequence[Warning]) -> tuple[str, ...]:
     return tuple(sorted({f"{w.code}:{w.axis}" if w.axis else w.code for w in warnings}))
 
 
+def _noise_of_samples(session: Session, axis: int) -> dict[str, float]:
+    """The noise of one sample and its standard error, deg/s; nothing for an axis whose readings do not change.
+
+    A mean square of n successive changes has the relative variance 3/n for white noise, and the median over runs 1.57 times
+    that of the mean.
+    """
+    sd_dps, samples = own_sd_dps(session, axis), sum(map(len, session.runs))
+    return {} if sd_dps is None else {"sample_sd_dps": sd_dps, "sample_sd_se_dps": sd_dps * (1.57 * 0.75 / samples) ** 0.5}
+
+
 def _summary_of(session: Session, fitted: AxisFit, drift: FleetDrift | None) -> AxisSummary:
     layout, axis = fitted.design.layout, AXES[fitted.design.axis]
     terms = fitted.design.terms
     columns = tuple(f"{terms[i].effect_id}.{axis}.{terms[i].effect.used(terms[i].values)[j]}" for i, j in layout.fixed)
     named = [(f"{t.effect_id}.{axis}.{n}", v, t.se.get(n)) for t in fitted.terms for n, v in t.values.items()]
-    samples = sum(map(len, session.runs))
     noises = [fitted.noise] if drift is None else [near.noise(fitted.noise) for near in drift.near]
     candidates, cycles = cycle_equations(fitted, noises)
     noise = {
         "white_sd_dps": fitted.noise.white_sd_dps, "drift_sd_dps": fitted.noise.ou_sd_dps,
         "drift_tau_s": fitted.noise.ou_tau_s,
     }  # fmt: skip
-    sample_sd_dps = own_sd_dps(session, fitted.design.axis)
-    if sample_sd_dps is not None:
-        noise |= {"sample_sd_dps": sample_sd_dps, "sample_sd_se_dps": SAMPLE_NOISE_SE * sample_sd_dps / samples**0.5}
+    noise |= _noise_of_samples(session, fitted.design.axis)
     if fitted.noise_model.turn_on_bias is not None:
         noise["turn_on_bias_dps"] = fitted.scenario_sd(fitted.spreads.scenario, Role.BIAS)
     return AxisSummary(
