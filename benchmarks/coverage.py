@@ -6,9 +6,10 @@ range) and three times that. Truth is what the session contains: of a wave whose
 square of its amplitudes over the runs.
 
     gyrocal benchmark coverage
-    python benchmarks/coverage.py [--fits 300] [--effects warmup,drift] [--workers 2] [--out build/coverage.jsonl]
+    python benchmarks/coverage.py [--fits 300] [--effects warmup,drift] [--workers 2] [--out build/coverage.jsonl] [--page FILE]
 
 Each fit is appended to ``--out``. Fits that the file already holds are not repeated if they were made with the same sources.
+``--page docs/coverage.md`` writes the tables of all cells into the page, from its heading "Effects" on.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ SIZES = {"third": 1 / 3, "typical": 1.0, "triple": 3.0}
 LEVELS = {"68": (1.0, 0.6827), "95": (1.96, 0.95)}
 FAMILY_WISE = 0.99
 """Chance that no cell at all is outside the band if every interval is right."""
+EFFECTS = "## Effects"
+"""The heading of the page from which on it has the tables."""
 SCALE, BIAS_DPS, TURN_ON_SD_DPS = 0.004, -0.05, 0.005
 
 
@@ -269,6 +272,20 @@ def show(found: dict[str, Any]) -> None:
         stdout.print(f"{effect_id} is left out: {why}", markup=False)
 
 
+def with_tables(page: str, found: Mapping[str, Any]) -> str:
+    """The page with the tables of all cells from its heading "Effects" on."""
+    head = ["| effect | parameter | size | fits | 68 % | 95 % | mean z | sd z |", "|" + " --- |" * 8]
+    lines: dict[bool, list[str]] = {False: [], True: []}
+    for line in found["rows"]:
+        shares = [f"{line[level]:.0%}".replace("%", " %") + " (outside)" * (level in line["outside"]) for level in LEVELS]
+        moments = ["-" if line[m] is None else f"{line[m]:.2f}" for m in ("z_mean", "z_sd")]
+        cells = [line["effect"], line["parameter"], line["size"], str(line["fits"]), *shares, *moments]
+        lines[line["size"] == "all"].append("| " + " | ".join(cells) + " |")
+    beside = "## Scale, bias and turn-on bias beside them, all sizes together"
+    text = page[: page.index(EFFECTS)]
+    return text + "\n".join([EFFECTS, "", *head, *lines[False], "", beside, "", *head, *lines[True]]) + "\n"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """The benchmark with its options; 1 if a cell is outside its band."""
     parser = argparse.ArgumentParser(description="Do intervals cover the truth as often as they say?")
@@ -276,6 +293,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--effects", default=",".join(covered_effects()), help="ids, separated by commas")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--out", type=Path, default=OUT, help="results, one JSON object a line")
+    parser.add_argument("--page", type=Path, help="a page into which the tables are written")
     asked = parser.parse_args(arguments)
 
     def progress(done: int, total: int) -> None:
@@ -283,6 +301,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     found = summary(measured(asked.fits, asked.effects.split(","), progress, asked.out, asked.workers))
     show(found)
+    if asked.page is not None:
+        asked.page.write_text(with_tables(asked.page.read_text(encoding="utf-8"), found), encoding="utf-8")
     return int(any(line["outside"] for line in found["rows"]))
 
 

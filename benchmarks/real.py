@@ -25,6 +25,7 @@ import polars as pl
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.real_facts import Fact, close, named_on, said, saved, saved_runs, value, words
+from benchmarks.real_gravity import xsens
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.explain import Explanation, explain
@@ -327,6 +328,7 @@ RECORDINGS: dict[str, tuple[str, Callable[[Path, Path], Iterator[Fact]]]] = {
     "MPU-6050 at rest": ("mpu6050_multipose_tedaldi", mpu_static),
     "stepper": ("mpu6050_encoder_stepper", stepper),
     "motion capture": ("broad_optical_ref", broad),
+    "Xsens MTi": ("xsens_mti_multipose_imutk", xsens),
 }
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 import polars as pl
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from gyrocal.api import (
     InputError,
@@ -27,6 +28,7 @@ from gyrocal.api import (
     plan,
     simulate,
 )  # fmt: skip
+from gyrocal.present.output import plus_minus
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -79,6 +81,21 @@ def test_results_show_themselves(results: dict[str, Any], kind: str) -> None:
     assert shown != results["Session" if kind != "Session" else "Model"]
 
 
+def test_pictures_name_what_they_show(results: dict[str, Any]) -> None:
+    def words(kind: str) -> str:
+        figure = results[kind].plot()
+        figure.canvas.draw()
+        return " ".join(text.get_text() for text in figure.findobj(Text))
+
+    diagnosis, model = results["Diagnosis"], results["Model"]
+    assert f"{diagnosis.best.effect.id} on z: add" in words("Diagnosis")
+    assert {f"{e.scenario} {e.axis}\n{e.seconds:g} s" for e in results["Calibration"]} <= {
+        text.get_text() for text in results["Calibration"].plot().findobj(Text)
+    }
+    (row,) = model.to_dataframe().filter(effect="scale", axis="z", parameter="scale").rows(named=True)
+    assert plus_minus(row["value"], row["se"]) in words("Model")
+
+
 def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Session) -> None:
     assert results["Session"].to_dataframe().height == session.rows
     assert (
@@ -91,6 +108,22 @@ def test_tables_hold_what_the_results_say(results: dict[str, Any], session: Sess
     model = results["Model"]
     (row,) = model.to_dataframe().filter(effect="scale", axis="z", parameter="scale").rows()
     assert row[3] == model.value("scale", "z", "scale")
+
+
+def test_a_session_by_gravity_is_read_by_the_same_calls() -> None:
+    session = simulate(None, "hands", ["misalignment"], 1, scenarios=20)[0]
+    found = explain(session)
+    for result in (compare(session), diagnose(session), calibrate(session), found):
+        assert len(repr(result)) < 200
+        assert result.summary()
+        assert isinstance(result.plot(), Figure)
+        assert result.to_dataframe().height
+        assert result == result
+    assert found.model.ids[-1] == "misalignment"
+    assert compare(session, found.model, as_is=True).verdict == "adequate"
+    assert add(session, None, "misalignment").model.ids == found.model.ids
+    with pytest.raises(InputError, match="only_day: not for a session whose reference is gravity"):
+        compare(session, only_day=1)
 
 
 def test_two_comparisons_can_be_compared(session: Session) -> None:

@@ -1,5 +1,6 @@
 """The benchmarks that run from a checkout: pinned keys, and figures that hold together. A few scenarios only."""
 
+import importlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,20 @@ def test_truths_of_real_recordings_recover_what_was_planted() -> None:
     assert body == pytest.approx(np.tile([18.0, 0.0, 24.0], (len(body), 1)), abs=1e-6)
     tone = np.random.default_rng(1).normal(0, 0.05, 40_000) + 0.05 * np.sin(2 * np.pi * 17.3 * np.arange(40_000) / 100)
     assert module.lines_hz(tone, 100.0) == pytest.approx([17.3], abs=0.02)
+
+
+def test_the_truth_of_a_recording_by_hand_is_of_its_rests_and_in_the_accelerometer_s_frame() -> None:
+    benchmark._module("real")  # puts the checkout on the path
+    module = importlib.import_module("benchmarks.real_gravity")
+    rng = np.random.default_rng(3)
+    gyro_dps = rng.normal([0.1, -0.2, 0.3], 0.02, (3050, 3))
+    gyro_dps[1000:2000] += 50 * np.sin(np.arange(1000) / 30)[:, None]
+    still = module.still_dps(gyro_dps)
+    assert still.shape == (20, 3)
+    assert still.mean(axis=0) == pytest.approx([0.1, -0.2, 0.3], abs=0.003)
+    turn = module.kept_x(module.ACC_AXES)
+    assert turn @ turn.T == pytest.approx(np.eye(3))
+    assert np.triu(module.ACC_AXES @ turn.T, 1) == pytest.approx(np.zeros((3, 3)))
 
 
 def test_real_recordings_that_are_absent_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

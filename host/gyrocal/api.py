@@ -16,6 +16,7 @@ and ``plot()`` (matplotlib), and show themselves in a notebook. More pictures: :
 from __future__ import annotations
 
 import functools
+import inspect
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -37,6 +38,10 @@ from gyrocal.diagnosis.residuals import residual_table
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import DeviceError, GyrocalError, InputError
+from gyrocal.gravity import as_is as _as_is
+from gyrocal.gravity import calibrate as _gravity_calibration
+from gyrocal.gravity import compare as _by_gravity
+from gyrocal.gravity import diagnose as _gravity_diagnosis
 from gyrocal.inference import fit as _fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.planning import plan as _plan
@@ -93,16 +98,39 @@ def _of_folder(function: Callable[Concatenate[Session, P], R]) -> Callable[Conca
     return called
 
 
+def _or_by_gravity(function: Callable[P, R], by_gravity: Callable[..., Any]) -> Callable[P, R]:
+    """The function, with its counterpart for a session whose reference is gravity: that one's result has angles for rates."""
+
+    @functools.wraps(function)
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        session = args[0]
+        if not isinstance(session, Session) or session.reference.kind != "gravity":
+            return function(*args, **kwargs)
+        unknown = sorted(set(kwargs) - set(inspect.signature(by_gravity).parameters))
+        if unknown:
+            raise InputError(f"{', '.join(unknown)}: not for a session whose reference is gravity; leave it out")
+        found: R = by_gravity(*args, **kwargs)
+        return found
+
+    return called
+
+
+def _compare_angles(session: Session, model: Model | str | Path | None = None, as_is: bool = False) -> Any:
+    return (_as_is.compare_as_is if as_is else _by_gravity.compare)(session, model)
+
+
 @_of_folder
 @functools.wraps(_calibrate.calibrate)
 def calibrate(session: Session, *args: Any, **kwargs: Any) -> Calibration:
+    if session.reference.kind == "gravity":
+        return Calibration(_gravity_calibration.calibrate(session, *args, **kwargs).estimates)
     return Calibration(_calibrate.calibrate(session, *args, **kwargs))
 
 
-add = _of_folder(_add.add)
-compare = _of_folder(_compare.compare)
-diagnose = _of_folder(_diagnose.diagnose)
-explain = _of_folder(_explain.explain)
+add = _of_folder(_or_by_gravity(_add.add, _gravity_diagnosis.add))
+compare = _of_folder(_or_by_gravity(_compare.compare, _compare_angles))
+diagnose = _of_folder(_or_by_gravity(_diagnose.diagnose, _gravity_diagnosis.diagnose))
+explain = _of_folder(_or_by_gravity(_explain.explain, _gravity_diagnosis.explain))
 fit = _of_folder(_fit.fit)
 plan = _of_folder(_plan.plan)
 apply = _in_python(_apply)

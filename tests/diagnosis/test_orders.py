@@ -134,7 +134,17 @@ def test_a_ripple_at_one_rate_is_named_and_not_the_tone_of_the_same_shape(seed: 
     assert [c.effect.id for c in found.candidates if c.decision == "add"] == ["table_ripple"]
 
 
-def test_a_tone_of_the_table_is_named_though_no_run_makes_two_turns() -> None:
+def test_runs_of_less_than_two_turns_tell_an_order_from_a_frequency() -> None:
+    """Only the runs at 150 deg/s make two turns in 8 s, so that the spectrum over turns is of one rate."""
+    session = simulate(None, "full", ["order_tone:order=4.25,A_dps=0.03"], 3, scenarios=2, seconds=8.0)[0]
+    best = diagnose(session).best
+    assert best is not None
+    assert (best.effect.id, best.axis, best.group) == ("order_tone", "z", ("order_tone",))
+    assert best.values["order"] == pytest.approx(4.25, abs=0.01)
+
+
+@pytest.mark.parametrize("order", [1.0, 7.0])
+def test_a_tone_of_the_table_is_named_though_no_run_makes_two_turns(order: float) -> None:
     """Turns by hand at a known angle sweep about a turn, over which there is no spectrum."""
     rng = np.random.default_rng(4)
     t_s = np.arange(round(20 * 50.0)) / 50.0
@@ -145,11 +155,11 @@ def test_a_tone_of_the_table_is_named_though_no_run_makes_two_turns() -> None:
         rate = 200 * speed * np.cos(speed * t_s + phase)
         gyro = rng.normal(rng.normal(0, 0.01, 3), 0.03, (t_s.size, 3))
         gyro[:, 2] += 1.002 * rate
-        gyro[:, 0] += 0.04 * np.sin(np.radians(angle_deg) + 1.0)
+        gyro[:, 0] += 0.04 * np.sin(order * np.radians(angle_deg) + 1.0)
         known = {"rate_ref_dps": rate, "table_angle_deg": np.mod(angle_deg, 360)}
         runs.append(make_run(t_s, gyro, scenario=f"s{cycle}", day=1 + cycle % 2, rate_hz=50.0, **known))
     best = diagnose(make_session(*runs)).best
     assert best is not None
     assert (best.effect.id, best.axis) == ("order_tone", "x")
-    assert best.values["order"] == pytest.approx(1, abs=0.05)
+    assert best.values["order"] == pytest.approx(order, abs=0.05)
     assert best.values["A_dps"] == pytest.approx(0.04, rel=0.1)

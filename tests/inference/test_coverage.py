@@ -95,3 +95,18 @@ def test_every_effect_has_cells_or_a_reason(coverage: Any) -> None:
         sizes = [coverage.values_of(kind, size)[coverage.sized(kind)] for size in coverage.SIZES]
         assert sizes[1] == pytest.approx(3 * sizes[0])
         assert sizes[2] == pytest.approx(3 * sizes[1])
+
+
+def test_the_page_has_the_tables_of_the_measurement(coverage: Any) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "coverage.md").read_text(encoding="utf-8")
+    rows = [
+        {"effect": "drift", "size": size, "found": {"k_dps_per_s": [1.1, 1.0, 1.0], "scale.scale": [9.0, 1.0, 0.0]}}
+        for size in coverage.SIZES
+        for _ in range(40)
+    ]
+    written = coverage.with_tables(page, coverage.summary(rows))
+    assert written.startswith(page[: page.index("## Effects")])
+    assert "| drift | k_dps_per_s | typical | 40 | 100 % (outside) | 100 % | 0.10 | 0.00 |" in written
+    assert written.endswith("| drift | scale.scale | all | 120 | 0 % (outside) | 0 % (outside) | 9.00 | 0.00 |\n")
+    assert written.count("| drift |") == 4
+    assert coverage.with_tables(written, coverage.summary(rows)) == written

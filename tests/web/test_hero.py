@@ -29,6 +29,19 @@ def test_the_curve_lies_through_the_means_whatever_the_bias_does(offset_dps: flo
     assert np.abs(np.array(shown.left) - np.array(shown.curve)).max() < 1e-6
 
 
+def test_the_curve_lies_through_the_means_whatever_the_scale_does() -> None:
+    """A transient in proportion to the rate, on both faces: part of it is in the scale until the effect is added."""
+    of = points(4000)
+    rate_dps = np.where(np.arange(4000) < 2000, 78.0, -78.0)
+    of["rate_z"] = rate_dps
+    signal = -0.002 * rate_dps * np.exp(-(np.arange(4000) % 2000) / 400)
+    of["z"] = signal + 0.0007 * rate_dps + 0.3
+    shown = picture("z", signal, of, {0: "000_up.csv"})
+    assert shown is not None
+    assert shown.run is None
+    assert np.abs(np.array(shown.left) - np.array(shown.curve)).max() < 1e-6
+
+
 def test_no_tick_stands_at_the_odd_ends_of_the_data() -> None:
     of = points(4000)
     shown = picture("z", of["z"], of, {0: "000_up.csv"})

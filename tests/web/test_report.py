@@ -10,15 +10,18 @@ import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace as NS
+from typing import Any, cast
 
 import pytest
 
 from gyrocal.api import compare
 from gyrocal.cli import main
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web.models import Recipe, Step
 from gyrocal.web.report import spectrum
 from gyrocal.web.state import Workbench
+from gyrocal.web.told import story
 
 from .loop import finish
 
@@ -59,6 +62,17 @@ def test_the_spectrum_begins_at_the_lowest_frequency_that_a_run_holds() -> None:
     session, _ = simulate(None, "paper", [], 3, scenarios=3, seconds=20)
     drawn = spectrum(compare(session)).axes[0].lines[0].get_xdata()
     assert drawn[0] == pytest.approx(1 / max(run.duration_s for run in session.runs), rel=0.01)
+
+
+def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> None:
+    found = (("y", "add"), ("x", "add"), ("z", "suggest"))
+    cards = [NS(judged={"effect": "drift", "axis": axis, "decision": decision}) for axis, decision in found]
+    on = [{"effect": "bias", "axis": a} for a in "xyz"] + [{"effect": "drift", "axis": a} for a in "xy"]
+    recipe = Recipe("[after]", effect="drift", title="Drift")
+    after = Step(recipe, cast(Any, NS(compared={"parameters": on}, effects=[("drift", "Drift", True)])))
+    before = Step(Recipe("[before]"), cast(Any, NS()))
+    changes = story([before, after], cast(Any, {"[before]": NS(cards=cards)}))
+    assert [c.judged["axis"] for c in changes[0].cards] == ["y", "x"]
 
 
 def words(text: str) -> str:

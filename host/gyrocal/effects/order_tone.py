@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
 from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
-from gyrocal.noise.orders import HIGHEST, LEAST_TURNS, OrderPeak, OrderSpectrum, order_spectrum
+from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum, strongest_orders
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
@@ -26,7 +26,7 @@ AT_REST = 0.1
 BACK = 0.5
 """Fastest turn back, as a fraction of the fastest turn, from which on a run turns both ways."""
 FEW_TURNS = 0.5
-"""Angle, in turns, that at least one run sweeps where no run makes the turns of a spectrum."""
+"""Angle, in turns, from which on a run shows a wave over it."""
 WHOLE = (1.0, 2.0, 3.0, 4.0)
 """Orders that are tried there."""
 HARMONIC = 0.3
@@ -77,7 +77,7 @@ def told_from_frequency(runs: Sequence[Run]) -> bool:
 
     At a known angle, a wave that is fixed to the table goes back with it. A vibration does not.
     """
-    turning = [r for r in runs if _turns(r) and np.ptp(turned_turn(r)) >= LEAST_TURNS]
+    turning = [r for r in runs if _turns(r) and np.ptp(turned_turn(r)) >= FEW_TURNS]
     rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
     several = bool(rates_dps) and np.ptp(rates_dps) >= ONE_RATE * max(rates_dps)
     known = all(r.column("table_angle_deg") is not None for r in turning)
@@ -91,6 +91,13 @@ def _few_turns(runs: Sequence[Run], axis: int) -> bool:
     known = all(r.column("table_angle_deg") is not None for r in turning)
     swept = max((float(np.ptp(turned_turn(r))) for r in turning), default=0.0)
     return known and swept >= FEW_TURNS and not spectrum_over_turns(runs, axis).order.size
+
+
+@once
+def _over_few_turns(runs: Sequence[Run], axis: int) -> list[float]:
+    """The orders with the largest power over runs that each turn too little for a spectrum."""
+    turning = [r for r in runs if _turns(r)]
+    return strongest_orders([_rest_dps(r, axis) for r in turning], [turned_turn(r) for r in turning], PEAKS)
 
 
 def _harmonic(peak: OrderPeak, strongest: OrderPeak) -> bool:
@@ -145,15 +152,17 @@ class OrderTone(Tone):
         """The strongest line over the table's angle and other significant ones.
 
         An order is a whole number per turn where the runs cannot tell it from one. Over few turns, the first whole numbers
-        are tried.
+        and the orders of the largest power are tried.
         """
         if _few_turns(runs, axis):
-            return [{"order": order, "A_dps": 0.0} for order in WHOLE]
+            return [{"order": order, "A_dps": 0.0} for order in (*WHOLE, *_over_few_turns(runs, axis))]
         lines = _lines(runs, axis)[:PEAKS]
         peaks = [p for p in lines if p is lines[0] or p.chance <= POLICY.false_discovery_rate]
         return [{"order": float(p.whole or p.order), "A_dps": 0.0} for p in peaks] or [{"order": 1.0, "A_dps": 0.0}]
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
+        if _few_turns(runs, axis):
+            return len(WHOLE) + round(HIGHEST * max(float(np.ptp(turned_turn(r))) for r in runs if _turns(r)))
         return max(len(WHOLE), int(spectrum_over_turns(runs, axis).order.size))
 
     def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:

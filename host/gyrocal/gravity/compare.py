@@ -27,6 +27,7 @@ from gyrocal.gravity.observations import Rows, parameters
 from gyrocal.gravity.scene import Scene
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Session
+from gyrocal.shown import Shown
 from gyrocal.warning import Warning
 
 PROBES = (
@@ -36,8 +37,8 @@ PROBES = (
 """Variables that residuals are tested against, each with a shape. Rotation about other axes is tested too (as ``rate``)."""
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False, eq=False)
+class Comparison(Shown):
     """Comparison of a model with a session by gravity; levels in deg."""
 
     fit: GravityFit

@@ -23,10 +23,11 @@ from gyrocal.gravity.fit import why_invisible
 from gyrocal.noise.axis import COMPONENTS
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Session
+from gyrocal.shown import Shown
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False, eq=False)
+class Diagnosis(Shown):
     """The candidates, best first, and the verdict: add, ambiguous, unknown, adequate or implausible."""
 
     verdict: str
@@ -141,8 +142,8 @@ class Step:
         }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Explanation(Concluded):
+@dataclass(frozen=True, repr=False, eq=False)
+class Explanation(Concluded, Shown):
     """The steps, the candidates that cannot be distinguished, and the diagnosis of the final model."""
 
     steps: list[Step]

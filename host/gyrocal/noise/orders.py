@@ -74,6 +74,24 @@ class OrderSpectrum:
 NOTHING = OrderSpectrum(np.zeros(0), np.zeros(0), np.zeros(0), 0.0)
 
 
+def strongest_orders(residuals: Sequence[Array], angles_turn: Sequence[Array], count: int) -> list[float]:
+    """The orders with the largest power summed over runs, strongest first, for runs of too few turns for a spectrum.
+
+    No chance is computed. The orders begin at one period over the longest run, because less looks like a drift.
+    """
+    turns = max(float(np.ptp(a)) for a in angles_turn)
+    length = 1 << int(np.ceil(np.log2(4 * PAD * turns * BINS)))
+    order = np.arange(length // 2 + 1) * BINS / length
+    reach = min(HIGHEST, *(0.5 / step for a in angles_turn if (step := float(np.median(np.abs(np.diff(a)))))))
+    power = np.zeros(order.size)
+    for y, angle in zip(residuals, angles_turn, strict=True):
+        bins = np.minimum(((angle - angle.min()) * BINS).astype(np.intp), length - 1)
+        power += np.abs(np.fft.rfft(np.bincount(bins, y - y.mean(), minlength=length)[:length])) ** 2 / y.size
+    inside = (order >= 1 / turns) & (order <= reach)
+    tops = np.flatnonzero(inside & (power >= np.roll(power, 1)) & (power >= np.roll(power, -1)))
+    return [float(order[k]) for k in tops[np.argsort(-power[tops])][:count]]
+
+
 def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> OrderSpectrum:
     """Average periodogram of residuals [n] (deg/s) over unwrapped angles [n] (turns), one of each for a run.
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
@@ -15,9 +14,12 @@ from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import Explanation
 from gyrocal.error_model.model import Model
+from gyrocal.gravity import compare as gravity
+from gyrocal.gravity import diagnose as gravity_diagnosis
 from gyrocal.inference.fitted import Fit
 from gyrocal.planning.plan import Plan
 from gyrocal.present import explanation, pictures
+from gyrocal.present import gravity as by_gravity
 from gyrocal.present.output import plus_minus
 from gyrocal.present.plan import promise, words
 from gyrocal.present.preview import preview
@@ -74,10 +76,26 @@ def _diagnosis_words(found: Diagnosis) -> str:
     return "\n".join([f"{found.verdict}; {verdict_text(found)}", *named])
 
 
-def _diagnosis_table(found: Diagnosis) -> pl.DataFrame:
+def _diagnosis_table(found: Diagnosis | gravity_diagnosis.Diagnosis) -> pl.DataFrame:
     """One row for each candidate, best first."""
     keys = ("effect", "axis", "decision", "heldout_gain", "heldout_gain_se", "q_value", "explained", "next_measurement")
     return _table([{key: row[key] for key in keys} for row in (c.to_json() for c in found.candidates)])
+
+
+def _diagnosis_figure(found: Diagnosis | gravity_diagnosis.Diagnosis) -> Figure:
+    """What each candidate gains held out, with its standard error; those to add are blue."""
+    rows = [c for c in found.candidates if c.gain is not None][::-1]
+    figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
+    axes = figure.subplots()
+    for place, c in enumerate(rows):
+        axes.errorbar(c.gain, place, xerr=c.gain_se or 0.0, fmt="o", color="C0" if c.decision == "add" else "0.5")  # type: ignore[arg-type]
+    axes.set_yticks(range(len(rows)), [f"{c.effect.id} on {c.axis}: {c.decision}" for c in rows])
+    axes.axvline(0, color="0.7")
+    axes.set_xscale("symlog", linthresh=10)
+    axes.set_xlabel("held-out gain in log-likelihood")
+    axes.margins(x=0.08)
+    axes.set_title(f"verdict: {found.verdict}")
+    return figure
 
 
 def _calibration_words(found: Calibration) -> str:
@@ -95,22 +113,27 @@ def _value(value: float | None, se: float | None) -> str:
 
 
 def _calibration_figure(found: Calibration) -> Figure:
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    """Scale and bias with their standard errors, methods side by side; an estimate that is not trusted is hollow."""
+    columns = list(dict.fromkeys((e.scenario, e.axis, e.seconds) for e in found))
+    methods = list(dict.fromkeys(e.method for e in found))
+    figure = Figure(figsize=(max(8.0, 0.6 * len(columns)), 5), layout="constrained")
     scale, bias = figure.subplots(2, 1, sharex=True)
-    for axes, label, points in (
-        (scale, "scale", [(e.method, e.scale, e.scale_se) for e in found]),
-        (bias, "bias, deg/s", [(e.method, e.bias_dps, e.bias_se_dps) for e in found]),
-    ):
-        for method in dict.fromkeys(method for method, _, _ in points):
-            there = [(i, v, se or 0.0) for i, (m, v, se) in enumerate(points) if m == method and v is not None]
-            axes.errorbar(*np.array(there).reshape(-1, 3).T, fmt="o", label=method)
-        axes.set_ylabel(label)
-    bias.set_xlabel("estimate")
-    bias.legend()
+    for e in found:
+        place = columns.index((e.scenario, e.axis, e.seconds)) + 0.15 * (methods.index(e.method) - (len(methods) - 1) / 2)
+        style: dict[str, Any] = {"fmt": "o", "color": f"C{methods.index(e.method)}", "mfc": None if e.trusted else "white"}
+        for axes, value, se in ((scale, e.scale, e.scale_se), (bias, e.bias_dps, e.bias_se_dps)):
+            if value is not None:
+                axes.errorbar(place, value, yerr=se or 0.0, **style)
+    for method in methods:
+        scale.plot([], [], "o", color=f"C{methods.index(method)}", label=method)
+    scale.legend(title="hollow: not trusted", fontsize=8, title_fontsize=8)
+    scale.set_ylabel("scale")
+    bias.set_ylabel("bias, deg/s")
+    bias.set_xticks(range(len(columns)), [f"{scenario} {axis}\n{s:g} s" for scenario, axis, s in columns], fontsize=7)
     return figure
 
 
-def _steps_table(found: Explanation) -> pl.DataFrame:
+def _steps_table(found: Explanation | gravity_diagnosis.Explanation) -> pl.DataFrame:
     """One row for each step; the candidates that are left are those of ``found.last``."""
     empty = {"effects": pl.List(pl.String), "axes": pl.List(pl.String)}
     return _table([step.to_json() for step in found.steps]) if found.steps else pl.DataFrame(schema=empty)
@@ -137,15 +160,20 @@ def _model_table(model: Model) -> pl.DataFrame:
 
 
 def _model_figure(model: Model) -> Figure:
-    """Each fitted parameter over its standard error."""
-    rows = [row for row in _model_rows(model) if row["se"]]
+    """Each fitted parameter over its standard error, on a scale that is linear near 0; its value stands beside it."""
+    rows = [row for row in _model_rows(model) if row["se"]][::-1]
     figure = Figure(figsize=(8, 1 + 0.3 * max(1, len(rows))), layout="constrained")
     axes = figure.subplots()
-    for place, row in enumerate(reversed(rows)):
+    axes.axvspan(-2, 2, color="0.9")
+    for place, row in enumerate(rows):
         axes.errorbar(row["value"] / row["se"], place, xerr=1.0, fmt="o", color="C0")
-    axes.set_yticks(range(len(rows)), [f"{row['effect']} {row['axis']} {row['parameter']}" for row in reversed(rows)])
-    axes.axvline(0, color="0.7")
-    axes.set_xlabel("value over its standard error")
+        axes.annotate(
+            plus_minus(row["value"], row["se"]), (1.01, place), xycoords=("axes fraction", "data"), va="center", fontsize=8,
+        )  # fmt: skip
+    axes.set_yticks(range(len(rows)), [f"{row['effect']} {row['axis']} {row['parameter']}" for row in rows])
+    axes.set_xscale("symlog", linthresh=10)
+    axes.margins(x=0.08)
+    axes.set_xlabel("value over its standard error (grey: not different from 0)")
     return figure
 
 
@@ -169,10 +197,50 @@ def _plan_figure(plan: Plan) -> Figure:
     return figure
 
 
+def _angles_words(found: gravity.Comparison) -> str:
+    level = found.pooled
+    levels = f"rms {deg(level.rms_deg)} deg, noise floor {deg(level.floor_deg)} deg, excess {deg(level.excess_deg)} deg"
+    where = [f"{f.axis} against {f.against.replace('_', ' ')}: {f.note} ({f.strength:.1f} sigma)" for f in found.where]
+    return "\n".join([f"{found.verdict}; {levels}", by_gravity.headline(found), *where, *([found.note] if found.note else [])])
+
+
+def _angles_table(found: gravity.Comparison) -> pl.DataFrame:
+    """Levels of the movements about each axis and of all together, deg."""
+    return _table([{"axis": axis} | level.to_json() for axis, level in [*found.per_axis.items(), ("all", found.pooled)]])
+
+
+def _angles_figure(found: gravity.Comparison) -> Figure:
+    """Rms and noise floor of the movements about each axis."""
+    figure = Figure(figsize=(8, 2), layout="constrained")
+    axes = figure.subplots()
+    for place, level in enumerate(found.per_axis.values()):
+        axes.barh(place, level.rms_deg or 0.0, color="C0", height=0.6)
+        axes.barh(place, level.floor_deg or 0.0, color="0.5", height=0.6)
+    axes.set_yticks(range(len(found.per_axis)), [f"about {axis}" for axis in found.per_axis])
+    axes.set_xlabel("rms of held-out movements, deg (grey: noise floor)")
+    return figure
+
+
+def _named_words(found: gravity_diagnosis.Diagnosis) -> str:
+    named = [f"{c.decision}: {c.effect.title} on {c.axis}" for c in found.candidates if c.decision in ("add", "suggest")]
+    return "\n".join([f"{found.verdict}; {by_gravity.headline(found.comparison)}", *named])
+
+
+def _added_words(found: gravity_diagnosis.Explanation) -> str:
+    steps = [
+        f"{', '.join(s.effects)} on {', '.join(s.axes)}: excess {deg(s.before.pooled.excess_deg)} deg before, "
+        f"{deg(s.after.pooled.excess_deg)} after" for s in found.steps
+    ]  # fmt: skip
+    return "\n".join([f"{found.verdict}; {by_gravity.headline(found.last.comparison)}", *steps])
+
+
 VIEWS.update({
+    gravity.Comparison: View(_angles_words, _angles_table, _angles_figure),
+    gravity_diagnosis.Diagnosis: View(_named_words, _diagnosis_table, _diagnosis_figure),
+    gravity_diagnosis.Explanation: View(_added_words, _steps_table, lambda e: _angles_figure(e.last.comparison)),
     Session: View(_session_words, _session_table, preview),
     Comparison: View(_comparison_words, _comparison_table, pictures.levels),
-    Diagnosis: View(_diagnosis_words, _diagnosis_table, lambda found: pictures.levels(found.comparison)),
+    Diagnosis: View(_diagnosis_words, _diagnosis_table, _diagnosis_figure),
     Explanation: View(explanation.words, _steps_table, lambda e: pictures.levels(e.last.comparison)),
     Calibration: View(_calibration_words, lambda found: _table([e.to_json() for e in found]), _calibration_figure),
     Plan: View(_plan_words, lambda plan: _table([asdict(run) for run in plan.runs]), _plan_figure),

@@ -51,9 +51,10 @@ def residual_against_time(comparison: Comparison) -> Figure:
         b = next(b for b in comparison.fit.blocks if b.run.index == p.run.index)
         means = b.mean(p.residual_dps[:, None])[:, 0]
         axes.plot(b.t_s - p.run.t_s[0], means * 1e3, ".", ms=1.2, alpha=0.5, color=AXIS_COLOURS[name])
+    shown = "means of 0.1 s" if comparison.fit.session.sample_rate_hz > 10 else "every sample"
     for name in comparison.fit.axes:
         axes.plot([], [], "o", color=AXIS_COLOURS[name], label=name)
-    axes.set(xlabel="time in the run, s", ylabel="measured - model, mdps", title="Residual, means of 0.1 s")
+    axes.set(xlabel="time in the run, s", ylabel="measured - model, mdps", title=f"Residual, {shown}")
     axes.legend(loc="upper right", ncols=3, frameon=False)
     return figure
 

@@ -120,13 +120,20 @@ def _places(x: Array, edges: Array) -> Any:
     return np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
 
 
+def _moved(difference: Array, *rate_dps: Array) -> Array:
+    """The part of a difference [blocks] that bias and scale take up: both move when an effect is added."""
+    known = [r for r in rate_dps if np.isfinite(r).all()]
+    columns = np.stack([np.ones(difference.size), *known], axis=1)
+    return np.asarray(columns @ np.linalg.lstsq(columns, difference, rcond=None)[0])
+
+
 def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | None, file: str) -> Picture:
     x, y = points[panel.key(axis)], points[axis]
     use = np.isfinite(x) & np.isfinite(y) & _of_run(points, run)
     x, y, s = (np.asarray(v[use], dtype=float) for v in (x, y, signal))
     if run is not None:  # the offset of a run is not the effect's
         y, s = y - y.mean(), s - s.mean()
-    s = s + (y - s).mean()  # adding the effect moves the bias
+    s = s + _moved(y - s, *(np.asarray(points[p.key(axis)][use], dtype=float) for p in panels() if p.name == "rate"))
     edges = _edges(x, panel)
     place = _places(x, edges)
     count = np.bincount(place, minlength=edges.size - 1)

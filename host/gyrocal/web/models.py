@@ -59,6 +59,12 @@ class Step:
         return self.recipe.title
 
     @property
+    def axes(self) -> set[str]:
+        """The axes on which the effect was added."""
+        id = self.view.effects[-1][0] if self.formula else self.effect
+        return {p["axis"] for p in self.view.compared["parameters"] if p["effect"] == id}
+
+    @property
     def removed(self) -> bool:
         return self.recipe.removed
 

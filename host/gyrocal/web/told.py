@@ -12,14 +12,17 @@ from gyrocal.web.views import Card, DiagnosisView
 
 @dataclass(frozen=True)
 class Change:
-    """One step of the model. ``card`` is its evidence at that time; None if it was removed, or found in an earlier session."""
+    """One step of the model. ``cards`` are the evidence at that time, one for each axis that it was added on.
+
+    They are empty if it was removed, or found in an earlier session.
+    """
 
     effect: str
     title: str
     removed: bool
     formula: str
     doubts: tuple[str, ...]
-    card: Card | None
+    cards: tuple[Card, ...]
     held: str = ""
     """The parameter that was held at a value or freed, in words."""
 
@@ -41,7 +44,7 @@ def story(steps: Sequence[Step], diagnoses: Mapping[str, DiagnosisView]) -> list
         found = diagnoses.get(before.source)
         cards = [] if found is None or step.removed or step.recipe.held else found.cards
         named = [c for c in cards if c.judged["decision"] in ("add", "suggest")]
-        card = next((c for c in named if c.judged["effect"] == step.effect), None)
-        made = (step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), card, step.recipe.held)
+        its = tuple(c for c in named if c.judged["effect"] == step.effect and c.judged["axis"] in step.axes)
+        made = (step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), its, step.recipe.held)
         changes.append(Change(*made))
     return changes

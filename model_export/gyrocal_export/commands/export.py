@@ -24,9 +24,9 @@ def run(
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Write the network as ONNX, quantised ONNX and C header; with --model the error model as C header too.
+    """Write the network and, with --model, the error model as C headers; with --format the model for Kalibr, PX4, ROS 2 ...
 
-    Without --run it is the network that ships. With --format, only the model is written, for another program.
+    The network is ONNX and quantised ONNX too; without --run it is the one that ships. With --format only the model is written.
     """
     left: dict[str, str] = {}
     if target == "header":

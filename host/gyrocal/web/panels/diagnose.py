@@ -127,6 +127,7 @@ class DiagnosePanel:
             return
         cards = [] if found is None else found.cards
         cards = [c for c in cards if c.judged["effect"] == step.effect and c.judged["decision"] in ("add", "suggest")]
+        cards = [c for c in cards if c.judged["axis"] in step.axes]
         for card in cards:
             self._card(card, added=True)
         if not cards:
@@ -195,8 +196,7 @@ class DiagnosePanel:
         with ui.element("article").classes("card"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(step.title)}</h2>", sanitize=False)
-                within = {p["axis"] for p in step.view.compared["parameters"] if p["effect"] == step.view.effects[-1][0]}
-                ui.label(f"on {', '.join(sorted(within))}")
+                ui.label(f"on {', '.join(sorted(step.axes))}")
                 ui.space()
                 word = "in the model now" if proven else "in the model, not proven"
                 ui.label(word).classes(f"badge {'good' if proven else 'bad'}")
