@@ -17,7 +17,7 @@ from gyrocal.calibration.header import render
 from gyrocal.cli import main
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.fleet.board import Done, of_fleet, plain_fit
+from gyrocal.fleet.board import Done, of_fleet, plain_fit, summarise
 from gyrocal.fleet.drift import FleetDrift
 from gyrocal.fleet.engine import InProcess
 from gyrocal.fleet.fit import _estimates, _summaries, fit_fleet
@@ -26,6 +26,7 @@ from gyrocal.fleet.listing import sessions
 from gyrocal.inference.fit import fit
 from gyrocal.recording.session import Session
 from gyrocal.simulation.production import BIAS_SD_DPS, SCALE, SCALE_SD, Production
+from gyrocal.simulation.simulate import OU_SD_DPS, OU_TAU_S, RATE_HZ, WHITE_SD_DPS
 
 BOARDS = 10
 
@@ -169,6 +170,19 @@ def test_a_board_is_fitted_with_the_drift_of_the_fleet(folder: Path) -> None:
     for one in plain_fit(session, of_fleet(Model.open(), dict.fromkeys("xyz", drift))).values():
         assert one.noise.ou_sd_dps == pytest.approx(0.05 * one.noise.white_sd_dps)
         assert one.noise.ou_tau_s == 30.0
+
+
+def test_the_noise_of_a_sample_is_that_which_was_simulated(tmp_path: Path) -> None:
+    """Also on the third board, whose fit finds a colour by chance and therefore a fifth more white noise."""
+    true_dps = float(np.hypot(WHITE_SD_DPS, OU_SD_DPS * np.sqrt(1 - np.exp(-1 / (RATE_HZ * OU_TAU_S)))))
+    off = []
+    for number in (1, 2, 14):
+        Production(seed=20).write(tmp_path, range(number, number + 1))
+        drifts = dict.fromkeys("xyz", FleetDrift(OU_SD_DPS / WHITE_SD_DPS, OU_TAU_S))
+        axes = summarise(tmp_path / f"board{number:06d}", "one", Model.open(), drifts).axes
+        off += [(one.noise["sample_sd_dps"] - true_dps) / one.noise["sample_sd_se_dps"] for one in axes.values()]
+    assert np.abs(off).max() < 3.5
+    assert 0.4 < np.std(off) < 1.6  # nine values, 98 %
 
 
 @pytest.mark.usefixtures("fitted")

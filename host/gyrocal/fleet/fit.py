@@ -44,13 +44,17 @@ class Estimates:
 
 @dataclass(frozen=True)
 class Fleet:
-    """A fleet as one population. ``boards`` has each fitted session without its axes, in the order of the paths."""
+    """A fleet as one population. ``boards`` has each fitted session without its axes, in the order of the paths.
+
+    ``noise`` are the levels of the noise of a sample, which are no parameters of the population.
+    """
 
     model: Model
     boards: list[Summary]
     failed: list[Done]
     estimates: dict[str, Estimates]
     population: dict[str, Pooled]
+    noise: dict[str, Pooled]
     outliers: list[Outlier]
     missing: list[Missing]
     trends: list[trend.Trend]
@@ -157,6 +161,8 @@ def _pooled(
     board, rig = labelled([b.board for b in boards]), labelled([b.rig for b in boards])
     population, found = {}, []
     for name, of in estimates.items():
+        if name in WHITE:
+            continue
         pooled = pool(of.values, of.se, board[of.sessions], rig[of.sessions])
         if pooled is not None:
             population[name] = pooled
@@ -168,14 +174,18 @@ def _pooled(
         for axis, (score, information) in _evidence(results, fitted, weights, spreads, known).items()
     ]
     parameters = {name: pooled for name, pooled in population.items() if name not in NOISE}
+    noise = {name: pooled for name, pooled in population.items() if name in NOISE}
     return Fleet(
-        model, boards, failed, estimates, parameters, sorted(found, key=Outlier.order), missing.find(said),
+        model, boards, failed, estimates, parameters, noise, sorted(found, key=Outlier.order), missing.find(said),
         _trends(boards, estimates, population, rig), _attribution(rigs, len(boards)), spreads, drifts, seconds,
     )  # fmt: skip
 
 
-NOISE = {f"white_noise.{axis}.sd_dps" for axis in AXES}
-"""The level of the noise is not a parameter of the population, but boards can be outliers in it."""
+NOISE = {f"sample_noise.{axis}.sd_dps" for axis in AXES}
+"""The noise of one sample, from successive samples. It is no parameter of the population, but boards can be outliers in it."""
+WHITE = {f"white_noise.{axis}.sd_dps" for axis in AXES}
+"""The white noise of the fit, for the population's model. A colour that a fit finds by chance makes it a fifth larger, so it
+shows no odd board."""
 
 
 def _estimates(summaries: Iterable[Summary]) -> tuple[list[Summary], dict[str, Estimates]]:
@@ -185,9 +195,11 @@ def _estimates(summaries: Iterable[Summary]) -> tuple[list[Summary], dict[str, E
     for i, summary in enumerate(summaries):
         boards.append(replace(summary, axes={}))
         for axis, one in summary.axes.items():
-            white = f"white_noise.{axis}.sd_dps"
-            for name, value in (one.values | {white: one.noise["white_sd_dps"]}).items():
-                se = 0.0 if name == white else one.se.get(name)
+            white, sample = f"white_noise.{axis}.sd_dps", f"sample_noise.{axis}.sd_dps"
+            levels = {white: one.noise["white_sd_dps"], sample: one.noise.get("sample_sd_dps", np.nan)}
+            errors_of_levels = {white: 0.0, sample: one.noise.get("sample_sd_se_dps", np.nan)}
+            for name, value in (one.values | levels).items():
+                se = (one.se | errors_of_levels).get(name)
                 if se is not None and np.isfinite(se) and np.isfinite(value):
                     of, values, errors = collected.setdefault(name, (array("q"), array("d"), array("d")))
                     of.append(i)

@@ -77,8 +77,8 @@ NOTHING = OrderSpectrum(np.zeros(0), np.zeros(0), np.zeros(0), 0.0)
 def strongest_orders(residuals: Sequence[Array], angles_turn: Sequence[Array], count: int) -> list[float]:
     """The orders with the largest power summed over runs, strongest first, for runs of too few turns for a spectrum.
 
-    No chance is computed. The orders begin at one period over the longest run, because less looks like a drift.
-    ``residuals`` [n] are in deg/s and ``angles_turn`` [n] in turns, one of each for a run.
+    ``residuals`` [n] are in deg/s and ``angles_turn`` [n], unwrapped, in turns, one of each for a run. No chance is computed.
+    The orders begin at one period over the longest run, because less looks like a drift.
     """
     turns = max(float(np.ptp(a)) for a in angles_turn)
     length = 1 << int(np.ceil(np.log2(4 * PAD * turns * BINS)))

@@ -81,7 +81,7 @@ def write_page(path: Path, fleet: Fleet, dashboard: str | None = None) -> None:
         "present/fleet.html", name, headline(fleet), not fleet.missing, (),
         attribution=fleet.attribution, dashboard=dashboard, population_columns=[c.rstrip(":") for c in COLUMNS],
         population=population_rows(fleet), missing=[missing_words(m) for m in fleet.missing],
-        histograms=[(name, png_data(histogram(fleet, name))) for name in fleet.population],
+        histograms=[(name, png_data(histogram(fleet, name))) for name in _shown(fleet)],
         outliers=[(o.session, o.why) for o in fleet.outliers[:SHOWN]], more_outliers=len(fleet.outliers[SHOWN:]),
         trends=[(trend_words(t), png_data(course(fleet, t))) for t in fleet.trends],
         failed=[(d.session, d.reason) for d in fleet.failed[:SHOWN]],
@@ -89,11 +89,16 @@ def write_page(path: Path, fleet: Fleet, dashboard: str | None = None) -> None:
     page.write(path, text)
 
 
+def _shown(fleet: Fleet) -> list[str]:
+    """The parameters, and the levels of the noise in which a board is odd."""
+    return [*fleet.population, *sorted({o.parameter for o in fleet.outliers} & fleet.noise.keys())]
+
+
 def histogram(fleet: Fleet, name: str) -> Figure:
     """A parameter's estimates and the fitted population; odd boards are marked where they lie, or at the edge."""
     from gyrocal.present.pictures import BLUE, ORANGE, framed
 
-    found, of = fleet.population[name], fleet.estimates[name]
+    found, of = (fleet.population | fleet.noise)[name], fleet.estimates[name]
     used = of.values[found.used]
     figure, axes = framed(7.0, 2.6)
     axes.hist(used, bins=min(60, max(8, int(np.sqrt(used.size)) * 2)), density=True, color=BLUE, alpha=0.5, label="boards")
@@ -114,7 +119,7 @@ def course(fleet: Fleet, t: Trend) -> Figure:
     """A parameter of a line's boards in the order in which they were made, with the trend."""
     from gyrocal.present.pictures import BLUE, ORANGE, framed
 
-    found, of = fleet.population[t.parameter], fleet.estimates[t.parameter]
+    found, of = (fleet.population | fleet.noise)[t.parameter], fleet.estimates[t.parameter]
     made = [
         (Board(b.line or "", b.made_on, b.board), value)
         for i, value, used in zip(of.sessions, of.values, found.used, strict=True)
