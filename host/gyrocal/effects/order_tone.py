@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s, table_angle_rad
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
 from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
-from gyrocal.noise.orders import HIGHEST, OrderPeak, OrderSpectrum, order_spectrum, strongest_orders
+from gyrocal.noise.orders import HIGHEST, LEAST_TURNS, OrderPeak, OrderSpectrum, order_spectrum, strongest_orders
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
@@ -69,15 +69,16 @@ def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
     if any(_harmonic(p, peaks[0]) for p in peaks[1:]):
         return []
-    return [p for p in peaks if p.whole is not None or told_from_frequency(runs)]
+    return [p for p in peaks if p.whole is not None or told_from_frequency(runs, FEW_TURNS)]
 
 
-def told_from_frequency(runs: Sequence[Run]) -> bool:
+def told_from_frequency(runs: Sequence[Run], least_turns: float = LEAST_TURNS) -> bool:
     """True if runs tell a line over the table's angle from one over time: the table turns at several rates, or it turns back.
 
-    At a known angle, a wave that is fixed to the table goes back with it. A vibration does not.
+    At a known angle, a wave that is fixed to the table goes back with it. A vibration does not. Runs of fewer than
+    ``least_turns`` do not count: a fit of both waves uses them, but the spectrum over turns does not.
     """
-    turning = [r for r in runs if _turns(r) and np.ptp(turned_turn(r)) >= FEW_TURNS]
+    turning = [r for r in runs if _turns(r) and np.ptp(turned_turn(r)) >= least_turns]
     rates_dps = [float(np.sqrt(np.mean(r.rate_dps**2))) for r in turning]
     several = bool(rates_dps) and np.ptp(rates_dps) >= ONE_RATE * max(rates_dps)
     known = all(r.column("table_angle_deg") is not None for r in turning)
