@@ -43,6 +43,9 @@ class Readings:
             self._controls()
             self._chart = ui.echart(self._whole()).classes("chart grow")
             self._chart.props('role="img" aria-label="the last seconds of all axes and the temperature"')
+        samples = live.sensors.get(self._imu)
+        if samples is not None and len(rows := samples.latest(self._window.value)):
+            self._numbers(rows[:, 1:])
         ui.timer(FRAME_S, self._frame)
 
     def show(self, imu: int) -> None:

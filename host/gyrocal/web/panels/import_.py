@@ -32,7 +32,7 @@ HINTS = {
 """How the sensor moved, and what its file cannot say."""
 FIELDS = {
     "--rate, --turn-deg, or map": "the table rate (0 at rest), or map a column to", "--rate-hz": "samples a second",
-    "--lsb-dps": "one count", "--gravity": "choose by hand", "--map": "the line",
+    "; --rate 0 is a sensor that lay still": "", "--lsb-dps": "one count", "--gravity": "choose by hand", "--map": "the line",
 }  # fmt: skip
 """What the page calls the options that a problem names."""
 
