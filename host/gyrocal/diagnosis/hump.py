@@ -44,6 +44,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     No hump is looked for behind a low-pass whose knee lies within the examined frequencies. Samples then scatter much less than
     block means say.
     """
+    from scipy.integrate import trapezoid
     from scipy.stats import chi2, norm
 
     cells = _pooled(fit)
@@ -65,7 +66,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     centre, width = float(centres[best // len(WIDTHS)]), WIDTHS[best % len(WIDTHS)]
     samples = float(np.median(np.concatenate([b.n for b in fit.design.blocks])))
     density = 2 * fit.noise.white_sd_dps**2 / samples * fit.design.extent_s[1]  # of block means of white noise, dps^2/Hz
-    amplitude_dps = float(np.sqrt(2 * sizes[best, -1] * density * np.trapezoid(humps[best], f)))
+    amplitude_dps = float(np.sqrt(2 * sizes[best, -1] * density * trapezoid(humps[best], f)))
     band_hz = (centre * float(np.exp(-width)), centre * float(np.exp(width)))
     note = f"{rate_text(amplitude_dps)} of irregular period, most between {band_hz[0]:.2g} and {band_hz[1]:.2g} Hz"
     return Finding(
