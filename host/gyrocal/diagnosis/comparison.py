@@ -27,7 +27,7 @@ from gyrocal.diagnosis.told import strongest_first, without_echoes
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import fit
+from gyrocal.inference.fit import beside_misfit, fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_shape import of_slopes
 from gyrocal.noise.spectrum import Spectrum, spectrum
@@ -179,6 +179,9 @@ def measure(
     squares = {axis: m.squares for axis, m in on.items()}
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
     where = _with_left_over(fitted, misfit, squares, floors, judged)
+    failing = {f.axis for f in where}
+    if failing:
+        fitted = beside_misfit(fitted, [axis for axis in fitted.axes if axis in failing])
     return Comparison(
         fitted, pooled(squares.values(), floors.values()), per_axis, where, _held_out(session, folds), spectra, white, squares,
         floors, misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
