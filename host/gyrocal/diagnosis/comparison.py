@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal import plausibility
+from gyrocal import plausibility, tails
 from gyrocal.diagnosis.angles import Angles, by_angle
 from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
@@ -225,14 +225,12 @@ def _as_drawn(fitted: Fit, excess: Finding) -> Finding:
 
 def of_excess(squares: MeanSquares, floor: Floor, nearest: Finding) -> Finding:
     """The excess within power cycles as a finding, against the variable that fits best."""
-    from scipy.stats import norm
-
     level = Level.of(squares, floor)
     sigma = (squares.within - floor.within) / floor.error_within if floor.error_within > 0 else 0.0
     excess_dps = level.excess_within_dps or 0.0
     note = f"{rate_text(excess_dps)} more than noise leaves, in no shape that a test knows"
     return Finding(
-        nearest.axis, nearest.against, max(0.0, sigma), float(norm.sf(sigma)), excess_dps, note, nearest.shape
+        nearest.axis, nearest.against, max(0.0, sigma), float(tails.normal(sigma)), excess_dps, note, nearest.shape
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.effects.base import Role
 from gyrocal.effects.quantities import power_on_time_s, rate_about, temperature_c
 from gyrocal.inference.blocks import Blocks
@@ -37,8 +38,6 @@ NO_INCREASE = 1e-6
 
 def misfit_factor(current: AxisFit) -> Array:
     """The factor [p] on the standard error of each shared coefficient; 1 where the parts of the data do not contradict."""
-    from scipy.stats import chi2
-
     own, refit = np.diag(current.solution.cov), _Refit(current)
     groupings = list(_groupings(current))
     added = np.zeros(own.size)
@@ -46,7 +45,7 @@ def misfit_factor(current: AxisFit) -> Array:
         moved, increase = refit.without_each(labels)
         told = (increase > NO_INCREASE * own) & np.isfinite(moved)
         square = np.divide(moved**2, increase, out=np.zeros_like(moved), where=told).sum(axis=0)
-        chance = chi2.sf(square, np.maximum(told.sum(axis=0), 1)) * own.size * len(groupings)
+        chance = tails.chi_square(square, np.maximum(told.sum(axis=0), 1)) * own.size * len(groupings)
         beyond = np.where(told, moved**2 - increase, 0.0).sum(axis=0)
         added = np.maximum(added, np.where(chance < POLICY.contradiction_chance, beyond, 0.0))
     return np.asarray(np.sqrt(1 + added / own))
