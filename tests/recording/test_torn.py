@@ -47,7 +47,12 @@ def _swing(random: Random) -> Array:
     return _white(random) + 3 * SPREAD * np.sin(np.arange(SAMPLES) / 40)
 
 
-NOISES = (_white, _low_pass, _heavy, _repeated, _coarse, _bursts, _swing)
+def _switched(random: Random) -> Array:
+    """A heater that switches on and off: two levels, half a part from each other, with noise of one count."""
+    return 1.3 * random.standard_normal(SAMPLES) + 7 * (np.arange(SAMPLES) // 37 % 2)
+
+
+NOISES = (_switched, _white, _low_pass, _heavy, _repeated, _coarse, _bursts, _swing)
 
 
 def _session(noise: Callable[[Random], Array], random: Random) -> tuple[list[Codes], list[Array]]:

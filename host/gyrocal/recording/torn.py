@@ -30,11 +30,15 @@ BITS = range(4, 15)
 SMALLEST, LARGEST = 1.0, 12.0
 """Sizes of a part, in spreads of the prediction's error. Smaller ones are lost in noise, and larger ones stand out singly."""
 ELSEWHERE = (0.25, 0.375, 0.5, 0.625, 0.75)
-"""Places in the range of the lower part at which a sound reading has no border."""
+"""Places of a border in the range of the lower part where no driver has one."""
+OTHER_SIZES, OTHER_PLACES = (0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 1.8), (0.0, 0.25, 0.5, 0.75)
+"""Sizes of a part that are no power of two, over that of the bit, and places of their borders."""
 FREEDOMS = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 30.0, 1e4)
 """Degrees of freedom of the noise that are tried."""
 WINDOW = 64
 """Number of readings over which the level of the noise is constant."""
+LEAST_GAIN = 5.0
+"""Gain in log-likelihood below which a bit is not examined further."""
 MOST_PAIRS = 40_000
 """Number of readings, evenly spread over the runs, that are examined."""
 
@@ -62,10 +66,10 @@ class _Noise:
         """The noise of some of the readings."""
         return _Noise(self.error[rows], self.level[rows], self.freedom)
 
-    def ratios(self, bit: int) -> tuple[Array, Array]:
-        """Densities of the codes that differ from ``bit`` on, over those of the codes themselves, [n, k], and the steps [k]."""
-        reach = int(np.ceil(3 * float(np.median(self.level)) / 2**bit))
-        steps = np.arange(-reach, reach + 1) * 2.0**bit
+    def ratios(self, size: int) -> tuple[Array, Array]:
+        """Densities of codes that differ by multiples of ``size``, over those of the codes, [n, k], and the steps [k]."""
+        reach = int(np.ceil(3 * float(np.median(self.level)) / size))
+        steps = np.arange(-reach, reach + 1) * float(size)
         other = ((self.error[:, None] + steps) / self.level[:, None]) ** 2
         power = np.log1p((self.error / self.level) ** 2 / self.freedom)[:, None] - np.log1p(other / self.freedom)
         return np.asarray(np.exp(np.minimum((self.freedom + 1) / 2 * power, 50.0))), np.asarray(steps)
@@ -96,13 +100,19 @@ def torn(codes: Sequence[Codes], rest: Sequence[Array]) -> Torn | None:
     level = float(np.median(noise.level))
     best: Torn | None = None
     for bit in (b for b in BITS if SMALLEST * level < 2**b < LARGEST * level):
-        share, gain = _likeliest(now, before, noise, bit, 0)
-        if gain > (0.0 if best is None else best.gain):
-            shifts = [round(part * 2**bit) for part in ELSEWHERE]
-            gain -= max(0.0, *(_likeliest(now, before, noise, bit, s)[1] for s in shifts))
-            if gain > (0.0 if best is None else best.gain):
+        share, gain = _likeliest(now, before, noise, 2**bit, 0)
+        if gain > (LEAST_GAIN if best is None else best.gain):
+            gain -= max(0.0, *(_likeliest(now, before, noise, size, shift)[1] for size, shift in _others(bit)))
+            if gain > (LEAST_GAIN if best is None else best.gain):
                 best = Torn(bit, share, gain)
     return best
+
+
+def _others(bit: int) -> list[tuple[int, int]]:
+    """Sizes of a part and places of its border, in counts, where no driver joins two parts of a reading."""
+    sizes = [round(2**bit * ratio) for ratio in OTHER_SIZES]
+    shifted = [(2**bit, round(2**bit * place)) for place in ELSEWHERE]
+    return shifted + [(size, round(size * place)) for size in sizes for place in OTHER_PLACES]
 
 
 def expected_shift(codes: Codes, rest: Array, bit: int, share: float) -> Array:
@@ -111,7 +121,7 @@ def expected_shift(codes: Codes, rest: Array, bit: int, share: float) -> Array:
     if codes.size <= MEMORY + WINDOW:
         return shift
     same = codes[MEMORY:] >> bit == codes[MEMORY - 1 : -1] >> bit
-    ratios, steps = _Noise.of(_errors([rest])).ratios(bit)
+    ratios, steps = _Noise.of(_errors([rest])).ratios(2**bit)
     shift[MEMORY:] = np.where(same, -share * (ratios @ steps) / (1 - share + share * ratios.sum(axis=1)), 0.0)
     return shift
 
@@ -132,10 +142,10 @@ def _sizes(error: Array) -> Array:
     return np.maximum(np.repeat(sizes, counts), 0.2)
 
 
-def _likeliest(now: Codes, before: Codes, noise: _Noise, bit: int, shift: int) -> tuple[float, float]:
-    """The likeliest share of readings that are torn at a bit, and its gain; ``shift`` moves the border by so many counts."""
-    same = (now + shift) >> bit == (before + shift) >> bit
-    more = noise.of_rows(same).ratios(bit)[0].sum(axis=1) - 1
+def _likeliest(now: Codes, before: Codes, noise: _Noise, size: int, shift: int) -> tuple[float, float]:
+    """The likeliest share of torn readings if parts meet at ``size`` counts, and its gain; ``shift`` moves the border."""
+    same = (now + shift) // size == (before + shift) // size
+    more = noise.of_rows(same).ratios(size)[0].sum(axis=1) - 1
     others = int(np.count_nonzero(~same))
     gains = [float(np.sum(np.log1p(f * more))) + others * float(np.log1p(-f)) for f in SHARES]
     best = int(np.argmax(gains))
