@@ -161,7 +161,7 @@ def test_what_the_low_pass_leaves_of_a_vibration_s_own_line_is_not_unknown() -> 
 
 
 def test_a_rectified_vibration_is_named_beside_its_own_line() -> None:
-    """A low-pass of 12 Hz takes most of the line at twice the motor's frequency: what is left is held against no slow effect."""
+    """A low-pass of 12 Hz weakens the line at twice the motor's frequency. What is left is held against no slow effect."""
     from scipy.signal import butter, lfilter
 
     rng, t_s, made = np.random.default_rng(31), np.arange(4000) / 100, []

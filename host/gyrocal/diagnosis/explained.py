@@ -64,8 +64,8 @@ def explained(current: Current, fitted: AxisFit, signal: Array, chance: float) -
 def _slow_part(squares: MeanSquares, floor: Floor) -> MeanSquares:
     """The mean squares without the excess within blocks of 0.1 s, of which a slow effect can explain nothing.
 
-    It is fitted to block means. Its columns may even be wrong within blocks: those of a rectified vibration have a line at twice
-    the motor's frequency, which the sensor's low-pass weakens and delays.
+    It is fitted to block means. Its columns may even be wrong within blocks: those of a rectified vibration have a line at
+    twice the motor's frequency, which the sensor's low-pass weakens and delays.
     """
     fast = max(0.0, squares.fast - floor.fast)
     return replace(squares, all=squares.all - fast, within=max(0.0, squares.within - fast), fast=squares.fast - fast)

@@ -77,8 +77,8 @@ def _within_blocks(residual: Array, size: int) -> float:
 class Floor:
     """The squared floor, dps^2, of all and within power cycles, and the noise of one sample, ``white``.
 
-    ``error`` and ``error_within`` are the standard errors of a mean square of noise minus its floor, and ``fast`` is the part of
-    both within blocks of 0.1 s.
+    ``error`` and ``error_within`` are the standard errors of a mean square of noise minus its floor, and ``fast`` is the part
+    of both within blocks of 0.1 s.
     """
 
     all: float
