@@ -15,8 +15,11 @@ from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.present.spectra import against_frequency, against_order
 from gyrocal.recording.session import AXES, Array
 from gyrocal.variables.base import Variable, variables
+from gyrocal.variables.frequency import Frequency
+from gyrocal.variables.order import Order
 from gyrocal.variables.shapes import Columns, ShapeOfEachRun, Steps
 
 if TYPE_CHECKING:
@@ -129,16 +132,45 @@ def _means(comparison: Comparison, variable: Variable, axis: int, own: Columns |
     return out
 
 
-def spectra(comparison: Comparison) -> Figure:
-    """Amplitude spectral density of the residual, and its level between the lines."""
+def spectra(comparison: Comparison, against: str = Frequency.name) -> Figure | None:
+    """The residual's spectrum from one period in the longest run on, as the workbench draws it.
+
+    It is the amplitude density over the frequency, or for ``Order.name`` the amplitude over periods per turn of the table. The
+    latter is None if no run turns far enough.
+    """
+    by_axis: dict[str, dict[int, Array]] = {axis: {} for axis in comparison.fit.axes}
+    for p in heldout.fitted(comparison.fit):
+        by_axis[AXES[p.axis]][p.run.index] = p.residual_dps
     figure, axes = framed(8, 3.2)
-    for name, lines in comparison.spectra.items():
-        if lines.frequency_hz.size:
-            axes.loglog(lines.frequency_hz, np.sqrt(lines.power) * 1e3, lw=0.7, color=AXIS_COLOURS[name], label=name)
-            axes.loglog(lines.frequency_hz, np.sqrt(lines.level) * 1e3, lw=1.5, ls="--", color=AXIS_COLOURS[name])
-    axes.set(xlabel="frequency, Hz", ylabel="mdps/√Hz", title="Spectrum of the residual (dashed: between lines)")
-    axes.legend(frameon=False, ncols=3)
+    over_turn, reference = against == Order.name, "noise alone"
+    for name, residuals in by_axis.items():
+        if not residuals:
+            continue
+        c = against_order(comparison, name, residuals) if over_turn else against_frequency(
+            comparison, name, list(residuals.values())
+        )  # fmt: skip
+        if c is None or not c.x:
+            continue
+        y, expected, low, high = (1e3 * np.array(v) for v in (c.y, c.expected, c.low, c.high))
+        axes.fill_between(c.x, low, high, color=AXIS_COLOURS[name], alpha=0.2, linewidth=0)
+        axes.plot(c.x, y, lw=0.9, color=AXIS_COLOURS[name], label=name)
+        axes.plot(c.x, expected, lw=1.5, ls="--", color=AXIS_COLOURS[name])
+    if over_turn:
+        if not axes.lines:
+            return None
+        reference = "white noise alone"
+    x, y_name = ("periods per turn of the table", "mdps") if over_turn else ("frequency, Hz", "mdps/√Hz")
+    title = f"Spectrum of the residual (line: mean, band: lowest to highest; dashed: {reference})"
+    axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y_name, title=title)
+    axes.legend(frameon=False, ncols=3, loc="upper right")
     return figure
+
+
+def of_spectra(comparison: Comparison) -> dict[str, tuple[str, Figure]]:
+    """The spectra that a comparison has, over the frequency and over the turn: {file name: (title, figure)}."""
+    titles = {"spectrum": ("Spectrum", Frequency.name), "orders": ("Spectrum over the turn of the table", Order.name)}
+    drawn = {name: (title, spectra(comparison, against)) for name, (title, against) in titles.items()}
+    return {name: (title, figure) for name, (title, figure) in drawn.items() if figure is not None}
 
 
 def allan(comparison: Comparison) -> Figure:
@@ -236,7 +268,7 @@ def of_comparison(comparison: Comparison) -> dict[str, tuple[str, Figure]]:
             drawn["where"] = (f"Where it fails most: on {first.axis}, against {first.against.replace('_', ' ')}", figure)
     return drawn | {
         "time": ("Residual against time", residual_against_time(comparison)),
-        "spectrum": ("Spectrum", spectra(comparison)),
+        **of_spectra(comparison),
         "allan": ("Allan deviation", allan(comparison)),
     }
 

@@ -11,15 +11,12 @@ import numpy as np
 from gyrocal.api import Comparison, Session
 from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.effects import base
-from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit
-from gyrocal.recording.session import AXES
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
-from gyrocal.web.spectra import against_frequency
 from gyrocal.web.told import Change
 from gyrocal.web.views import CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
@@ -42,7 +39,7 @@ def page(
     compared, session = found.to_json(), found.fit.session
     drawn = [
         ("Residual against time", pictures.png_data(pictures.residual_against_time(found))),
-        ("Spectrum", pictures.png_data(spectrum(found))),
+        *((title, pictures.png_data(figure)) for title, figure in pictures.of_spectra(found).values()),
         ("Allan deviation", pictures.png_data(pictures.allan(found))),
     ]
     blocks = [] if fall is None else charts.blocks(charts.LIGHT, fall.bars, fall.unit)
@@ -60,25 +57,6 @@ def page(
         bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
         unseen=unseen,
     )  # fmt: skip
-
-
-def spectrum(found: Comparison) -> Any:
-    """The amplitude density of the residual as on the page: from the lowest frequency that a run holds, with noise alone."""
-    figure, axes = pictures.framed(8, 3.2)
-    residuals: dict[str, list[Any]] = {axis: [] for axis in found.fit.axes}
-    for p in heldout.fitted(found.fit):
-        residuals[AXES[p.axis]].append(p.residual_dps)
-    for axis, of_runs in residuals.items():
-        if of_runs:
-            c, colour = against_frequency(found, axis, of_runs), pictures.AXIS_COLOURS[axis]
-            y, expected, low, high = (1e3 * np.array(v) for v in (c.y, c.expected, c.low, c.high))
-            axes.fill_between(c.x, low, high, color=colour, alpha=0.2, linewidth=0)
-            axes.plot(c.x, y, lw=0.9, color=colour, label=axis)
-            axes.plot(c.x, expected, lw=1.5, ls="--", color=colour)
-    title = "Spectrum of the residual (line: mean, band: lowest to highest; dashed: noise alone)"
-    axes.set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="mdps/√Hz", title=title)
-    axes.legend(frameon=False, ncols=3, loc="upper right")
-    return figure
 
 
 def _facts(session: Session, left_out: Sequence[str]) -> list[tuple[str, str]]:
