@@ -17,6 +17,7 @@ from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
+from gyrocal.web.fall_chart import blocks
 from gyrocal.web.told import Change
 from gyrocal.web.views import CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
@@ -42,12 +43,12 @@ def page(
         *((title, pictures.png_data(figure)) for title, figure in pictures.of_spectra(found).values()),
         ("Allan deviation", pictures.png_data(pictures.allan(found))),
     ]
-    blocks = [] if fall is None else charts.blocks(charts.LIGHT, fall.bars, fall.unit)
+    bars = [] if fall is None else blocks(charts.LIGHT, fall.bars, fall.unit)
     open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
         facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit(found).name,
-        where=found.where, pictures=drawn, bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, fall=fall,
+        where=found.where, pictures=drawn, bars=bars, top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall,
         story=story, missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),
         correlations=[row for axis, one in found.fit.axes.items() for row in _correlations(axis, one)],

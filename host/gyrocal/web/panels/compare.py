@@ -15,6 +15,7 @@ from gyrocal.web.against import panels
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
 from gyrocal.web.strip import strip
+from gyrocal.web.tools import named, tool, tools
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, ModelView, Place, RunView
 
@@ -200,26 +201,21 @@ class ComparePanel:
             self.moves = ui.element("span")
             with self.moves:
                 for icon, word, low, high in MOVES:
-                    self._button(icon, word).on("click", js_handler=ZOOM % (self.chart.id, low, high))
-            self._button("crop_free", "box zoom").on("click", js_handler=export.BOX % self.chart.id)
-            self._button("restart_alt", "reset zoom").on("click", self._reset)
-            self._button("table_view", "save as CSV").on("click", self._csv)
-            self.picture = self._button("image", "save as PNG")
-            self.picture.on("click", js_handler=export.PNG % (self.chart.id, "gyrocal"))
-
-    @staticmethod
-    def _button(icon: str, word: str) -> ui.button:
-        button = ui.button(icon=icon, color=None).props(f'flat round dense size="sm" aria-label="{word}"')
-        return button.tooltip(word)
+                    tool(icon, word).on("click", js_handler=ZOOM % (self.chart.id, low, high))
+            tools(self.chart, self._file, self._csv, self._reset)
 
     def _reset(self) -> None:
         self.window, self.place = ALL, None
         self._draw()
 
-    def _csv(self) -> None:
-        if self.bench.traces is not None and self.bench.session is not None:
-            name = f"{self.bench.session.path.name}_{self.against}_{''.join(self.axes)}.csv"
-            ui.download.content(export.as_csv(self._options(self.bench.traces)), name, "text/csv")
+    def _file(self) -> str:
+        """The name of a file that the chart is saved to."""
+        return named(self.bench, f"{self.against}_{''.join(self.axes)}")
+
+    def _csv(self) -> str:
+        """The data on the screen."""
+        assert self.bench.traces is not None
+        return export.as_csv(self._options(self.bench.traces))
 
     def _toggle(self, axis: str) -> None:
         self.axes, self.chose_axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis], True
