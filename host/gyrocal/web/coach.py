@@ -26,11 +26,12 @@ RICHEST = ("model", "cnn", "baseline", "turn", "rest")
 BEEP = """(() => { const audio = window.coachAudio ??= new AudioContext(), tone = audio.createOscillator();
     tone.frequency.value = %d; tone.connect(audio.destination); tone.start(); tone.stop(audio.currentTime + 0.25); })()"""
 FLIP_HZ, ANSWER_HZ = 880, 1320
+STAGES = ("wait", "turn", "flip", "done")
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What to do now and why, and how urgent it is: ``wait``, ``turn``, ``flip`` or ``done``."""
+    """What to do now and why, and how urgent it is: one of ``STAGES``."""
 
     tell: str
     why: str
@@ -152,7 +153,7 @@ class Coach:
         measuring = sensor.get("state") == "recording" and not live.ended
         run_s = sensor.get("run_s", 0.0) if measuring else 0.0
         self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else "–", f"of {NEEDED_S:g} s")
-        self._section.classes(replace=f"face coach {now.stage}")
+        self._section.classes(remove=" ".join(STAGES)).classes(now.stage)
         self._section.set_visibility(bool(sensor.get("hello")) and bool(live.port))
         self._turns.text = self._measured(sensor) if measuring else ""
         if self._beeps.value and self._was is not None and now.stage != self._was.stage and now.stage in ("flip", "done"):
