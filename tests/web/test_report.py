@@ -13,13 +13,17 @@ from pathlib import Path
 from types import SimpleNamespace as NS
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
+from gyrocal.api import Model, fit
 from gyrocal.cli import main
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.models import Recipe, Step
+from gyrocal.web.report import correlated
 from gyrocal.web.state import Workbench
 from gyrocal.web.told import story
+from make_runs import make_run, make_session
 
 from .loop import finish
 
@@ -92,6 +96,23 @@ def test_a_model_that_fits_lacks_nothing_and_keeps_the_evidence(reports: tuple[s
 def test_it_has_both_spectra(reports: tuple[str, str]) -> None:
     for title in ("Spectrum", "Spectrum over the turn of the table", "Residual against time", "Allan deviation"):
         assert f'<img alt="{title}"' in reports[1]
+
+
+def test_correlated_parameters_are_listed_by_name() -> None:
+    """In y = scale·w + bias with white noise the correlation is -mean(w) / rms(w)."""
+    rates = [30.0, 78.0, 120.0]
+    noise = np.random.default_rng(5).normal(0, 0.05, (400, 3))
+    runs = [make_run(np.arange(400) / 100, noise + np.array([0, 0, 1.01 * w]), table_rate_dps=w) for w in rates]
+    found = fit(make_session(*runs), Model.open("paper"), axes="z")
+    expected = -np.mean(rates) / np.sqrt(np.mean(np.square(rates)))
+    ((axis, *names, correlation),) = correlated(found, "z")
+    assert (axis, set(names)) == ("z", {"scale scale", "bias bias_dps"})
+    assert float(correlation) == pytest.approx(expected, abs=0.005)
+
+
+def test_it_lists_correlations_or_says_that_there_are_none(reports: tuple[str, str]) -> None:
+    for report in reports:
+        assert 'class="correlations"' in report or "have a correlation above 0.3" in words(report)
 
 
 def test_it_says_what_was_measured(reports: tuple[str, str], folder: Path) -> None:

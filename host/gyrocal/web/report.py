@@ -11,7 +11,7 @@ import numpy as np
 from gyrocal.api import Comparison, Session
 from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.effects import base
-from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit
@@ -51,7 +51,7 @@ def page(
         where=found.where, pictures=drawn, bars=bars, top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall,
         story=story, missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),
-        correlations=[row for axis, one in found.fit.axes.items() for row in _correlations(axis, one)],
+        correlations=[row for axis in found.fit.axes for row in correlated(found.fit, axis)],
         toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story),
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
@@ -106,21 +106,13 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{**p, "unit": unit(p["effect"], p["name"])} for p in parameters]
 
 
-def _correlations(axis: str, fitted: AxisFit) -> list[list[str]]:
-    """Pairs of shared coefficients of an axis whose estimates depend on each other: axis, both names, correlation."""
-    fixed, cov = fitted.design.layout.fixed, fitted.solution.cov
-    sd = np.sqrt(np.diag(cov))
-    several = {term for term, column in fixed if column}
-    names = [
-        f"{fitted.terms[term].effect_id}, column {column + 1}" if term in several else fitted.terms[term].effect_id
-        for term, column in fixed
-    ]
-    rows = []
-    for i in range(len(fixed)):
-        for j in range(i):
-            if sd[i] > 0 and sd[j] > 0 and abs(cov[i, j]) > CORRELATED * sd[i] * sd[j]:
-                rows.append([axis, names[j], names[i], f"{cov[i, j] / (sd[i] * sd[j]):+.2f}"])
-    return rows
+def correlated(fitted: Fit, axis: str) -> list[list[str]]:
+    """Pairs of linear parameters of an axis whose estimates depend on each other: axis, both names, correlation."""
+    table = fitted.correlations(axis)
+    names = [" ".join(name.split(".")) for name in table["parameter"]]
+    of = table.drop("parameter").to_numpy()
+    pairs = [(j, i) for i in range(len(names)) for j in range(i) if abs(of[i, j]) > CORRELATED]  # NaN: a fixed one
+    return [[axis, names[j], names[i], f"{of[i, j]:+.2f}"] for j, i in pairs]
 
 
 def _commands(name: str, story: Sequence[Change]) -> list[str]:

@@ -14,7 +14,7 @@ from gyrocal.web import charts, export, plots, warned
 from gyrocal.web.against import panels
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
-from gyrocal.web.strip import strip
+from gyrocal.web.strip import REFOCUS, strip
 from gyrocal.web.tools import named, tool, tools
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, ModelView, Place, RunView
@@ -69,6 +69,8 @@ class ComparePanel:
         self.window = ALL
         self.place: Place | None = None
         """The finding whose picture is shown."""
+        self.pressed: int | None = None
+        """The run that was pressed last in the strip, which keeps the focus."""
         self.chart: Any = None
         """None as long as there is nothing to draw."""
         self.root = ui.element("div").classes("column fill")
@@ -77,6 +79,7 @@ class ComparePanel:
     def hear(self, topic: Topic) -> None:
         if topic == "session":
             self.chose_axes, self.chosen, self.window, self.against, self.place = False, [], ALL, "timeline", None
+            self.pressed = None
         if topic in ("session", "runs", "model"):
             self._build()
         if topic == "scheme" and self.chart is not None:
@@ -96,6 +99,8 @@ class ComparePanel:
             with ui.element("div").classes("beside"):
                 floor = None if self.bench.step is None else self.bench.step.view.compared.get("floor_dps")
                 strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), self.bench.excluded, self._include)
+                if self.pressed is not None:
+                    ui.run_javascript(REFOCUS % self.pressed)
                 runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
                 select = ui.select(runs, multiple=True, value=self.chosen, label="show runs", on_change=self._runs_chosen)
                 select.props("outlined dense options-dense clearable").style("width: 150px")
@@ -110,6 +115,8 @@ class ComparePanel:
         return [] if self.bench.step is None else list(self.bench.step.view.compared["where"])
 
     async def _include(self, file: str) -> None:
+        assert self.bench.session is not None
+        self.pressed = next(i for i, run in enumerate(self.bench.session.runs) if run.file == file)
         await self.bench.include(file, file in self.bench.excluded)
 
     def _found(self) -> list[tuple[dict[str, Any], Place]]:
