@@ -34,6 +34,16 @@ def test_the_spectrum_over_the_turn_begins_at_one_period_in_the_longest_run(comp
     assert np.isfinite(figure.axes[0].lines[0].get_ydata()).all()
 
 
+def test_ticks_are_plain_numbers(compared: Comparison) -> None:
+    for name in ("spectrum", "orders", "allan"):
+        figure = pictures.of_comparison(compared)[name][1]
+        figure.canvas.draw()
+        (axes,) = figure.axes
+        low, high = axes.get_ylim()
+        told = [float(t.get_text()) for t in axes.get_yticklabels() if low <= t.get_position()[1] <= high]  # "10^0" is no float
+        assert len(told) > 1
+
+
 def test_runs_of_a_turn_or_so_have_no_spectrum_over_the_turn() -> None:
     session, _ = simulate(None, "paper", [], 3, scenarios=1, seconds=6.0)
     compared = compare(session)

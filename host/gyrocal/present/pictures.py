@@ -33,6 +33,8 @@ AXIS_COLOURS = {"x": ORANGE, "y": GREEN, "z": BLUE}
 LEAST_RATE_DPS = 5.0
 RUNS_SHOWN, PERIODS_SHOWN = 4, 3
 STEPS_SHOWN = 24
+FEW_DECADES = 4
+"""Decades of a logarithmic axis up to which 2 and 5 are told beside 1."""
 
 
 def framed(width: float, height: float) -> tuple[Figure, Any]:
@@ -44,6 +46,22 @@ def framed(width: float, height: float) -> tuple[Figure, Any]:
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
+
+
+def logarithmic(axes: Any) -> None:
+    """Logarithmic axes whose ticks are plain numbers, with room above the curves for the legend."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set(xscale="log", yscale="log")
+    if axes.lines:
+        axes.set_ylim(top=1.7 * axes.get_ylim()[1])
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        decades = np.log10(high / low)
+        subs = (1,) if decades > FEW_DECADES else (1, 2, 5) if decades > 1 else range(1, 10)
+        axis.set_major_locator(LogLocator(subs=tuple(subs), numticks=30))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def residual_against_time(comparison: Comparison) -> Figure:
@@ -161,7 +179,8 @@ def spectra(comparison: Comparison, against: str = Frequency.name) -> Figure | N
         reference = "white noise alone"
     x, y_name = ("periods per turn of the table", "mdps") if over_turn else ("frequency, Hz", "mdps/√Hz")
     title = f"Spectrum of the residual (line: mean, band: lowest to highest; dashed: {reference})"
-    axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y_name, title=title)
+    logarithmic(axes)
+    axes.set(xlabel=x, ylabel=y_name, title=title)
     axes.legend(frameon=False, ncols=3, loc="upper right")
     return figure
 
@@ -183,8 +202,9 @@ def allan(comparison: Comparison) -> Figure:
         if not series:
             continue
         tau_s, deviation = allan_deviation(series, rate_hz)
-        axes.loglog(tau_s, deviation * 1e3, "o-", ms=3, lw=0.8, color=AXIS_COLOURS[name], label=name)
-        axes.loglog(tau_s, model_deviation(tau_s, fitted.noise, rate_hz) * 1e3, "--", lw=1.2, color=AXIS_COLOURS[name])
+        axes.plot(tau_s, deviation * 1e3, "o-", ms=3, lw=0.8, color=AXIS_COLOURS[name], label=name)
+        axes.plot(tau_s, model_deviation(tau_s, fitted.noise, rate_hz) * 1e3, "--", lw=1.2, color=AXIS_COLOURS[name])
+    logarithmic(axes)
     axes.set(xlabel="averaging time, s", ylabel="mdps", title="Allan deviation of the residual (dashed: the noise model)")
     axes.legend(frameon=False, ncols=3)
     return figure
