@@ -94,10 +94,13 @@ def strongest_orders(residuals: Sequence[Array], angles_turn: Sequence[Array], c
     return [float(order[k]) for k in tops[np.argsort(-power[tops])][:count]]
 
 
-def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> OrderSpectrum:
+def order_spectrum(
+    residuals: Sequence[Array], angles_turn: Sequence[Array], *, whole: bool = False
+) -> OrderSpectrum:  # fmt: skip
     """Average periodogram of residuals [n] (deg/s) over unwrapped angles [n] (turns), one of each for a run.
 
-    Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains.
+    Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains. It begins where lines can be
+    told from slow noise; ``whole`` begins it at one period in the longest run.
     """
     from scipy.ndimage import median_filter
 
@@ -108,7 +111,8 @@ def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> 
     length = 1 << int(np.ceil(np.log2(PAD * turns * BINS)))
     order = np.arange(length // 2 + 1) * BINS / length
     reach = min(HIGHEST, *(0.5 / float(np.median(np.abs(np.diff(a)))) for _, a in pairs if np.any(np.diff(a))))
-    use = (order >= max(0.5, LEAST_TURNS / turns)) & (order <= reach)
+    lowest = 1 / turns if whole else max(0.5, LEAST_TURNS / turns)
+    use = (order >= lowest) & (order <= reach)
     if np.count_nonzero(use) < NEIGHBOURS:
         return NOTHING
     power, even = np.zeros((2, int(np.count_nonzero(use))))
