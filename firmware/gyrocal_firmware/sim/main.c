@@ -384,20 +384,17 @@ static void replay(sim_t *sim, const rows_run_t *run) {
     command_set(sim, "table_dps", run->table_dps, "none");
     command_set(sim, "turn_deg", run->turn_deg, "0");
     sim->options.faults.turned_over = false;
-    if (!emul_batches(&sim->chip)) {
-        sim->device.sampler.sample_us = 0u; /* the time that was skipped since the last sample is no loss */
-    }
     sim->chip.fed_only = emul_batches(&sim->chip);
+    sim->device.sampler.sample_us = sim->chip.fed_only ? sim->device.sampler.sample_us : 0u; /* skipped time is no loss */
     command(sim, run->face > 0 ? "start up" : "start down");
 
     /* Only differences of t_us matter. The first row may have any time. */
-    start_us = sim->now_us;
-    sim->base_us = start_us - first->t_us;
+    sim->base_us = sim->now_us - first->t_us;
     sim->row = first;
     sim->rows_end = first + run->n_rows;
     if (!sim->begun) {
         sim->begun = true;
-        sim->begun_us = sim->past_us + start_us;
+        sim->begun_us = sim->past_us + sim->now_us;
     }
     while (in_run(sim)) {
         hear(sim);
