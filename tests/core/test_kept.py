@@ -99,3 +99,17 @@ def test_a_run_at_rest_renews_the_bias(bench: Path) -> None:
     measured = np.array([s.number("3") for s in said]) * (1 + scale) + at_rest.number("bias_dps")
     np.testing.assert_allclose(measured / LSB_DPS, np.round(measured / LSB_DPS), atol=1e-4)
     assert abs(np.mean([s.number("3") for s in said])) < 5 * 5 * LSB_DPS / np.sqrt(len(said))
+
+
+def test_a_turn_on_the_wrong_face_is_told(bench: Path) -> None:
+    rest = f"{STILL}noise 5\npower\n> set table_dps 0\n> start up\nrun 3\n> stop\n"
+    turn = f"> set table_dps none\n> set turn_deg 90\n> start {{}}\n{UP}run 1.15\n{STILL}run 1\n> stop\n"
+    assert "wrong_face" not in errors(run(bench, rest + turn.format("up")))
+    assert "wrong_face" in errors(run(bench, rest + turn.format("down")))
+
+
+def test_reset_ends_the_corrected_stream_and_undo_waits_for_the_end_of_a_run(bench: Path) -> None:
+    text = run(bench, f"power\n{PAIR}> stream corrected\nrun 0.1\n> reset\nrun 0.5\n> start up\n> undo\nrun 0.1\n")
+    assert sentences(text, "GYR")
+    assert not sentences(text[text.index("cmd=reset") :], "GYR")
+    assert errors(text) == ["recording"]

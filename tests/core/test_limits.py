@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -109,3 +110,11 @@ def test_no_number_of_a_calibration_may_be_without_end(limits: Path) -> None:
     for (which, x), error in zip(jobs, got, strict=True):
         none = which == 0 and x in ("nan", "-inf")
         assert error == ("ok" if x == "0.5" else "no_white_noise" if none else "calibration_number"), (which, x)
+
+
+def test_numbers_of_any_length_and_exponent_are_read_as_python_reads_them(build: Build) -> None:
+    """Within one part in 1e14: the core reads numbers in decimal, without correct rounding."""
+    texts = ["123456789012345678901234567890", "0.00000000000000000000000000012345678901234567890123", "9" * 60, "1e99",
+             "1e-299", "3e-305", "1e-350", "1e-400", "1e-99999999", "0e99999999", "25E-1", "1" + "0" * 50 + "e-50"]  # fmt: skip
+    got = run(build(Path(__file__).with_name("codec.c")), "".join(f"number {text}\n" for text in texts)).split()
+    np.testing.assert_allclose([struct.unpack(">d", bytes.fromhex(t))[0] for t in got], [float(t) for t in texts], rtol=1e-14)
