@@ -108,6 +108,13 @@ def test_a_turn_on_the_wrong_face_is_told(bench: Path) -> None:
     assert "wrong_face" in errors(run(bench, rest + turn.format("down")))
 
 
+def test_a_rest_or_a_turn_without_samples_is_too_short(bench: Path) -> None:
+    rest = f"{STILL}noise 5\npower\n> set table_dps 0\n> start up\n"
+    assert errors(run(bench, f"{rest}> stop\n")) == ["too_short"]
+    turn = "> set table_dps none\n> set turn_deg 90\n> start up\n> stop\n"
+    assert errors(run(bench, f"{rest}run 3\n> stop\n{turn}")) == ["too_short"]
+
+
 def test_reset_ends_the_corrected_stream_and_undo_waits_for_the_end_of_a_run(bench: Path) -> None:
     text = run(bench, f"power\n{PAIR}> stream corrected\nrun 0.1\n> reset\nrun 0.5\n> start up\n> undo\nrun 0.1\n")
     assert sentences(text, "GYR")
