@@ -122,3 +122,25 @@ def test_steps_and_interval_part_by_part_are_those_of_the_whole(n: int) -> None:
     steps = np.diff(t_s)
     assert step_range_s(t_s) == (steps.min(), steps.max())
     assert period_s(t_s) == pytest.approx(np.polyfit(np.arange(n), t_s, 1)[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(("count", "late"), [(1, 10), (5, 10), (20, 100), (1, -300)])
+def test_rows_with_the_stamps_of_others_change_no_other_time(count: int, late: int) -> None:
+    """A logger that writes some old rows in the place of new ones, or one stamp ahead: the course of all others is known."""
+    true_s = np.arange(6000) / 100.0
+    t_s = true_s.copy()
+    t_s[4000 : 4000 + count] = true_s[4000 - late : 4000 - late + count]
+    found = regression(t_s)
+    assert found.lost == 0
+    np.testing.assert_allclose(found.t_s, true_s, atol=1e-6)
+    assert period_s(t_s) == pytest.approx(0.01, rel=1e-6)
+
+
+def test_exchanged_rows_lose_no_sample() -> None:
+    true_s = np.arange(6000) / 100.0
+    t_s = true_s.copy()
+    at = 50 + 37 * np.arange(20)
+    t_s[at], t_s[at + 1] = true_s[at + 1], true_s[at]
+    found = regression(t_s)
+    assert found.lost == 0
+    np.testing.assert_allclose(found.t_s, true_s, atol=1e-3)
