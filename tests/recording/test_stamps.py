@@ -9,7 +9,9 @@ import pytest
 from gyrocal.effects.base import table_angle_rad
 from gyrocal.inference.blocks import reduce_run
 from gyrocal.plausibility import check
-from gyrocal.recording.importer import import_recording
+from gyrocal.recording.cut import Cut
+from gyrocal.recording.import_options import Options
+from gyrocal.recording.importer import import_recording, read_recording
 from gyrocal.recording.stamps import PART, goes_back, in_bursts, period_s, regression, step_range_s
 from gyrocal.warning import Warning
 from make_runs import make_run
@@ -122,3 +124,51 @@ def test_steps_and_interval_part_by_part_are_those_of_the_whole(n: int) -> None:
     steps = np.diff(t_s)
     assert step_range_s(t_s) == (steps.min(), steps.max())
     assert period_s(t_s) == pytest.approx(np.polyfit(np.arange(n), t_s, 1)[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(("count", "late"), [(1, 10), (5, 10), (20, 100), (1, -300)])
+def test_rows_with_the_stamps_of_others_change_no_other_time(count: int, late: int) -> None:
+    """A logger that writes some old rows in the place of new ones, or one stamp ahead: the course of all others is known."""
+    true_s = np.arange(6000) / 100.0
+    t_s = true_s.copy()
+    t_s[4000 : 4000 + count] = true_s[4000 - late : 4000 - late + count]
+    found = regression(t_s)
+    assert found.lost == 0
+    np.testing.assert_allclose(found.t_s, true_s, atol=1e-6)
+    assert period_s(t_s) == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.parametrize("part", [0.002, 0.1, 0.5])
+def test_rows_that_were_written_twice_count_once(part: float, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    n = 2000
+    table = np.column_stack([np.arange(n) / 100.0, rng.normal(0, 1, (n, 3))])
+    again = np.sort(rng.choice(n, round(part * n), replace=False))
+    written = table[np.sort(np.concatenate([np.arange(n), again]))]
+    pl.DataFrame(written, schema=["t_s", "gx_dps", "gy_dps", "gz_dps"]).write_csv(tmp_path / "log.csv")
+    found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
+    assert found.repaired == {"twice": again.size}
+    np.testing.assert_allclose(found.session.runs[0].t_s, table[:, 0], atol=1e-6)
+    cut = Options(cuts=[Cut.parse(f"a:0:{len(written)}")], defaults={"table_rate_dps": 0.0})
+    assert len(read_recording(tmp_path / "log.csv", cut).session.runs[0]) == n
+
+
+@pytest.mark.parametrize("coarse", [False, True])
+def test_samples_that_share_the_stamp_of_their_arrival_stay(coarse: bool, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    readings = rng.normal(0, 1, (2000, 3))
+    readings = np.where(rng.uniform(size=(2000, 1)) < 0.05, 1.0, 0.0) + np.zeros((2000, 3)) if coarse else readings
+    table = np.column_stack([np.arange(2000) // 10 / 10.0, readings])
+    pl.DataFrame(table, schema=["t_s", "gx_dps", "gy_dps", "gz_dps"]).write_csv(tmp_path / "log.csv")
+    found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
+    assert len(found.session.runs[0]) == 2000
+
+
+def test_exchanged_rows_lose_no_sample() -> None:
+    true_s = np.arange(6000) / 100.0
+    t_s = true_s.copy()
+    at = 50 + 37 * np.arange(20)
+    t_s[at], t_s[at + 1] = true_s[at + 1], true_s[at]
+    found = regression(t_s)
+    assert found.lost == 0
+    np.testing.assert_allclose(found.t_s, true_s, atol=1e-3)

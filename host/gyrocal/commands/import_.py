@@ -18,6 +18,7 @@ CUT = "NAME:START:END[:key=value,...]"
 REPAIRED = {
     "times": "times were replaced by their regression on the sample's number",
     "rows": "rows without a sample were left out",
+    "twice": "rows that repeat the row before, time and all, were left out",
     "cells": "cells of text in optional columns were taken as missing",
     "resampled": "samples of faster runs were averaged to the session's rate",
 }

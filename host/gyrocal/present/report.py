@@ -14,6 +14,7 @@ from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
 from gyrocal.warning import Warning, by_weight, line
@@ -203,8 +204,13 @@ def verdict_text(d: Diagnosis) -> str:
 
 
 def unproven(d: Diagnosis) -> list[Candidate]:
-    """The candidates that a diagnosis suggests on the axis of the unknown misfit."""
-    return [c for c in d.candidates if d.unknown is not None and c.decision == "suggest" and c.axis == d.unknown["axis"]]
+    """The candidates that a diagnosis suggests on the axis of the unknown misfit; a slow effect makes no line and no band."""
+    if d.unknown is None:
+        return []
+    band_hz = d.comparison.where[0].band_hz
+    slow_hz = 0.0 if band_hz is None else band_hz[0]
+    found = (c for c in d.candidates if c.decision == "suggest" and c.axis == d.unknown["axis"])
+    return [c for c in found if c.effect.fast or slow_hz <= 0.5 / BLOCK_S]
 
 
 def sizes(c: Candidate, fraction: str = "") -> str:

@@ -12,7 +12,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording.column_map import ColumnMap
 from gyrocal.recording.session import Array
 from gyrocal.recording.source import Booleans, Source
-from gyrocal.recording.stamps import goes_back, in_bursts, regression
+from gyrocal.recording.stamps import goes_back, in_bursts, regression, step_range_s
 from gyrocal.recording.table import REQUIRED, all_finite
 from gyrocal.recording.timing import smoothing_spline
 from gyrocal.warning import Warning
@@ -23,6 +23,10 @@ MOST_DAMAGED = 0.05
 """Largest fraction of damaged rows. If there are more, the columns or the units are wrong rather than a few rows."""
 LONGEST_S = 1e9
 """Times that span more than this, thirty years, are no times of one recording."""
+TWICE = 0.9
+"""Part of the rows with the time of the row before that repeat it as a whole, where rows were written twice."""
+SELDOM = 0.01
+"""Part of the other rows whose readings may be those of the row before."""
 ANGLE_SMOOTHING = 16.0
 """Bandwidth of the spline that differentiates an angle, in steps of it (its penalty is this times the step cubed)."""
 
@@ -38,6 +42,8 @@ class Converted:
     """Rows without a sample: damaged ones and lines of text."""
     cells: int = 0
     """Text in optional columns, taken as missing."""
+    repeated: int = 0
+    """Rows that were written twice, of which one is kept."""
 
     @property
     def size(self) -> int:
@@ -95,12 +101,36 @@ def _is_whole(source: Source, mappings: Sequence[ColumnMap], values: Mapping[str
 
 def _finished(table: Converted, rate_hz: float | None) -> Converted:
     """The table with times, if it has none, and with an angle that is not folded into a turn."""
+    table = _written_once(table)
     columns = dict(table.columns)
     if "t_s" not in columns and rate_hz is not None:
         columns["t_s"] = np.delete(np.arange(table.height), table.gaps) / rate_hz
     if "ref_angle_deg" in columns:
         columns["ref_angle_deg"] = unwrapped(columns["ref_angle_deg"])
     return replace(table, columns=columns)
+
+
+def _written_once(table: Converted) -> Converted:
+    """The table without rows that repeat the row before, time and all.
+
+    Samples that share the stamp of their arrival differ in their readings, unless the readings hardly ever change.
+    """
+    t_s = table.columns.get("t_s")
+    if t_s is None or t_s.size < 2 or step_range_s(t_s)[0] > 0:
+        return table
+    readings = [c for name, c in table.columns.items() if name != "t_s"]
+    equal = np.all([(c[1:] == c[:-1]) | (np.isnan(c[1:]) & np.isnan(c[:-1])) for c in readings], axis=0)
+    stamped = np.diff(t_s) == 0
+    twice = stamped & equal
+    if not twice.any() or twice.sum() < TWICE * stamped.sum() or (equal & ~stamped).sum() > SELDOM * (~stamped).sum():
+        return table
+    kept = np.concatenate([[True], ~twice])
+    if kept.sum() < 2:
+        return table
+    rows = np.delete(np.arange(table.height), table.gaps)
+    columns = {name: column[kept] for name, column in table.columns.items()}
+    gaps = np.sort(np.concatenate([table.gaps, rows[~kept]]))
+    return replace(table, columns=columns, gaps=gaps, repeated=int(twice.sum()))
 
 
 def _missing(column: Array) -> Booleans:

@@ -177,7 +177,7 @@ def _read_file(path: Path, options: Options, number: int, named: bool) -> Import
         _run(source, mappings, table, cut, number + i, axis, rate_hz, reference, evened.append) for i, cut in enumerate(cuts)
     ]
     times = sum(len(run) for run in runs if run.file in {w.file for w in evened})
-    counts = {"times": times, "rows": table.left_out, "cells": table.cells}
+    counts = {"times": times, "rows": table.left_out, "twice": table.repeated, "cells": table.cells}
     session = Session(sample_rate_hz=runs[0].sample_rate_hz, runs=tuple(runs), axis=axis)  # type: ignore[arg-type]
     return Imported(session, mapped.guessed, (*warnings, *evened), {what: count for what, count in counts.items() if count})
 

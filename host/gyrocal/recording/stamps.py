@@ -6,6 +6,7 @@ right and their single intervals are not. A lost sample shifts the numbers of al
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,17 +98,44 @@ def typical_step_s(t_s: Array) -> float:
 
 def period_s(t_s: Array) -> float:
     """The sampling interval of stamps [n], s, which may jitter, come in bursts, or have lost some samples between them."""
-    return _even_interval_s(t_s) if _is_even(t_s) else _numbered(t_s)[1]
+    return _even_interval_s(t_s) if _is_even(t_s) else _numbered(_without_stale(t_s))[1]
 
 
 def regression(t_s: Array) -> Stamps:
     """The regression of stamps [n], s, on the numbers of their samples."""
-    number, interval_s = _numbered(t_s)
+    fresh_s = _without_stale(t_s)
+    number, interval_s = _numbered(fresh_s)
     if t_s.size < 3:
         return Stamps(t_s, interval_s, number, 0.0)
     bends = min((t_s[-1] - t_s[0]) / KNOT_S, t_s.size - 1)
-    fitted = _chain(number, t_s, max(2, round(bends) + 1))
+    fitted = _chain(number, fresh_s, max(2, round(bends) + 1))
     return Stamps(fitted, interval_s, number, float(np.sqrt(np.mean((t_s - fitted) ** 2))))
+
+
+def _without_stale(t_s: Array) -> Array:
+    """Stamps [n], s, that do not go back: those out of order tell nothing and are put on a line between their neighbours."""
+    if step_range_s(t_s)[0] >= 0.0:
+        return t_s
+    # of two exchanged stamps the earlier goes, because the other may have come late: hence from the last to the first
+    ordered = t_s.size - 1 - _longest_course(-t_s[::-1])[::-1]
+    return np.interp(np.arange(t_s.size), ordered, t_s[ordered])
+
+
+def _longest_course(t_s: Array) -> Index:
+    """The numbers of the most samples [k] whose stamps [n], s, do not go back (Schensted, Canad. J. Math. 13 (1961) 179)."""
+    ends_s: list[float] = []
+    last = np.zeros(t_s.size, dtype=np.intp)
+    before = np.full(t_s.size, -1, dtype=np.intp)
+    for i, t in enumerate(t_s.tolist()):
+        k = bisect_right(ends_s, t)
+        before[i] = last[k - 1] if k else -1
+        last[k] = i
+        ends_s[k : k + 1] = [t]
+    course = np.empty(len(ends_s), dtype=np.intp)
+    i = int(last[len(ends_s) - 1])
+    for k in range(len(ends_s) - 1, -1, -1):
+        course[k], i = i, int(before[i])
+    return course
 
 
 def _numbered(t_s: Array) -> tuple[Index, float]:

@@ -1,0 +1,33 @@
+"""The sentence of a verdict names only effects that can make what it describes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.diagnose import Diagnosis
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.base import effects
+from gyrocal.present.report import verdict_text
+
+
+@pytest.mark.parametrize(
+    ("band_hz", "named"),
+    [
+        (None, "misalignment or vibration_tone"),
+        ((0.4, 0.9), "misalignment or vibration_tone"),
+        ((30.7, 32.7), "vibration_tone"),
+        ((31.6, 31.6), "vibration_tone"),
+    ],
+)
+def test_a_slow_effect_is_not_offered_for_a_fast_disturbance(band_hz: tuple[float, float] | None, named: str) -> None:
+    library = effects()
+    suggested = [Candidate(library[name], "z", "suggest") for name in ("misalignment", "vibration_tone")]
+    comparison: Any = SimpleNamespace(
+        where=[Finding("z", "frequency", 17.5, 1e-9, 0.05, "a disturbance", band_hz=band_hz)], held_out="none"
+    )
+    unknown = {"axis": "z", "against": "frequency", "shape": "a disturbance", "amplitude_dps": 0.05}
+    assert f"It may be {named}, but" in verdict_text(Diagnosis("unknown", suggested, unknown, comparison))
