@@ -243,7 +243,7 @@ def hero(
         [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
         for x, y, s in zip(shown.centres, curve, se, strict=True)
     ]
-    names = ["left over, means", "the effect", "± 2 standard errors of the means"]
+    names = ["left over, means", "the effect, less what bias and scale take up", "± 2 standard errors of the means"]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     few = len(shown.centres) < FEW
@@ -287,11 +287,9 @@ def _headed(p: Palette, lines: Sequence[str], count: int = 0) -> Options:
 
 def _extent(shown: Picture, factor: float) -> tuple[float, float]:
     """The ends of the vertical axis, ``factor`` times mdps: all means, the curve with its band, and zero, in round numbers."""
-    values = [0.0, *shown.left]
+    values = [0.0, *shown.left, *shown.reach]
     values += [y + k * se for y, se in zip(shown.curve, shown.se, strict=True) for k in (-2, 2)]
     low, high = factor * min(values), factor * max(values)
-    if len(shown.centres) < FEW:  # the means of single recordings scatter about these
-        low, high = 1.3 * low, 1.3 * high
     step = 10.0 ** math.floor(math.log10((high - low) or 1.0)) / 2
     return math.floor(low / step) * step, math.ceil(high / step) * step
 
@@ -342,15 +340,16 @@ def signature_svg(
     across, up = (max(xs) - min(xs)) or 1.0, (high - low) or 1.0
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
-        return 2 + (point[0] - min(xs)) / across * (width - 4), height - 4 - (point[1] - low) / up * (height - 8)
+        return 6 + (point[0] - min(xs)) / across * (width - 12), height - 6 - (point[1] - low) / up * (height - 12)
 
     def path(points: Sequence[tuple[float, float]]) -> str:
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in map(place, points))
 
-    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.6"/>' for x, y in map(place, dots))
+    radius = 4 if len(dots) < FEW else 1.6
+    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"/>' for x, y in map(place, dots))
     filled = f'<polygon class="band" points="{path(edges)}"/>' if edges else ""
     return (
         f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{html.escape(label, quote=True)}" '
-        f'preserveAspectRatio="none">{filled}<g class="dots">{circles}</g>'
-        f'<polyline class="curve" points="{path(curve)}"/></svg>'
+        f'preserveAspectRatio="none">{filled}<polyline class="curve" points="{path(curve)}"/>'
+        f'<g class="dots">{circles}</g></svg>'
     )

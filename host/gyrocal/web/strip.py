@@ -33,8 +33,9 @@ def strip(
         told = told if left else "excess error not known yet"
         out = f"; {len(excluded)} left out" if excluded else ""
         plural = "s" if len(runs) > 1 else ""
-        ui.label(f"{len(runs)} run{plural}, {told}{out}. Press one to leave it out of the fit.").classes("dim small")
-        with ui.element("div").classes("cells").on("keydown", js_handler=MOVE):
+        act_on = "▲ face up, ▼ face down. Press one to leave it out of the fit."
+        ui.label(f"{len(runs)} run{plural}, {told}{out}. {act_on}").classes("dim small")
+        with ui.element("div").classes("cells").style(f"--runs: {len(runs)}").on("keydown", js_handler=MOVE):
             for run in runs:
                 excess = left.get(run.file)
                 cell = _cell(run, excess, share(excess, worst, floor), run.file in excluded)

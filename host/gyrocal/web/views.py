@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
+NOT_NAMED = "sensor not named"
+"""The sensor of a session whose session.toml names none."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,15 @@ class Recording:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names."""
+    """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names.
+
+    ``about_means`` is True for a finding of another size in each run: each run is then drawn about its own mean.
+    """
 
     view: str
     low: float | None = None
     high: float | None = None
+    about_means: bool = False
 
 
 @dataclass(frozen=True)
@@ -110,6 +116,7 @@ class Picture:
 
     ``left`` are the means [k] of the residual in the bins that ``edges`` [k + 1] bound, ``se`` their standard errors and
     ``curve`` the means of the fitted effect, mdps. ``run`` is the index of the only run that is shown, None for all runs.
+    ``reach`` are the lowest and the highest mean of a single run, mdps, if each is drawn beside those of all.
     """
 
     view: str
@@ -122,6 +129,7 @@ class Picture:
     left: list[float]
     se: list[float]
     curve: list[float]
+    reach: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)

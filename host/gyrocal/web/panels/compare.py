@@ -27,7 +27,7 @@ VIEWS = {
     "timeline": ("Timeline", "recordings one after another, s"),
     **{name: (panel.title, panel.label) for name, panel in PANELS.items()},
     Frequency.name: (Frequency.title, Frequency.label()),
-    Order.name: (Order.title, "periods per turn of the table, per turn"),
+    Order.name: (Order.title, "order, periods per turn of the table"),
     "averaging": ("Allan", "averaging time, s"),
 }
 """The text of the button of every plot, and the label of its horizontal axis."""
@@ -277,7 +277,9 @@ class ComparePanel:
         if self.against == "averaging":
             what = "Allan deviation of what is left over"
             return plots.curves(p, view.allan, self.axes, what, "", "noise model", x_name)
-        return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes)
+        about_means = self.place is not None and self.place.view == self.against and self.place.about_means
+        shown = [i for i, _ in self._runs()]
+        return plots.folded(p, traces.points, PANELS[self.against], shown, self.axes, about_means=about_means)
 
     def _seen_part(self) -> tuple[float, float] | None:
         """The part of a spectrum around the finding that is shown."""
@@ -308,17 +310,20 @@ class ComparePanel:
 
 def _figures(view: ModelView, tone: str) -> None:
     """rms, floor and excess of all axes as ``gyrocal compare`` gives them, and the excess of each axis."""
-    *axes, (_, rms, floor, excess, *_) = view.rows
+    *axes, (_, rms, floor, excess, excess_se, *_) = view.rows
+    unit = view.unit
+    sure = "" if excess_se == UNKNOWN else f" ± {excess_se}"
     with ui.element("div").style("margin-left: auto"):
         with ui.element("div").classes("figures").style("justify-content: flex-end"):
             for name, value, kind in (
-                (f"error, {view.unit} rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
+                (f"error, {unit} rms", rms, ""), (f"noise floor, {unit}", floor, ""),
+                (f"excess{sure}, {unit}", excess, f"excess {tone}"),
             ):  # fmt: skip
                 with ui.element("div").classes(f"figure {kind}"):
                     ui.html(f"<b>{'–' if value == UNKNOWN else value}</b>", sanitize=False)
                     ui.label(name)
         known = [f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN]
-        told = f"excess by axis: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
+        told = f"excess by axis, {unit}: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
         ui.label(told).classes("dim small per-axis")
 
 

@@ -20,7 +20,7 @@ from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, DiagnosisView, Picture
-from gyrocal.web.words import evidence, not_yet
+from gyrocal.web.words import evidence, not_yet, symbols
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -178,6 +178,8 @@ class DiagnosePanel:
                     button.props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "")
                     self.acts.append(button)
                 ui.label(card.equation).classes("equation")
+            if symbols(card.equation):
+                ui.label(symbols(card.equation)).classes("dim small")
 
     def _thumbnail(self, card: Card, shown: Picture) -> None:
         """The picture of the effect in small. A press shows it in full."""
