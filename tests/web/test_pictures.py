@@ -86,7 +86,7 @@ COPIED = """async () => {
         return lines.map(y => pixels(y).filter((v, i) => i %% 4 === 0 && v < 160).length);
     };
     const copied = await ink(blob), titles = chart.getOption().title;
-    chart.setOption({title: titles.map(t => ({text: ""}))});
+    chart.setOption({title: titles.map(() => ({show: false}))});
     const bytes = atob(chart.getDataURL({pixelRatio: 2, backgroundColor: "#fff"}).split(",")[1]);
     return [copied, await ink(new Blob([Uint8Array.from(bytes, c => c.charCodeAt(0))], {type: "image/png"}))];
 }"""

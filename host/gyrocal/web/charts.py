@@ -153,7 +153,7 @@ def entry(name: str, kind: str, opacity: float = 1.0) -> Options:
 
 def legend(p: Palette, entries: Sequence[Options], **more: Any) -> Options:
     """A legend of entries from :func:`entry`. Entries that find no room are reached by its arrows."""
-    small = {"color": p.dim, "fontSize": 11}
+    small = {"color": p.dim, "fontSize": 11, "lineHeight": 15}  # a lower line would cut the letters where it scrolls
     return {
         "type": "scroll", "data": list(entries), "textStyle": small, "itemWidth": 16, "itemHeight": 8,
         "inactiveColor": p.line, "pageIconColor": p.ink, "pageIconInactiveColor": p.line, "pageTextStyle": small,
@@ -256,12 +256,12 @@ def hero(
     entries += [entry(s["name"], "dots", 0.5) for s in own]
     ends: Options = {} if few else {"min": shown.edges[0], "max": shown.edges[-1]}
     plain: Options = {":formatter": PLAIN} if few else {":formatter": PLAIN, "showMinLabel": False, "showMaxLabel": False}
+    broken = [lines[0], *(part for text in lines[1:] for part in text.split(" · "))]
     return base(
         p, **moved,
-        title=[title(p, text, 4 + 17 * k, 12) | ({"textStyle": _heading(p)} if k == 0 else {}) for k, text in enumerate(lines)],
-        legend=legend(p, entries, left=54, right=12, top=4 + 17 * len(lines)),
+        legend=legend(p, entries, left=54, right=12), media=fitting(_headed(p, lines, len(broken)), _headed(p, broken)),
         tooltip=tooltip(p, [unit.name], unit_in(shown.x_label)), toolbox=BOX, units=[unit.name],
-        grid=grid(left=54, right=16, top=34 + 17 * len(lines), bottom=40),
+        grid=grid(left=54, right=16, bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label=plain, **ends),
         yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
         series=[
@@ -276,8 +276,13 @@ def hero(
     )  # fmt: skip
 
 
-def _heading(p: Palette) -> Options:
-    return {"color": p.ink, "fontSize": 14, "fontWeight": "bold"}
+def _headed(p: Palette, lines: Sequence[str], count: int = 0) -> Options:
+    """Words above the picture, the first as a heading, and the places below them. Empty lines fill them up to ``count``."""
+    bold = {"textStyle": {"color": p.ink, "fontSize": 14, "fontWeight": "bold"}}
+    titles = [title(p, text, 4 + 17 * k, 12) | ({} if k else bold) for k, text in enumerate(lines)]
+    empty = [title(p, "", 4, 12)] * (count - len(lines))
+    places: Options = {"legend": {"top": 4 + 17 * len(lines)}, "grid": {"top": 34 + 17 * len(lines)}}
+    return {"title": [*titles, *empty], **places}
 
 
 def _extent(shown: Picture, factor: float) -> tuple[float, float]:

@@ -47,7 +47,8 @@ def blocks(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> list[Block]:
 def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
     """Excess error step by step above the floor (zero). The last bar is the remaining excess."""
     drawn = blocks(p, bars, unit)
-    wrapped = {"color": p.ink, "interval": 0, "lineHeight": 13, "width": max(64, 420 // len(drawn)), "overflow": "break"}
+    wrapped = {"color": p.ink, "interval": 0, "lineHeight": 13, "overflow": "break", "hideOverlap": False}
+    wide, narrow = ({"xAxis": {"axisLabel": {"width": max(64, px // len(drawn))}}} for px in (420, 270))
     shown = [
         {
             "value": [k, b.high - b.low],
@@ -62,7 +63,7 @@ def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
         grid=charts.grid(left=54, right=16, top=18, bottom=40),
         xAxis=charts.axis(p, kind="category", data=[b.label for b in drawn], axisTick={"show": False}, label=wrapped),
         yAxis=charts.axis(p, f"excess, {unit.name} rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
-        tooltip=charts.tooltip(p, [unit.name]), toolbox=charts.BOX, units=[unit.name],
+        media=charts.fitting(wide, narrow), tooltip=charts.tooltip(p, [unit.name]), toolbox=charts.BOX, units=[unit.name],
         series=[
             {"type": "bar", "stack": "s", "part": True, "silent": True, "data": [[k, b.low] for k, b in enumerate(drawn)],
              "itemStyle": {"color": "transparent"}, "animation": False},

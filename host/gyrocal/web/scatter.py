@@ -141,9 +141,10 @@ def options(p: Palette, found: Sequence[Estimate], axis: str) -> Options:
     label: Options = {":formatter": charts.PLAIN, "showMinLabel": False, "showMaxLabel": False}
     return charts.base(
         p, series=series, units=[unit.name], toolbox=charts.BOX, tooltip=charts.tooltip(p, [unit.name]),
-        legend=charts.legend(p, [charts.entry(METHODS[method], "dots") for method in known], top=0, right=12),
+        legend=charts.legend(p, [charts.entry(METHODS[method], "dots") for method in known], right=12),
         title=charts.title(p, f"bias, {unit.name}, first {seconds:g} s; hollow: not trusted", 2, 12),
-        grid=charts.grid(left=58, right=12, top=26, bottom=24),
+        grid=charts.grid(left=58, right=12, bottom=24),
+        media=charts.fitting({"legend": {"top": 0}, "grid": {"top": 26}}, {"legend": {"top": 20}, "grid": {"top": 46}}),
         xAxis=charts.axis(p, kind="category", data=cycles, axisTick={"show": False}),
         yAxis=charts.axis(p, label=label, min=min(ends) - space, max=max(ends) + space),
     )  # fmt: skip
