@@ -119,6 +119,7 @@ class Coach:
     def __init__(self, live: Live) -> None:
         self._live, self._imu = live, 0
         self._was: Advice | None = None
+        self._stage = ""
         self._found: list[Result] | None = None
         with ui.element("section").classes("face coach").props('aria-label="what to do"') as self._section:
             self._ring = ui.html("", sanitize=False).classes("ring")
@@ -152,7 +153,8 @@ class Coach:
         measuring = sensor.get("state") == "recording" and not live.ended
         run_s = sensor.get("run_s", 0.0) if measuring else 0.0
         self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else "–", f"of {NEEDED_S:g} s")
-        self._section.classes(replace=f"face coach {now.stage}")
+        self._section.classes(remove=self._stage, add=now.stage)  # to replace all would show a section that is hidden
+        self._stage = now.stage
         self._turns.text = self._measured(sensor) if measuring else ""
         if self._beeps.value and self._was is not None and now.stage != self._was.stage and now.stage in ("flip", "done"):
             ui.run_javascript(BEEP % (FLIP_HZ if now.stage == "flip" else ANSWER_HZ))

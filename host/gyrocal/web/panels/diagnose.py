@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
 
+CALIBRATION_ERROR = (
+    "mean size of the difference between the first 2, 4 and 6 s and the whole recording, whose values are the latest model's"
+)
+
+
 class DiagnosePanel:
     def __init__(self, tab: Tab) -> None:
         self.tab, self.bench = tab, tab.bench
@@ -352,7 +357,7 @@ class DiagnosePanel:
         with self.calibration:
             with ui.row():
                 ui.html("<h2>Calibration error</h2>", sanitize=False)
-                ui.label("difference between the first 2, 4 and 6 s and the whole recording").classes("dim small")
+                ui.label(CALIBRATION_ERROR).classes("dim small")
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
             elif not found.errors:
