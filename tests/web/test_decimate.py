@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gyrocal.present.decimate import FACTOR, Pyramid, binned, by_octave
+from gyrocal.present.spectra import Curve
 from gyrocal.web.charts import LIGHT
-from gyrocal.web.decimate import FACTOR, Pyramid, binned, by_octave
 from gyrocal.web.plots import STRETCHES, Timeline, curves
 from gyrocal.web.traces import Traces
-from gyrocal.web.views import Curve, ModelView, RunView, SessionView
+from gyrocal.web.views import ModelView, RunView, SessionView
 
 
 def written(folder: Path, values: np.ndarray) -> Pyramid:

@@ -6,7 +6,8 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace as NS
+from typing import Any, cast
 
 import pytest
 
@@ -14,6 +15,7 @@ from gyrocal.effects.base import effects
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web import live
 from gyrocal.web.places import Places
+from gyrocal.web.surprise import Hunt, Secret
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +99,20 @@ def test_the_truth_of_a_surprise_is_told_when_asked_for(served: Any, look: Calla
     assert len(hidden) == 1
     assert f"Hidden was: {hidden[0].title}" in told.inner_text()
     assert "Your model does not have it." in told.inner_text()
+
+
+@pytest.mark.parametrize(("has", "said"), [(True, "Your model has it."), (False, "Your model does not have it.")])
+def test_the_truth_says_whether_the_model_has_it(tmp_path: Path, has: bool, said: str) -> None:
+    simulate(tmp_path / "s", "paper", ["table_ripple:amplitude_1=0.002"], 3, scenarios=1, seconds=1)
+    view = NS(effects=[("scale", "Scale error", False), *([("table_ripple", "Ripple", True)] if has else [])])
+    hunt = Hunt(cast(Any, NS(session=NS(path=tmp_path / "s"), step=NS(view=view), changed=lambda topic: None)))
+    hunt._secrets[tmp_path / "s"] = Secret("table_ripple")
+    hunt.tell()
+    assert hunt.secret is not None
+    assert hunt.secret.told
+    truth = hunt.truth()
+    assert truth.startswith("Hidden was: Ripple of the table's speed on z (amplitude_1 = 0.002")
+    assert truth.endswith(said)
 
 
 class Port:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.recording.session import Array
 
 HIGHEST = 64.0
@@ -112,13 +113,15 @@ def strongest_orders(residuals: Sequence[Array], angles_turn: Sequence[Array], c
     return [float(order[k]) for k in tops[np.argsort(-power[tops])][:count]]
 
 
-def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> OrderSpectrum:
+def order_spectrum(
+    residuals: Sequence[Array], angles_turn: Sequence[Array], *, whole: bool = False
+) -> OrderSpectrum:  # fmt: skip
     """Average periodogram of residuals [n] (deg/s) over unwrapped angles [n] (turns), one of each for a run.
 
-    Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains.
+    Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains. It begins where lines can be
+    told from slow noise; ``whole`` begins it at one period in the longest run.
     """
     from scipy.ndimage import median_filter
-    from scipy.stats import f, gamma
 
     pairs = [(y - y.mean(), a - a.min()) for y, a in zip(residuals, angles_turn, strict=True) if np.ptp(a) >= LEAST_TURNS]
     if not pairs:
@@ -127,7 +130,8 @@ def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> 
     length = 1 << int(np.ceil(np.log2(PAD * turns * BINS)))
     order = np.arange(length // 2 + 1) * BINS / length
     reach = min(HIGHEST, *(0.5 / float(np.median(np.abs(np.diff(a)))) for _, a in pairs if np.any(np.diff(a))))
-    use = (order >= max(0.5, LEAST_TURNS / turns)) & (order <= reach)
+    lowest = 1 / turns if whole else max(0.5, LEAST_TURNS / turns)
+    use = (order >= lowest) & (order <= reach)
     if np.count_nonzero(use) < NEIGHBOURS:
         return NOTHING
     power, even = np.zeros((2, int(np.count_nonzero(use))))
@@ -137,10 +141,10 @@ def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array]) -> 
         own = np.abs(2 * line / np.count_nonzero(inside)) ** 2
         power += own / len(pairs)
         even += own / max(float(np.median(own)), np.finfo(np.float64).tiny)  # a noisy run counts as much as a quiet one
-    level = median_filter(even, NEIGHBOURS, mode="reflect") / (gamma.ppf(0.5, len(pairs)) / len(pairs))
+    level = median_filter(even, NEIGHBOURS, mode="reflect") / (tails.chi_square_value(0.5, 2 * len(pairs)) / (2 * len(pairs)))
     # the level is itself estimated, from the median of that many independent values of the spectrum
     values = len(pairs) * NEIGHBOURS / PAD * MEDIAN_EFFICIENCY
-    tail = f.sf(even / np.maximum(level, np.finfo(np.float64).tiny), 2 * len(pairs), 2 * values)
+    tail = tails.f_ratio(even / np.maximum(level, np.finfo(np.float64).tiny), 2 * len(pairs), 2 * values)
     tail[-NEIGHBOURS // 2 :] = 1.0  # there, half of the neighbours are missing
     shortest = max(LEAST_TURNS, min(turns, *(float(a.max()) for _, a in pairs)))
     return OrderSpectrum(order[use], power, np.asarray(tail), max(turns, shortest))

@@ -10,8 +10,8 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.inference.blocks import known_dps
+from gyrocal.present.decimate import Pyramid
 from gyrocal.recording.session import Session
-from gyrocal.web.decimate import Pyramid
 from gyrocal.web.views import NOT_NAMED, Recording, RunView, SessionView
 
 

@@ -5,18 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gyrocal.diagnosis import rate_unit
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.present.decimate import Pyramid, binned
 from gyrocal.web import charts
 from gyrocal.web.against import Panel
 from gyrocal.web.charts import Options, Palette
-from gyrocal.web.decimate import Pyramid, binned
 from gyrocal.web.traces import Traces
-from gyrocal.web.views import AXES, Curve, RunView
+from gyrocal.web.views import AXES, RunView
+
+if TYPE_CHECKING:
+    from gyrocal.present.spectra import Curve
 
 STRETCHES = 700
 BINS = 48

@@ -14,15 +14,15 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.present.decimate import Pyramid, binned
+from gyrocal.present.spectra import Curve, against_frequency, against_order
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
 from gyrocal.variables.shapes import ShapeOfEachRun, TableWave
 from gyrocal.web.against import opened_by, panels
-from gyrocal.web.decimate import Pyramid, binned
-from gyrocal.web.spectra import against_frequency, against_order
-from gyrocal.web.views import Curve, Place
+from gyrocal.web.views import Place
 
 BINS = 12
 

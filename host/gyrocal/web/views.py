@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gyrocal.present.spectra import Curve
     from gyrocal.web.budget import Budget
     from gyrocal.web.fall import Levels
 
@@ -52,23 +53,6 @@ class Recording:
 
     path: Path
     excluded: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A measured curve and what noise alone is expected to give.
-
-    ``low`` and ``high`` are the extremes of the intervals ``first`` to ``last`` whose mean is ``y``; empty if every point is
-    drawn.
-    """
-
-    x: list[float]
-    y: list[float]
-    expected: list[float]
-    first: list[float] = field(default_factory=list)
-    last: list[float] = field(default_factory=list)
-    low: list[float] = field(default_factory=list)
-    high: list[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

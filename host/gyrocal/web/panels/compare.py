@@ -14,7 +14,8 @@ from gyrocal.web import charts, export, plots, warned
 from gyrocal.web.against import panels
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
-from gyrocal.web.strip import strip
+from gyrocal.web.strip import REFOCUS, strip
+from gyrocal.web.tools import named, tool, tools
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, ModelView, Place, RunView
 
@@ -68,6 +69,8 @@ class ComparePanel:
         self.window = ALL
         self.place: Place | None = None
         """The finding whose picture is shown."""
+        self.pressed: int | None = None
+        """The run that was pressed last in the strip, which keeps the focus."""
         self.chart: Any = None
         """None as long as there is nothing to draw."""
         self.root = ui.element("div").classes("column fill")
@@ -76,6 +79,7 @@ class ComparePanel:
     def hear(self, topic: Topic) -> None:
         if topic == "session":
             self.chose_axes, self.chosen, self.window, self.against, self.place = False, [], ALL, "timeline", None
+            self.pressed = None
         if topic in ("session", "runs", "model"):
             self._build()
         if topic == "scheme" and self.chart is not None:
@@ -95,6 +99,8 @@ class ComparePanel:
             with ui.element("div").classes("beside"):
                 floor = None if self.bench.step is None else self.bench.step.view.compared.get("floor_dps")
                 strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), self.bench.excluded, self._include)
+                if self.pressed is not None:
+                    ui.run_javascript(REFOCUS % self.pressed)
                 runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
                 select = ui.select(runs, multiple=True, value=self.chosen, label="show runs", on_change=self._runs_chosen)
                 select.props("outlined dense options-dense clearable").style("width: 150px")
@@ -109,6 +115,8 @@ class ComparePanel:
         return [] if self.bench.step is None else list(self.bench.step.view.compared["where"])
 
     async def _include(self, file: str) -> None:
+        assert self.bench.session is not None
+        self.pressed = next(i for i, run in enumerate(self.bench.session.runs) if run.file == file)
         await self.bench.include(file, file in self.bench.excluded)
 
     def _found(self) -> list[tuple[dict[str, Any], Place]]:
@@ -200,26 +208,21 @@ class ComparePanel:
             self.moves = ui.element("span")
             with self.moves:
                 for icon, word, low, high in MOVES:
-                    self._button(icon, word).on("click", js_handler=ZOOM % (self.chart.id, low, high))
-            self._button("crop_free", "box zoom").on("click", js_handler=export.BOX % self.chart.id)
-            self._button("restart_alt", "reset zoom").on("click", self._reset)
-            self._button("table_view", "save as CSV").on("click", self._csv)
-            self.picture = self._button("image", "save as PNG")
-            self.picture.on("click", js_handler=export.PNG % (self.chart.id, "gyrocal"))
-
-    @staticmethod
-    def _button(icon: str, word: str) -> ui.button:
-        button = ui.button(icon=icon, color=None).props(f'flat round dense size="sm" aria-label="{word}"')
-        return button.tooltip(word)
+                    tool(icon, word).on("click", js_handler=ZOOM % (self.chart.id, low, high))
+            tools(self.chart, self._file, self._csv, self._reset)
 
     def _reset(self) -> None:
         self.window, self.place = ALL, None
         self._draw()
 
-    def _csv(self) -> None:
-        if self.bench.traces is not None and self.bench.session is not None:
-            name = f"{self.bench.session.path.name}_{self.against}_{''.join(self.axes)}.csv"
-            ui.download.content(export.as_csv(self._options(self.bench.traces)), name, "text/csv")
+    def _file(self) -> str:
+        """The name of a file that the chart is saved to."""
+        return named(self.bench, f"{self.against}_{''.join(self.axes)}")
+
+    def _csv(self) -> str:
+        """The data on the screen."""
+        assert self.bench.traces is not None
+        return export.as_csv(self._options(self.bench.traces))
 
     def _toggle(self, axis: str) -> None:
         self.axes, self.chose_axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis], True

@@ -92,7 +92,7 @@ class Pyramid:
 
 
 def means(values: Array, starts: Any) -> Array:
-    """Means over intervals of the last axis that begin at ``starts``; NaN where an interval holds no finite value."""
+    """Means of ``values`` [..., n] over intervals that begin at ``starts`` [k]; NaN where an interval holds no finite value."""
     there = np.isfinite(values)
     total = np.add.reduceat(np.where(there, values, 0.0), starts, axis=-1, dtype=float)
     count = np.add.reduceat(there, starts, axis=-1, dtype=float)
