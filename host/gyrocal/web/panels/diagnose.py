@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
+from gyrocal.variables.base import variables
 from gyrocal.web import charts, warned
 from gyrocal.web.fall_chart import waterfall
 from gyrocal.web.held import parameters
@@ -222,7 +223,7 @@ class DiagnosePanel:
                 ui.label(f"on {u['axis']}").classes(f"axis-{u['axis']}")
             with ui.element("dl").classes("evidence").style("margin: 0"):
                 for name, text in (
-                    ("it shows against", u["against"].replace("_", " ")),
+                    ("it shows against", variables()[u["against"]].quantity),
                     ("shape", u["shape"]),
                 ):
                     ui.html(f"<dt>{name}</dt>", sanitize=False)
