@@ -1,12 +1,21 @@
 """What the page of an explanation draws for a step."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import Step
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.base import effects
 from gyrocal.error_model.model import Model
-from gyrocal.present.explanation import evidence, removed, shown
+from gyrocal.present.explanation import counted, evidence, removed, shown
+from gyrocal.present.pictures import waterfall
+from gyrocal.present.report import verdict_text
 from make_runs import make_run, make_session
 
 
@@ -30,3 +39,34 @@ def test_a_step_is_drawn_against_what_it_removed_also_if_its_delay_moves_the_blo
     figure = evidence(step)
     assert figure is not None
     assert figure.axes[0].get_xlabel() == "change of the rate, deg/s²"
+
+
+def test_a_page_says_over_which_floor_its_errors_are_counted() -> None:
+    """The excess of the same model was 50.90 mdps by `compare` and 51.01 mdps on this page, which did not say why."""
+
+    def side(floor_dps: float) -> SimpleNamespace:
+        return SimpleNamespace(angles=None, pooled=SimpleNamespace(floor_dps=floor_dps, excess_dps=0.05))
+
+    step = Step(("table_ripple",), ("z",), (), side(0.04473), side(0.04473))  # type: ignore[arg-type]
+    assert "beyond the noise floor of the final model, 44.73 mdps" in counted([step])
+    assert counted([]) == ""
+    assert counted([step, replace(step, after=side(0.05))]) == ""
+    assert counted([replace(step, within=True)]) == ""
+
+
+def test_a_variable_is_called_by_its_quantity() -> None:
+    told = shown(Finding("z", "power_on_time", 5.0, 1e-6, 0.005, "rms 3.52 mdps"))
+    assert told == "The residual on z shows it against time since power-on: rms 3.52 mdps."
+
+
+def test_the_bars_of_a_step_say_from_where_to_where_the_error_fell() -> None:
+    (axes,) = waterfall(["given model", "+ table_ripple"], [0.05101, 0.0015], 0.04473).axes
+    assert [text.get_text().strip() for text in axes.texts] == ["51.01", "51.01 → 1.50"]
+    assert {text.get_text() for text in axes.get_legend().get_texts()} >= {"left over", "removed by the step"}
+
+
+def test_the_verdict_names_every_axis_of_the_missing_effect() -> None:
+    kind = effects()["g_sensitivity"]
+    found = [Candidate(kind, "z", "add"), Candidate(kind, "x", "add"), Candidate(kind, "y", "suggest")]
+    diagnosis = Diagnosis("add", found, None, SimpleNamespace())  # type: ignore[arg-type]
+    assert verdict_text(diagnosis).startswith("Missing: sensitivity to gravity and acceleration on x, z. ")

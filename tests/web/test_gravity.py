@@ -10,7 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from gyrocal.cli import main
+from gyrocal.gravity.compare import compare, residual_table
+from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
 LISTS = ("Rests", "Movements between them")
@@ -36,6 +40,16 @@ def test_rests_and_comparison_are_those_of_the_command_line(
         assert listed.locator("tbody tr").count() == counted
         assert page.get_by_role("heading", name=f"{title} ({counted})").is_visible()
         assert listed.evaluate("e => e.scrollHeight <= e.clientHeight")  # all of them are on the page
+    moved = page.locator("[aria-label='Movements between them']")
+    told = [" ".join(name.split()) for name in moved.locator("th").all_inner_texts()]
+    rows = residual_table(compare(Session.open(tmp_path / "hand"))).rows(named=True)
+    columns = {
+        "until, s": "t_s", "turned by accelerometer, deg": "measured_deg", "by gyroscope with model, deg": "modelled_deg",
+        "angle between both, deg": "residual_deg",
+    }  # fmt: skip
+    first = moved.locator("tbody tr").first.locator("td").all_inner_texts()
+    for title, name in columns.items():
+        assert float(first[told.index(title)]) == pytest.approx(rows[0][name], abs=0.06 if name == "t_s" else 6e-4)
     budgets = page.locator("[aria-label='error budget'] table")
     assert budgets.count() == 3
     assert "sample clock" in budgets.first.inner_text()

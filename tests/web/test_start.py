@@ -62,6 +62,15 @@ def test_no_line_of_the_list_lies_on_another(served: Any, look: Callable[..., An
             assert apart or a["x"] + a["width"] <= b["x"] + 1 or b["x"] + b["width"] <= a["x"] + 1
 
 
+def test_the_live_page_says_nothing_of_a_table_before_a_device_is_there(served: Any, look: Callable[..., Any]) -> None:
+    """Without a device it told to turn the table and to press Record, which is not there, and its state was "None"."""
+    page = look(f"{served.url}live")
+    page.get_by_role("button", name="Start a simulated device").wait_for()
+    page.wait_for_timeout(1500)
+    assert not page.locator("[aria-label='what to do']").is_visible()
+    assert "None" not in page.locator("body").inner_text().split("\n")
+
+
 def test_a_path_opens_and_one_outside_says_why(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}start")
     page.get_by_role("button", name="mine LSM6DSO (simulated)").wait_for()

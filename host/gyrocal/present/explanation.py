@@ -125,11 +125,25 @@ def write_explanation(path: Path, e: Explanation) -> None:
     remains = last.where[0] if last.where else None
     text = page.render(
         "present/explanation.html", page.name_of(start.fit.session), conclusion(e), e.verdict == "adequate",
-        e.last.comparison.warnings, overview=overview, steps=steps, left=[open_words(one) for one in e.left],
+        e.last.comparison.warnings, overview=overview, counted=counted(e.steps),
+        steps=steps, left=[open_words(one) for one in e.left],
         levels=report.level_rows(last), unit=report.level_unit(last).name, parameters=report.parameter_rows(last),
         model=", ".join(e.model.ids), remains=shown(remains), remains_picture=_data(picture(last, remains)),
     )  # fmt: skip
     page.write(path, text)
+
+
+def counted(steps: Sequence[Step]) -> str:
+    """How the excess errors of the steps are counted, in a sentence; empty if it is by angle or not the same in all steps."""
+    sides = [side for s in steps for side in (s.before, s.after)]
+    floors = {round(side.pooled.floor_dps, 9) for side in sides if side.angles is None}
+    if len(floors) != 1 or any(s.within for s in steps):
+        return ""
+    unit, floor_dps = unit_of_steps(steps), floors.pop()
+    return (
+        "Excess errors are the rms of all axes on unseen data, beyond the noise floor of the final model, "
+        f"{unit.text(floor_dps, 2)} {unit.name}. `gyrocal compare` takes the floor of the one model that it compares."
+    )
 
 
 def _causes(step: Step) -> list[str]:
@@ -158,7 +172,7 @@ def shown(finding: Finding | None) -> str:
     """A finding as a sentence; empty without one."""
     if finding is None:
         return ""
-    return f"The residual on {finding.axis} shows it against {finding.against.replace('_', ' ')}: {finding.note}."
+    return f"The residual on {finding.axis} shows it against {variables()[finding.against].quantity}: {finding.note}."
 
 
 def removed(step: Step) -> Finding | None:

@@ -238,15 +238,18 @@ def waterfall(labels: Sequence[str], excess_dps: Sequence[float], floor_dps: flo
     figure, axes = framed(8, 0.9 + 0.45 * len(labels))
     values = np.asarray(excess_dps) * 1e3
     for i, value in enumerate(values):
-        axes.barh(i, value, color=GREY if i == 0 else BLUE, height=0.6)
-        if i and values[i - 1] > value:
-            axes.barh(i, values[i - 1] - value, left=value, color=BLUE, alpha=0.2, height=0.6)
-        axes.text(max(value, values[i - 1] if i else value), i, f"  {value:.2f}", va="center", fontsize=9)
+        axes.barh(i, value, color=GREY if i == 0 else BLUE, height=0.6, label="left over" if i == 1 else None)
+        before = values[i - 1] if i else value
+        if before > value:
+            removed = "removed by the step" if i == 1 else None
+            axes.barh(i, before - value, left=value, color=BLUE, alpha=0.2, height=0.6, label=removed)
+        told = f"{before:.2f} → {value:.2f}" if i else f"{value:.2f}"
+        axes.text(max(value, before), i, f"  {told}", va="center", fontsize=9)
     axes.axvline(floor_dps * 1e3, color=ORANGE, lw=1, ls="--", label="the noise floor itself")
     axes.set(yticks=range(len(labels)), yticklabels=labels, xlabel="held-out excess error over the noise floor, mdps")
     axes.invert_yaxis()
     axes.margins(x=0.12)
-    axes.legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1, 1))
+    axes.legend(frameon=False, fontsize=9, loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
     return figure
 
 

@@ -125,7 +125,7 @@ class Bench:
         return self._view(recording, compare(self.opened.session(recording), other, progress=progress), progress)
 
     def calibrate(self, recording: Recording, models: dict[str, str], progress: Progress) -> CalibrationView:
-        """Scale and bias from the first seconds by baseline, network and each model (name: TOML); the last is the best."""
+        """Scale and bias from the first seconds by average, network and each model (name: TOML); the last is the best."""
         session = self.opened.session(recording)
         progress("calibrating from the first seconds")
         longest_s = min(
@@ -144,7 +144,7 @@ class Bench:
         whole = {(e.scenario, e.axis): e for e in longest}
         answers = calibrate(session, spans, None, best, warnings)
         by_method = {
-            "baseline": [e for e in answers if e.method == "baseline"],
+            "plain average": [e for e in answers if e.method == "baseline"],
             "network": [e for e in answers if e.method == "cnn"],
         }
         for name, toml in models.items():

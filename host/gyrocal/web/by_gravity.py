@@ -30,7 +30,7 @@ class GravityView:
     rests: list[list[str]]
     """File, start, length, and the acceleration in g of each rest."""
     movements: list[list[str]]
-    """File, start, the axis mainly turned about, the angle in deg by gyroscope and accelerometer's gravity, what is left."""
+    """File, end, the axis mainly turned about, the turn of gravity by accelerometer and by gyroscope, and their angle."""
     estimates: list[dict[str, Any]]
     budgets: tuple[Budget, ...]
     recorded: Recorded = field(repr=False)

@@ -39,7 +39,7 @@ DARK = Palette(
     ("#9aa3ad", "#E29AC4", "#E69F00", "#56B4E9"), "#1c2026",
 )  # fmt: skip
 FONT = "Roboto, system-ui, sans-serif"
-METHODS = ("baseline", "network", "model at first", "model now")
+METHODS = ("plain average", "network", "model at first", "model now")
 SYMBOLS = ("rect", "triangle", "diamond", "circle")
 
 
@@ -243,7 +243,7 @@ def hero(
         [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
         for x, y, s in zip(shown.centres, curve, se, strict=True)
     ]
-    names = ["left over, means", "the effect, less what bias and scale take up", "± 2 standard errors of the means"]
+    names = ["left over, means", "the effect, less what bias and scale take up", "± 2 standard errors"]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     few = len(shown.centres) < FEW

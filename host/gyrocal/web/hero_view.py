@@ -88,7 +88,7 @@ class HeroView:
             bar = fall.bars[-1]
             how = " within power cycles" if fall.within else ""
             figures = f"{fall.told(bar.before)} → {fall.told(bar.after)}" if added else fall.told(bar.after)
-            where = f"excess error{how} {figures} {fall.unit.name} rms · {where}"
+            lines.append(f"excess error{how} {figures} {fall.unit.name} rms, all axes")
         return [*lines, where]
 
     def _show(self, shown: Picture, left: list[float], curve: list[float], words: list[str]) -> None:

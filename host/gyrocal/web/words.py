@@ -53,6 +53,11 @@ def evidence(card: Card) -> list[tuple[str, str]]:
     return rows
 
 
+CALIBRATION_ERROR = (
+    "mean size of the difference between the first 2, 4 and 6 s and the whole recording, whose values are the latest model's"
+)
+
+
 def symbols(equation: str) -> str:
     """What the symbols of an equation mean, as far as it does not say so itself; empty if there are none."""
     found = [

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
+from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
 from gyrocal.web import charts, export, plots, warned
@@ -151,7 +152,7 @@ class ComparePanel:
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
                     for finding, place in list(zip(view.compared["where"], view.places, strict=True))[:3]:
-                        against = finding["against"].replace("_", " ")
+                        against = variables()[finding["against"]].quantity
                         ui.button(
                             f"{finding['axis']}, against {against}: {finding['note']}",
                             on_click=lambda f=finding, p=place: self._look_at(f["axis"], p),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
+from gyrocal.variables.base import variables
 from gyrocal.web import charts, warned
 from gyrocal.web.fall_chart import waterfall
 from gyrocal.web.held import parameters
@@ -20,7 +21,7 @@ from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, DiagnosisView, Picture
-from gyrocal.web.words import evidence, not_yet, symbols
+from gyrocal.web.words import CALIBRATION_ERROR, evidence, not_yet, symbols
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -222,7 +223,7 @@ class DiagnosePanel:
                 ui.label(f"on {u['axis']}").classes(f"axis-{u['axis']}")
             with ui.element("dl").classes("evidence").style("margin: 0"):
                 for name, text in (
-                    ("it shows against", u["against"].replace("_", " ")),
+                    ("it shows against", variables()[u["against"]].quantity),
                     ("shape", u["shape"]),
                 ):
                     ui.html(f"<dt>{name}</dt>", sanitize=False)
@@ -357,7 +358,7 @@ class DiagnosePanel:
         with self.calibration:
             with ui.row().classes("tight"):
                 ui.html("<h2>Calibration error</h2>", sanitize=False)
-                ui.label("difference between the first 2, 4 and 6 s and the whole recording").classes("dim small")
+                ui.label(CALIBRATION_ERROR).classes("dim small")
                 bar = ui.element("div").classes("tools")
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 ESTIMATES = ("axis:", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
 """With the bias's unit to be put in."""
+ANGLES = ("turned by accelerometer, deg", "by gyroscope with model, deg", "angle between both, deg")
+"""How far each movement turned gravity, and how far apart both find it at the end, which also counts errors across the turn."""
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
@@ -38,7 +40,7 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                 _budgets(view)
             with ui.element("div").classes("column"):
                 _listed("Rests", ("file:", "from, s", "length, s", "acceleration x, y, z, g"), view.rests)
-                columns = ("file:", "from, s", "mainly about:", "gyroscope, deg", "model, deg", "left over, deg")
+                columns = ("file:", "until, s", "mainly about:", *ANGLES)
                 _listed("Movements between them", columns, view.movements)
     return lambda topic: drawn() if topic == "scheme" else None
 
@@ -60,7 +62,8 @@ def _verdict(view: GravityView) -> None:
 
 def _levels(view: GravityView) -> None:
     with ui.element("section").classes("face column tight"):
-        ui.html("<h2>Angle between the turned gyroscope and gravity, on unseen data, deg</h2>", sanitize=False)
+        title = "Angle between gravity as the gyroscope turned it and as the accelerometer shows it, on unseen data, deg"
+        ui.html(f"<h2>{title}</h2>", sanitize=False)
         ui.html(plain(("turned:", "rms", "floor", "excess", "±"), view.rows), sanitize=False).classes("sideways")
         where = [[f["axis"], f["against"].replace("_", " "), f"{f['strength']:.1f}", f["note"]] for f in view.compared["where"]]
         if where:
@@ -100,7 +103,7 @@ def _estimates(view: GravityView) -> None:
         for e in view.estimates
     ]  # fmt: skip
     with ui.element("section").classes("face column tight"):
-        ui.html("<h2>Scale and bias</h2>", sanitize=False)
+        ui.html("<h2>Scale and bias, fitted together with the misalignment of the axes</h2>", sanitize=False)
         columns = [name.format(unit.name) for name in ESTIMATES]
         ui.html(plain(columns, rows, [not e["trusted"] for e in view.estimates]), sanitize=False).classes("sideways")
 
