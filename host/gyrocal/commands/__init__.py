@@ -8,13 +8,28 @@ from typing import Annotated
 
 import typer
 
+LISTED = 4
+"""So many files that would be run are named."""
 
-def _load(folder: Path | None) -> Path | None:
-    if folder is not None:
+
+def want_trust(trust: bool, what: str) -> None:
+    """Raise InputError unless ``--trust`` was given. ``what`` names the option and the code that it runs."""
+    from gyrocal.errors import InputError
+
+    if not trust:
+        raise InputError(f"{what}. Nothing was run; if you trust this code, add --trust")
+
+
+def _load(ctx: typer.Context, place: Path | None) -> Path | None:
+    if place is not None:
         from gyrocal.effects import base
 
-        base.load(folder)
-    return folder
+        names = [path.name for path in base.own_files(place)]
+        if names:
+            listed = ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+            want_trust(ctx.params["trust"], f"--effects {place} runs its Python code: {listed}")
+        base.load(place)
+    return place
 
 
 def _writable(model: Path) -> Path:
@@ -37,6 +52,10 @@ GivenModel = Annotated[str | None, typer.Option(help="The model: paper, default,
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 OwnEffects = Annotated[
     Path | None,
-    typer.Option("--effects", callback=_load, help="A folder with effects of your own (Python files, which are run)."),
-]
+    typer.Option(
+        "--effects", callback=_load, help="A folder with effects of your own: Python files, which are run. Wants --trust."
+    ),
+]  # fmt: skip
 """The folder is loaded as soon as the option is read. From then on its effects are equal to the built-in ones."""
+Trust = Annotated[bool, typer.Option("--trust", is_eager=True, help="Run the code that another option names.")]
+"""Consent to run the user's code. It is read first (eager), wherever it stands on the command line."""

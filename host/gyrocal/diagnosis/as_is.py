@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis import naming
 from gyrocal.diagnosis.angles import Angles
 from gyrocal.diagnosis.comparison import Comparison, measure
@@ -131,8 +132,6 @@ def _with_model_error(floor: Floor, fitted: AxisFit, cov: Array) -> Floor:
 
 def _findings(moved: Sequence[Moved], held: Kept, judged: Sequence[str]) -> list[Finding]:
     """The parameters that have moved by more than chance, or else all parameters of an axis together; strongest first."""
-    from scipy.stats import chi2
-
     moved = [m for m in moved if m.z is not None and m.axis in judged]
     share = POLICY.moved_alarm / max(1, len(moved) + len(judged))
     out = []
@@ -141,7 +140,7 @@ def _findings(moved: Sequence[Moved], held: Kept, judged: Sequence[str]) -> list
         change = held.change[axis]
         total = held.of_session[axis] + held.of_model[axis]
         square = float(change @ np.linalg.pinv(total, hermitian=True) @ change) if change.size else 0.0
-        together = float(chi2.sf(square, max(change.size, 1)))
+        together = float(tails.chi_square(square, max(change.size, 1)))
         if not mine and together < share:
             names = ", ".join(dict.fromkeys(m.effect for m in strongest_first([m for m in moved if m.axis == axis])))
             note = f"{names or 'the parameters'} together have moved; this session cannot say which"

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal import plausibility
+from gyrocal import plausibility, tails
 from gyrocal.diagnosis.angles import Angles, by_angle
 from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
@@ -27,7 +27,7 @@ from gyrocal.diagnosis.told import strongest_first, without_echoes
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
-from gyrocal.inference.fit import fit
+from gyrocal.inference.fit import beside_misfit, fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_shape import of_slopes
 from gyrocal.noise.spectrum import Spectrum, spectrum
@@ -179,6 +179,9 @@ def measure(
     squares = {axis: m.squares for axis, m in on.items()}
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
     where = _with_left_over(fitted, misfit, squares, floors, judged)
+    failing = {f.axis for f in where}
+    if failing:
+        fitted = beside_misfit(fitted, [axis for axis in fitted.axes if axis in failing])
     return Comparison(
         fitted, pooled(squares.values(), floors.values()), per_axis, where, _held_out(session, folds), spectra, white, squares,
         floors, misfit.nearest, warnings=warnings, angles=Angles.of(fitted, folds) if by_angle(session) else None,
@@ -222,14 +225,12 @@ def _as_drawn(fitted: Fit, excess: Finding) -> Finding:
 
 def of_excess(squares: MeanSquares, floor: Floor, nearest: Finding) -> Finding:
     """The excess within power cycles as a finding, against the variable that fits best."""
-    from scipy.stats import norm
-
     level = Level.of(squares, floor)
     sigma = (squares.within - floor.within) / floor.error_within if floor.error_within > 0 else 0.0
     excess_dps = level.excess_within_dps or 0.0
     note = f"{rate_text(excess_dps)} more than noise leaves, in no shape that a test knows"
     return Finding(
-        nearest.axis, nearest.against, max(0.0, sigma), float(norm.sf(sigma)), excess_dps, note, nearest.shape
+        nearest.axis, nearest.against, max(0.0, sigma), float(tails.normal(sigma)), excess_dps, note, nearest.shape
     )  # fmt: skip
 
 

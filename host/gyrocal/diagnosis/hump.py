@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.whiteness import HANN_NEIGHBOURS, periodograms
@@ -45,8 +46,6 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     block means say.
     """
     from scipy.integrate import trapezoid
-    from scipy.stats import chi2, norm
-
     cells = _pooled(fit)
     if cells is None or not _white_beyond(fit, cells):
         return None
@@ -60,7 +59,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     gains, sizes = _fitted(np.concatenate([np.broadcast_to(noise, (len(humps), *noise.shape)), humps[:, None]], axis=1), cells)
     best = int(np.argmax(gains))
     gain = float(gains[best] - without.max())
-    chance = min(1.0, len(humps) * 0.5 * float(chi2.sf(max(2 * gain, 0.0), 1)))
+    chance = min(1.0, len(humps) * 0.5 * float(tails.chi_square(2 * gain, 1)))
     if chance >= alarm:
         return None
     centre, width = float(centres[best // len(WIDTHS)]), WIDTHS[best % len(WIDTHS)]
@@ -70,7 +69,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     band_hz = (centre * float(np.exp(-width)), centre * float(np.exp(width)))
     note = f"{rate_text(amplitude_dps)} of irregular period, most between {band_hz[0]:.2g} and {band_hz[1]:.2g} Hz"
     return Finding(
-        axis, Frequency.name, float(norm.isf(max(chance, np.finfo(np.float64).tiny))), chance, amplitude_dps, note,
+        axis, Frequency.name, float(tails.normal_z(max(chance, np.finfo(np.float64).tiny))), chance, amplitude_dps, note,
         band_hz=band_hz,
     )  # fmt: skip
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.effects.base import Role
 from gyrocal.error_model.model import Term
 
@@ -36,9 +37,7 @@ class Moved:
     @property
     def chance(self) -> float:
         """The probability that noise alone makes the difference as large."""
-        from scipy.stats import norm
-
-        return 1.0 if self.z is None else float(2 * norm.sf(abs(self.z)))
+        return 1.0 if self.z is None else float(2 * tails.normal(abs(self.z)))
 
     def to_json(self) -> dict[str, str | float | None]:
         return {

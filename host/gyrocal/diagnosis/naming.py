@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis.beside import as_sets, beside_first, excludes
 from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
@@ -46,17 +47,15 @@ def candidates(
 
 def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Finding]:
     """The candidates with decision ``add`` as findings, each against the variable that fits best on its axis."""
-    from scipy.stats import chi2
-
     out = []
     for c in judged:
         if c.decision != "add":
             continue
         nearest = comparison.nearest.get(c.axis)
-        strength = float(np.sqrt(chi2.isf(max(c.chance, 1e-300), 1)))
+        strength = float(np.sqrt(tails.chi_square_value(max(c.chance, 1e-300), 1)))
         blocks = sum(len(b.run) for b in comparison.fit.blocks)
         amplitude = 0.0 if c.signal is None else float(np.sqrt(2 * (c.signal @ c.signal) / blocks))
-        note = f"{rate_text(amplitude)} in the shape of {c.effect.id}"
+        note = f"rms {rate_text(amplitude / np.sqrt(2))}, in the shape of: {c.effect.title.lower()}"
         against, shape = (Rate.name, None) if nearest is None else (nearest.against, nearest.shape)
         if c.effect.fault_of(c.values):
             against, shape, note = Reading.name, None, c.effect.title.lower()

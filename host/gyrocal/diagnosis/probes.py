@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis.drawn import described, described_of_each_run
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.error_model.model import Term
@@ -46,8 +47,6 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
     The first judgement assumes no drift, which makes every shape look more significant, so it rejects only shapes that are
     certainly absent. A shape that passes is judged again with drift and spreads estimated together with the probe.
     """
-    from scipy.stats import chi2
-
     current = _where_known(current, shape)
     term = Term("probe", axis, dict.fromkeys(shape.linear, 0.0), own=shape)
     design = current.design.changed([*current.design.terms, term])
@@ -59,7 +58,7 @@ def probe(current: AxisFit, axis: str, against: str, shape: Shape, alarm: float)
         return None
     white = Noise(current.noise.white_sd_dps)
     statistic = _wald(with_noise(design, white, current.spreads), columns)
-    chance = float(chi2.sf(statistic, len(columns)))
+    chance = float(tails.chi_square(statistic, len(columns)))
     if chance < alarm:
         # the probe may have reduced the noise estimate, on which Wald's statistic depends; the likelihood ratio does not
         fitted = fit_noise(design, start=with_noise(design, current.noise, current.spreads))
@@ -80,8 +79,6 @@ def _where_known(current: AxisFit, shape: Shape) -> AxisFit:
 
 def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, shape: ShapeOfEachRun) -> Finding | None:
     """Judge a shape whose size differs from run to run by the likelihood that its spread gains."""
-    from scipy.stats import chi2
-
     start = with_noise(design, current.noise, carry_spreads(current, design))
     gain = start.loglik - current.loglik
     if gain < POLICY.wave_gain and current.noise.ou_sd_dps == 0:
@@ -91,7 +88,7 @@ def _probe_each_run(current: AxisFit, design: Design, axis: str, against: str, s
     gain = max(0.0, fitted.loglik - max(current.loglik, without))
     sd = float(fitted.spreads.run[-1])
     amplitude, note = described_of_each_run(fitted, shape)
-    chance = float(0.5 * chi2.sf(2 * gain, 1)) if sd > 0 else 1.0
+    chance = float(0.5 * tails.chi_square(2 * gain, 1)) if sd > 0 else 1.0
     return Finding(axis, against, float(np.sqrt(2 * gain)), chance, amplitude, note, shape)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.effects.byte_fault import count_dps_of, lost_carry, single_power
 from gyrocal.effects.dead_band import outliers_of
@@ -26,8 +27,6 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
     ``alarm`` is the allowed probability of a false alarm. ``known_step_dps`` is the quantization step of the model in deg/s;
     bits below ``Policy.known_step`` of it are not tested. Returns None without ``lsb_dps`` or without a finding.
     """
-    from scipy.stats import norm
-
     if session.lsb_dps is None:
         return None
     readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
@@ -43,12 +42,12 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
         ones = float(np.mean((codes >> bit) & 1))
         if 2**bit <= noise:  # noise alone toggles this bit
             z = abs(ones - 0.5) * 2 * np.sqrt(codes.size) / 2**bit
-            chance = min(1.0, 2 * float(norm.sf(z)) * BITS) if abs(ones - 0.5) > POLICY.toggling else 1.0
+            chance = min(1.0, 2 * float(tails.normal(z)) * BITS) if abs(ones - 0.5) > POLICY.toggling else 1.0
         else:  # runs at different rates should show both states with equal probability
             places = np.unique(mean_codes >> bit).size
             stuck = ones in (0.0, 1.0)
             chance = min(1.0, BITS * min(0.5 ** (places - 1), _never(readings, session.lsb_dps, bit, ones))) if stuck else 1.0
-            z = float(norm.isf(max(chance, 1e-300)))
+            z = float(tails.normal_z(max(chance, 1e-300)))
         if chance < alarm and (worst is None or z > worst.strength):
             note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
             worst = Finding(axis, Reading.name, float(z), chance, 2**bit * session.lsb_dps, note)
@@ -60,8 +59,6 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
 
     A run whose noise is below one count is left out, because its codes do not determine the noise.
     """
-    from scipy.stats import norm
-
     log_chance = 0.0
     for g in readings:
         mean, variance = float(g.mean()) / lsb_dps, float(np.mean(np.diff(g) ** 2)) / 2 / lsb_dps**2 - SHEPPARD
@@ -69,7 +66,7 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
             continue
         sd = float(np.sqrt(variance))
         cells = np.arange(np.floor((mean - 6 * sd) / 2**bit), np.ceil((mean + 6 * sd) / 2**bit) + 1)
-        edges = norm.cdf((np.append(cells, cells[-1] + 1) * 2**bit - 0.5 - mean) / sd)
+        edges = tails.normal(-(np.append(cells, cells[-1] + 1) * 2**bit - 0.5 - mean) / sd)
         kept = float(np.diff(edges)[cells.astype(np.int64) % 2 == int(state)].sum())
         log_chance += g.size * float(np.log(min(1.0, max(kept, 1e-300))))
     return float(np.exp(max(log_chance, -700.0)))

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.inference.blocks import BLOCK_S
@@ -71,8 +72,6 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     that this model describes only roughly (flicker noise, a low-pass filter) still falls with frequency, so it never exceeds
     both sides of a band. Variations slower than ``SLOW_S`` are drift and are not tested.
     """
-    from scipy.stats import norm
-
     bands = _bands(fit)
     ranges = [(first, last) for first in range(1, len(bands)) for last in range(first, len(bands))]
     worst: Finding | None = None
@@ -85,7 +84,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
             side = max(other.mean for other in beside)
             amplitude = float(np.sqrt(2 * band.power * max(0.0, 1 - side / band.mean)))
             note = f"{rate_text(amplitude)} between {band.low_hz:.2g} and {band.high_hz:.2g} Hz beyond noise"
-            sigma = float(norm.isf(max(chance, np.finfo(np.float64).tiny)))
+            sigma = float(tails.normal_z(max(chance, np.finfo(np.float64).tiny)))
             worst = Finding(
                 axis, Frequency.name, sigma, chance, amplitude, note, snr=(band.mean / side - 1) * float(np.sqrt(band.looks)),
                 band_hz=(band.low_hz, band.high_hz),
@@ -95,9 +94,7 @@ def too_much_power(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
 
 def _chance(band: _Band, other: _Band) -> float:
     """Probability that noise of one level gives ``band`` so much more power than ``other``: both are Gamma-distributed."""
-    from scipy.stats import f
-
-    return float(f.sf(band.mean / other.mean, 2 * band.looks, 2 * other.looks))
+    return float(tails.f_ratio(band.mean / other.mean, 2 * band.looks, 2 * other.looks))
 
 
 def _bands(fit: AxisFit) -> list[_Band]:
@@ -129,15 +126,13 @@ def periodograms(fit: AxisFit, drift: bool = True) -> list[Periodogram]:
 
 def _periodogram(fit: AxisFit, noise: Noise, index: list[int]) -> Periodogram | None:
     """The periodogram of the runs ``index``, which have the same sampling; None if they are too short, slow or uneven."""
-    from scipy.signal.windows import hann
-
     first = fit.design.blocks[index[0]]
     t_s, n, m = first.t_s, first.n, first.t_s.size
     short = m < POLICY.least_periodogram_blocks
     if short or np.ptp(n) > 0 or t_s[1] - t_s[0] < BLOCK_S / 2 or first.run.rate_is_mean:
         return None
     step_s = float(t_s[-1] - t_s[0]) / (m - 1)
-    window = hann(m, sym=False)
+    window = np.hanning(m + 1)[:-1]
     weight = np.sqrt(first.precision / n)  # blocks of equal noise
     expected = _expected(noise, window * weight, step_s, first.precision)
     residual = np.stack([fit.block_residuals(i) for i in index]) * weight
@@ -156,11 +151,9 @@ def _expected(noise: Noise, window: Array, step_s: float, precision: Array) -> A
     ``precision`` [m] is the number of usual samples that each block counts for. The colour of the white noise is left out: it
     makes the ratio fall with frequency, where an imperfect description of it could make the ratio rise.
     """
-    from scipy.signal import fftconvolve
-
     m = window.size
     lags = np.arange(m)
     drift = noise.ou_sd_dps**2 * np.exp(-lags * step_s / noise.ou_tau_s)
     white = float(window**2 @ (1 / precision)) / float(window @ window) * noise.white_sd_dps**2
-    tapered = (drift + np.where(lags == 0, white, 0.0)) * fftconvolve(window, window[::-1])[m - 1 :]
+    tapered = (drift + np.where(lags == 0, white, 0.0)) * np.fft.irfft(np.abs(np.fft.rfft(window, 2 * m)) ** 2, 2 * m)[:m]
     return np.asarray(2 * np.fft.rfft(tapered, 2 * m).real[::2] - tapered[0])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import grid_dps, rate_about
@@ -252,9 +253,7 @@ def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
 
 def _all_in_half(inside: int, number: int) -> float:
     """The probability that so many of a number of low bits lie in the half of the range that begins at one of them."""
-    from scipy.stats import binom
-
-    return float(binom.sf(inside - 2, number - 1, 0.5))
+    return float(tails.binomial(inside - 1, number - 1, 0.5))
 
 
 def _apart(run: Run, axis: int) -> tuple[Index, Array]:

@@ -12,6 +12,7 @@ import numpy as np
 from gyrocal.effects.base import elapsed_s
 from gyrocal.recording.once import once_a_run
 from gyrocal.recording.session import Array, Run
+from gyrocal.recording.smoothing import convolved
 
 REFERENCE_C = 25.0
 """Reference temperature of bias and scale."""
@@ -175,13 +176,24 @@ def sense_of_change(run: Run, axis: int) -> Array:
 
 def slope(values: Array, t_s: Array, points: float, order: int = 2) -> Array:
     """Slope of a polynomial fitted to ``points`` neighbours (Savitzky and Golay), shape [n]. The times may jitter."""
-    from scipy.signal import savgol_filter
-
     size = values.size
     window = min(2 * round(max(points, 5) / 2) + 1, size - 1 + size % 2)
     order = min(order, window - 1)
-    per_sample, step_s = (savgol_filter(x, window, order, deriv=1) for x in (values, t_s))
-    return np.asarray(per_sample / step_s)
+    return _per_sample(values, window, order) / _per_sample(t_s, window, order)
+
+
+def _per_sample(x: Array, window: int, order: int) -> Array:
+    """Slope per sample of the polynomial fitted to ``window`` neighbours; at the ends, of that of the first or last ones."""
+    half = window // 2
+    powers = np.arange(1, order + 1)
+    place = np.linspace(-1, 1, window)
+    fit = np.linalg.pinv(np.vander(place, order + 1, increasing=True))
+    slopes = powers * place[:, None] ** (powers - 1) / max(half, 1)
+    out = np.empty(x.size)
+    out[half : x.size - half] = convolved(x, (slopes[half] @ fit[1:])[::-1])
+    out[:half] = slopes[:half] @ (fit[1:] @ x[:window])
+    out[x.size - half :] = slopes[window - half :] @ (fit[1:] @ x[-window:])
+    return out
 
 
 def _filled(values: Array, t_s: Array) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.byte_fault import count_dps_of
 from gyrocal.effects.reading_fault import Detected, ReadingFault
@@ -32,8 +33,6 @@ def _by_chance(runs: Sequence[Run], equal: int) -> float:
     Neighbours differ in none, in one or in two axes by one count in 1, 6 and 12 ways. The frequency of a way falls with the
     square of the difference, and from none to one at most as it does from one to two.
     """
-    from scipy.stats import binom
-
     squares = [
         np.sum(np.rint(np.diff(r.gyro_dps, axis=0) / count_dps) ** 2, axis=1)
         for r in runs
@@ -41,7 +40,7 @@ def _by_chance(runs: Sequence[Run], equal: int) -> float:
     ]
     one, two = (sum(int(np.count_nonzero(s == k)) for s in squares) for k in (1, 2))
     ratio = max(1.0, (one / 6) / (two / 12)) if two else 1.0
-    return float(binom.sf(equal - 1, equal + one + 1, ratio / (6 + ratio)))
+    return float(tails.binomial(equal, equal + one + 1, ratio / (6 + ratio)))
 
 
 def _repeated(neighbours: float, two_apart: float, alike: float) -> float:
@@ -82,14 +81,12 @@ class SamplingFault(ReadingFault):
         alike; then equal ones are more frequent by the ratio of the generalised standard deviations of the differences. Where
         the counts are so coarse that chance makes equal neighbours, neighbours that differ by a count are about as frequent.
         """
-        from scipy.stats import binom
-
         pairs = sum(len(r) - 1 for r in runs)
         equal = sum(int(np.count_nonzero(stale(r))) for r in runs)
         apart = sum(int(np.count_nonzero(stale(r, 2))) for r in runs)
         alike = max(1.0, _volume(runs, 2) / max(_volume(runs, 1), 1e-300))
         # of Poisson counts with this ratio of means, the share of one in their sum is binomial
-        chance = float(binom.sf(equal - 1, equal + apart + 1, alike / (1 + alike)))
+        chance = float(tails.binomial(equal, equal + apart + 1, alike / (1 + alike)))
         chance = max(chance, _by_chance(runs, equal))
         if chance > 1e-4:
             return None

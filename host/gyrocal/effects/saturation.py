@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.quantities import grid_dps, white_sd_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
@@ -72,8 +73,6 @@ class Saturation(ReadingFault):
         The density of noise near its end is log-concave, so an exponential through two bands below the largest value is an
         upper bound for the count at that value. Slow noise dwells at a value: every dwell counts once.
         """
-        from scipy.stats import norm
-
         sizes = [np.abs(r.gyro_dps[:, axis]) for r in runs]
         limit = float(max(size.max() for size in sizes))
         heaped = sum(int(np.count_nonzero(size > limit - ROUNDING_DPS)) for size in sizes)
@@ -90,7 +89,7 @@ class Saturation(ReadingFault):
         variance = (1 + slope) ** 2 / (near + 0.5) + slope**2 / (far + 0.5)
         dwell = _mean_dwell(sizes, limit - 2 * half * step_dps, limit)
         counted = heaped / dwell
-        chance = float(norm.sf((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
+        chance = float(tails.normal((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
         return Detected({"full_scale_dps": limit}, {}, chance)
 
     def _plateau(self, runs: Sequence[Run], axis: int) -> Detected | None:

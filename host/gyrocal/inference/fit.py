@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 from gyrocal.effects.base import Values
 from gyrocal.effects.timing import TimingEffect
@@ -11,6 +12,7 @@ from gyrocal.inference.axis_fit import fit_axis
 from gyrocal.inference.blocks import Blocks, reduce_session
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.registering import refined, symmetric
+from gyrocal.inference.standard_errors import finish
 from gyrocal.recording.session import AXES, Session
 from gyrocal.threads import each, one_thread
 
@@ -40,13 +42,28 @@ def fit(
         return fit_axis(seen[axis], AXES.index(axis), terms, model.noise_on(axis), known)
 
     covered = [axis for axis in axes if axis in model.axes]
-    fitted = dict(zip(covered, each(on, covered, session.rows), strict=True))
+    return _together(session, reduced, model, dict(zip(covered, each(on, covered, session.rows), strict=True)))
+
+
+@one_thread
+def beside_misfit(fitted: Fit, axes: Iterable[str]) -> Fit:
+    """The same fit with errors that contain the misfit which tests of the residual have found on ``axes``."""
+
+    def wider(current: AxisFit) -> AxisFit:
+        pairs = zip(current.terms, finish(current, misfit=True).terms, strict=True)
+        return replace(current, terms=tuple(replace(term, se=beside.se) for term, beside in pairs))
+
+    changed = {axis: wider(fitted.axes[axis]) for axis in axes}
+    return _together(fitted.session, fitted.blocks, fitted.model, {**fitted.axes, **changed})
+
+
+def _together(session: Session, blocks: list[Blocks], model: Model, fitted: dict[str, AxisFit]) -> Fit:
     terms = {(t.effect_id, t.axis): t for a in fitted.values() for t in a.terms}
     if session.three_axes:
         terms = symmetric(terms)
     noise = {**model.noise, **{axis: a.noise_model for axis, a in fitted.items()}}
     result = Model(model.name, tuple(terms.get((t.effect_id, t.axis), t) for t in model.terms), noise)
-    return Fit(session, reduced, result, fitted)
+    return Fit(session, blocks, result, fitted)
 
 
 def linear_values(terms: Sequence[Term]) -> dict[str, Values]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.effects.base import Effect, elapsed_s
 from gyrocal.error_model.model import Term
 from gyrocal.inference.fitted import AxisFit
@@ -64,13 +65,11 @@ def _beside_wander(fit: AxisFit) -> AxisFit:
 
 def _ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, float]:
     """The ratio and the chance with the drift as the only slow noise of runs."""
-    from scipy.stats import chi2, f
-
     poorer = [current]
     if fitted.noise != current.noise:
         poorer.append(with_noise(current.design, fitted.noise, current.spreads))
     statistic = max(0.0, 2 * (profile_loglik(fitted) - max(map(profile_loglik, poorer))))
-    chance = float(chi2.sf(statistic, parameters))
+    chance = float(tails.chi_square(statistic, parameters))
     layout, cycles = current.design.layout, np.unique(current.design.scenarios).size
     if not layout.scenario or chance > LEAST_CHANCE:
         return statistic, chance
@@ -79,8 +78,8 @@ def _ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, f
     within = 2 * (_of_free_cycles(fitted, free) - max(_of_free_cycles(one, free) for one in poorer))
     left = cycles - len(layout.fixed) - parameters
     ratio = float(np.expm1(min(statistic / cycles, 500.0))) * left / parameters
-    between = float(f.sf(ratio, parameters, left)) if left > 0 else 1.0
-    return statistic, max(chance, min(1.0, 2 * min(float(chi2.sf(within, parameters)), between)))
+    between = float(tails.f_ratio(ratio, parameters, left)) if left > 0 else 1.0
+    return statistic, max(chance, min(1.0, 2 * min(float(tails.chi_square(within, parameters)), between)))
 
 
 def _of_free_cycles(fitted: AxisFit, scenario_sd: Array) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.recording.session import Array
 
 CELLS = 400
@@ -38,20 +39,18 @@ def smooth_level(frequency_hz: Array, power: Array, shape: float, pad: int) -> S
 
     ``pad`` is the zero-padding factor: so many neighbouring values count as one. Lines are left out of the fit.
     """
-    from scipy.stats import gamma
-
     cell = _cells(frequency_hz)
     basis, penalty = _basis(_coordinate(frequency_hz))
     count = np.bincount(cell)
     per_cell = np.array([np.bincount(cell, column) for column in basis.T]).T / count[:, None]
     order = np.lexsort((power, cell))
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
-    median = power[order][first + (count - 1) // 2] / (gamma.ppf(0.5, shape) / shape)
+    median = power[order][first + (count - 1) // 2] / (tails.chi_square_value(0.5, 2 * shape) / (2 * shape))
     start = np.log(np.maximum(median, np.finfo(np.float64).tiny))
     fit = _fit(per_cell, penalty, np.exp(start), np.maximum(count / pad, 1.0))
     for _ in range(ROUNDS):
         level = np.exp(basis @ fit.coefficients)
-        line = gamma.sf(power / level * shape, shape) < LINE
+        line = tails.chi_square(2 * shape * power / level, 2 * shape) < LINE
         for _ in range(2 * pad):
             line = line | np.roll(line, 1) | np.roll(line, -1)
         kept = np.bincount(cell, ~line)

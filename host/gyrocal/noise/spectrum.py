@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.noise.level import smooth_level
 from gyrocal.noise.steady import relative_levels, shrunk
 from gyrocal.policy import POLICY
@@ -91,7 +92,6 @@ class Spectrum:
         such as flicker noise or noise behind a low-pass filter, never exceeds both sides.
         """
         from scipy.ndimage import median_filter
-        from scipy.stats import norm
 
         if self.frequency_hz.size == 0:
             return None
@@ -116,7 +116,7 @@ class Spectrum:
                 low_hz = float(self.frequency_hz[k + width])
                 amplitude_dps = float(np.sqrt(2 * (middle[k] - sides[k]) * width * bin_hz))
                 best = Bump(low_hz, low_hz + width * bin_hz, amplitude_dps, float(sigma[k]), 1.0)
-        return None if best is None else replace(best, chance=min(1.0, looks * float(norm.sf(best.sigma))))
+        return None if best is None else replace(best, chance=min(1.0, looks * float(tails.normal(best.sigma))))
 
     def line_power(self, chance: float) -> float:
         """Mean square in lines that noise produces with a probability below ``chance``, dps^2."""
@@ -132,8 +132,6 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     Each residual is cut into segments. The segments are as long as the shortest residual, but at most ``LONGEST_SAMPLES``. The
     spectrum is empty if the residuals are too short.
     """
-    from scipy.stats import f
-
     empty = np.zeros(0)
     length = min(min((r.size for r in residuals), default=0), LONGEST_SAMPLES)
     if length < LEAST_SAMPLES:
@@ -154,21 +152,25 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
     ratio = pooled / smooth.level
     scale = float(np.exp(np.median(np.log(np.maximum(mean, NO_POWER)) - np.log(np.maximum(pooled, NO_POWER)))))
     # the level is Gamma-distributed too: of shape 1 / variance
-    tail = np.asarray(f.sf(ratio, 2 * segments, 2 / np.maximum(smooth.variance, 1e-9)))
+    tail = np.asarray(tails.f_ratio(ratio, 2 * segments, 2 / np.maximum(smooth.variance, 1e-9)))
     return Spectrum(frequency_hz, mean, smooth.level * scale, ratio, tail, segments, length)
 
 
 def _periodograms(residuals: Sequence[Array], length: int, rate_hz: float) -> Array:
     """Tapered periodogram of each segment [segments, f], dps^2/Hz."""
-    from scipy.signal.windows import tukey
-
-    window = tukey(length, TAPER)
+    window = _tapered(length)
     gain = rate_hz * float((window**2).sum())
     pieces = [r[start : start + length] for r in residuals for start in range(0, r.size - length + 1, length)]
     out = np.empty((len(pieces), PAD * length // 2 + 1))
     for row, piece in zip(out, pieces, strict=True):
         row[:] = 2 * np.abs(np.fft.rfft((piece - piece.mean()) * window, PAD * length)) ** 2 / gain
     return out
+
+
+def _tapered(length: int) -> Array:
+    """A window [length] of ones whose ends are halves of a cosine, each ``TAPER / 2`` of the whole (Tukey)."""
+    to_end = np.minimum(np.arange(length), np.arange(length)[::-1]) / max(TAPER * (length - 1) / 2, 1.0)
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(to_end, 1.0)))
 
 
 def _segment_levels(power: Array) -> Array:

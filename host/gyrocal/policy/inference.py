@@ -57,6 +57,13 @@ class Inference:
         2.0, "log-likelihood that a changing level or a colour of the noise must gain",
         larger="bursts and filtered noise are described as white noise", smaller="white noise is given a shape by chance",
     )  # fmt: skip
+    contradiction_chance: float = threshold(
+        0.01, "probability under noise, over all coefficients of an axis with a misfit, that the parts of the data contradict "
+        "each other, below which the contradiction counts in the standard errors",
+        larger="noise widens the errors beside a misfit that does not concern them",
+        smaller="errors hold noise alone though the value depends on which data there are",
+        chosen_by="pytest tests/inference/test_contradictions.py",
+    )  # fmt: skip
     faint_color: float = threshold(
         0.2, "correlation of successive block means that may be flicker noise, whatever the samples within blocks show",
         larger="an error of the model that lasts some tenths of a second counts as noise",

@@ -259,17 +259,24 @@ def _parabola(x: Array, size: int) -> tuple[Array, Array]:
 
     The own weight is also the variance of the fitted value as a fraction of that of a reading.
     """
-    from scipy.signal import oaconvolve
-
     half = size // 2
     basis = np.linalg.qr(np.vander(np.linspace(-1, 1, size), 3))[0]
-    convolve = np.convolve if size <= DIRECT else oaconvolve
     weight = np.empty(x.size)
     fit = np.empty(x.size)
     of_window = np.einsum("ij,ij->i", basis, basis)
-    fit[half : x.size - half] = convolve(x, basis @ basis[half], mode="valid")
+    fit[half : x.size - half] = convolved(x, basis @ basis[half])
     weight[half : x.size - half] = of_window[half]
     fit[:half] = basis[:half] @ (basis.T @ x[:size])
     fit[x.size - half :] = basis[size - half :] @ (basis.T @ x[-size:])
     weight[:half], weight[x.size - half :] = of_window[:half], of_window[size - half :]
     return fit, weight
+
+
+def convolved(x: Array, window: Array) -> Array:
+    """The convolution of values [n] with a shorter window [m], where the window is within them, [n - m + 1]."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    if window.size <= DIRECT:
+        return np.convolve(x, window, mode="valid")
+    size = next_fast_len(x.size, real=True)  # what goes around the end falls on values that are left out
+    return np.asarray(irfft(rfft(x, size) * rfft(window, size), size)[window.size - 1 : x.size])

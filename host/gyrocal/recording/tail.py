@@ -7,9 +7,11 @@ from functools import cache
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import NEIGHBOURS, ROBUST, STANDS_OUT, between, outliers, spread_of
 from gyrocal.recording.session import Array
+from gyrocal.recording.smoothing import convolved
 
 EDGES = np.linspace(0.0, STANDS_OUT, 161)
 FREEDOMS = np.array([1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0, 40.0, 100.0, 1e6])
@@ -31,7 +33,6 @@ def chance_of(residuals: Sequence[Array], step_dps: float) -> float:
     beside other large deviations belongs to a burst of interference and does not count.
     """
     from scipy.ndimage import median_filter
-    from scipy.stats import poisson, t
 
     histogram, samples, large, sizes = np.zeros(EDGES.size - 1), 0, 0, []
     for y_dps in residuals:
@@ -54,15 +55,15 @@ def chance_of(residuals: Sequence[Array], step_dps: float) -> float:
     if not found.size:
         return 1.0
     freedom = _freedom(histogram)
-    tail = float(t.sf(POLICY.large_spreads / _unit(freedom), freedom))
+    tail = float(tails.student(POLICY.large_spreads / _unit(freedom), freedom))
     beyond = max(samples * 2 * tail, large + 2 * np.sqrt(large))  # expected beyond POLICY.large_spreads
     chances = []
     for least in STANDS_OUT * 2.0 ** np.arange(LEVELS):
         count = int(np.count_nonzero(found > least))
         if count < REPEATED:
             break
-        expected = beyond * float(t.sf(least / _unit(freedom), freedom)) / tail
-        chances.append(float(poisson.sf(count - 1, expected)))
+        expected = beyond * float(tails.student(least / _unit(freedom), freedom)) / tail
+        chances.append(float(tails.poisson(count, expected)))
     return min(1.0, LEVELS * min(chances, default=1.0))
 
 
@@ -74,20 +75,17 @@ def _of_deviations() -> tuple[Array, Array]:
     (:func:`~gyrocal.recording.outliers.between`). Its centre is therefore nearer to a normal distribution than its tail is. The
     scale is that of the reading's t distribution whose deviations have the median of a standard normal variable.
     """
-    from scipy.signal import fftconvolve
-    from scipy.stats import t
-
     step = 100 / GRID
     x = step * np.arange(-GRID, GRID + 1)
     cdfs, units = [], []
     for freedom in FREEDOMS:
-        one = t.pdf(x, freedom)
-        mean = 2 * step * fftconvolve(one, one)[::2]  # at 2x = a + b the mean of two is x
+        one = tails.student_density(x, freedom)
+        mean = 2 * step * convolved(np.pad(one, 2 * GRID), one)[::2]  # at 2x = a + b the mean of two is x
         below = np.clip((np.cumsum(mean) - mean / 2) * step, 0.0, 1.0)
         median = 6 * mean * below * (1 - below)
-        density = fftconvolve(one, median, mode="same")[GRID:]
+        density = convolved(np.pad(one, GRID), median)[GRID:]
         within = (2 * np.cumsum(density) - density - density[0]) * step
-        within *= (1 - 2 * t.sf(x[-1], freedom)) / within[-1]
+        within *= (1 - 2 * tails.student(x[-1], freedom)) / within[-1]
         unit = 1 / (ROBUST * float(np.interp(0.5, within, x[GRID:])))
         cdfs.append(np.interp(EDGES / unit, x[GRID:], within))
         units.append(unit)
