@@ -70,13 +70,15 @@ def _rest_dps(run: Run, axis: int) -> Array:
 def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     """The strongest lines over the table's angle, strongest first.
 
-    Where a line may as well be a frequency, these are whole numbers per turn. There is none if the strongest
-    has a strong harmonic: the wave then has another shape, as a sawtooth has.
+    Where a line may as well be a frequency, these are whole numbers per turn. One run shows neither, so that each line of it
+    is a rival of a vibration. There is none if the strongest has a strong harmonic: the wave then has another shape, as a
+    sawtooth has.
     """
     peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
     if any(_harmonic(p, peaks[0]) for p in peaks[1:]):
         return []
-    return [p for p in peaks if p.whole is not None or told_from_frequency(runs, FEW_TURNS)]
+    any_order = sum(map(_turns, runs)) == 1 or told_from_frequency(runs, FEW_TURNS)
+    return [p for p in peaks if p.whole is not None or any_order]
 
 
 def told_from_frequency(runs: Sequence[Run], least_turns: float = LEAST_TURNS) -> bool:
