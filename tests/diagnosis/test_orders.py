@@ -197,9 +197,9 @@ def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table(see
     """A line of 4.25 per turn was named a vibration."""
     rng, t_s = np.random.default_rng(seed), np.arange(9000) / 100
     gyro = rng.normal(0, 0.04, (t_s.size, 3))
-    gyro[:, 2] += 60.0
-    gyro[:, 0] += 0.03 * np.sin(4.25 * np.radians(60 * t_s) + rng.uniform(0, 6))
-    best = diagnose(make_session(make_run(t_s, gyro, table_rate_dps=60.0))).best
+    gyro[:, 2] += 120.0
+    gyro[:, 0] += 0.03 * np.sin(4.25 * np.radians(120 * t_s) + rng.uniform(0, 6))
+    best = diagnose(make_session(make_run(t_s, gyro, table_rate_dps=120.0))).best
     assert best is not None
     assert best.axis == "x"
     assert set(best.group) == {"order_tone", "vibration_tone"}
