@@ -1,13 +1,11 @@
-"""Code that a user names is run only with ``--trust``; without it one line says what would be run, and nothing is."""
+"""Only code that a user names is run. `keep --file` and `verify --header` want ``--trust`` besides."""
 
-import inspect
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from gyrocal.cli import command_modules, main
+from gyrocal.cli import main
 from gyrocal.effects import base
 from gyrocal_firmware import INCLUDE
 
@@ -19,17 +17,6 @@ __attribute__((constructor)) static void spy(void)
 }}
 """
 EFFECT = "from pathlib import Path\nPath({trace!r}).touch()\n"
-WITH_EFFECTS = {
-    "add": ["add", "drift", "s", "--model", "m.toml"],
-    "apply": ["apply", "s", "--model", "m.toml", "--out", "o"],
-    "calibrate": ["calibrate", "s"],
-    "compare": ["compare", "s"],
-    "diagnose": ["diagnose", "s"],
-    "explain": ["explain", "s", "--model", "m.toml"],
-    "keep": ["keep", "s", "--model", "m.toml"],
-    "plan": ["plan", "s"],
-    "simulate": ["simulate", "o"],
-}
 
 
 @pytest.fixture(autouse=True)
@@ -43,37 +30,14 @@ def left_in(place: Path) -> set[str]:
     return {str(path.relative_to(place)) for path in place.rglob("*")}
 
 
-def test_the_commands_with_effects_of_ones_own_are_these() -> None:
-    found = {verb for verb, module in command_modules().items() if "--effects" in inspect.getsource(import_module(module))
-             or "OwnEffects" in inspect.getsource(import_module(module))}  # fmt: skip
-    assert found == WITH_EFFECTS.keys()
-
-
-@pytest.mark.parametrize("words", WITH_EFFECTS.values(), ids=WITH_EFFECTS)
-def test_effects_are_not_run_without_trust(words: list[str], place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    own = place / "own"
-    own.mkdir()
-    (own / "mine.py").write_text(EFFECT.format(trace=str(place / "trace")))
-    before = left_in(place)
-    assert main([*words, "--effects", "own"]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err == (
-        "gyrocal: --effects own runs its Python code: mine.py. Nothing was run; if you trust this code, add --trust\n"
-    )
-    assert left_in(place) == before
-    for order in (["--trust", "--effects", "own"], ["--effects", "own", "--trust"]):
-        assert main([*words, *order]) == 2  # no effect in it
-        assert "no effect in it" in capsys.readouterr().err
-        (place / "trace").unlink()
-
-
-def test_many_files_are_told_in_one_line(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (place / "own").mkdir()
-    for k in range(30):
-        (place / "own" / f"e{k:02}.py").write_text("raise SystemExit")
-    assert main(["compare", "s", "--effects", "own"]) == 2
-    assert "e00.py, e01.py, e02.py, e03.py and 26 more." in capsys.readouterr().err
+def test_code_in_a_session_or_beside_it_is_not_run(place: Path) -> None:
+    assert main(["simulate", "s", "--campaign", "paper", "--seed", "1"]) == 0
+    for folder in (place, place / "s"):
+        (folder / "mine.py").write_text(EFFECT.format(trace=str(place / "trace")))
+    assert main(["compare", "s"]) == 0
+    assert not (place / "trace").exists()
+    assert main(["compare", "s", "--effects", "s"]) == 2  # the file is run, and has no effect in it
+    assert (place / "trace").exists(), "the file is one that leaves a trace"
 
 
 def test_a_kept_file_wants_trust(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

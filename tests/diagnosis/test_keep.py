@@ -120,9 +120,9 @@ def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
         (own / "beside.py").unlink()
         assert main(["compare", session, "--model", model]) == 2  # code: only when asked for
         capsys.readouterr()
-        assert main(["compare", session, "--model", model, "--effects", str(own), "--trust", "--json"]) == 0
+        assert main(["compare", session, "--model", model, "--effects", str(own), "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["verdict"] == "adequate"
-        assert main([*words, "--effects", str(own), "--trust"]) == 2  # the name is taken
+        assert main([*words, "--effects", str(own)]) == 2  # the name is taken
     finally:
         base.effects().pop("saw", None)
 

@@ -131,8 +131,8 @@ def test_a_file_in_a_folder_is_equal_to_the_built_in_ones(session: Session, tmp_
         base.effects().pop("own_wobble")
         words = ["simulate", str(tmp_path / "s"), "--scenarios", "1", "--seconds", "2", "--effect", "own_wobble"]
         assert main(words) == 2  # code: only when asked for
-        assert main([*words, "--effects", str(tmp_path), "--trust"]) == 0
-        assert main(["compare", str(tmp_path / "s"), "--effects", str(tmp_path), "--trust"]) == 0
+        assert main([*words, "--effects", str(tmp_path)]) == 0
+        assert main(["compare", str(tmp_path / "s"), "--effects", str(tmp_path)]) == 0
     finally:
         base.effects().pop("own_wobble", None)
     with pytest.raises(InputError, match="no effect in it"):

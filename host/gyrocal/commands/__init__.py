@@ -8,9 +8,6 @@ from typing import Annotated
 
 import typer
 
-LISTED = 4
-"""So many files that would be run are named."""
-
 
 def want_trust(trust: bool, what: str) -> None:
     """Raise InputError unless ``--trust`` was given. ``what`` names the option and the code that it runs."""
@@ -20,16 +17,12 @@ def want_trust(trust: bool, what: str) -> None:
         raise InputError(f"{what}. Nothing was run; if you trust this code, add --trust")
 
 
-def _load(ctx: typer.Context, place: Path | None) -> Path | None:
-    if place is not None:
+def _load(folder: Path | None) -> Path | None:
+    if folder is not None:
         from gyrocal.effects import base
 
-        names = [path.name for path in base.own_files(place)]
-        if names:
-            listed = ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
-            want_trust(ctx.params["trust"], f"--effects {place} runs its Python code: {listed}")
-        base.load(place)
-    return place
+        base.load(folder)
+    return folder
 
 
 def _writable(model: Path) -> Path:
@@ -52,10 +45,8 @@ GivenModel = Annotated[str | None, typer.Option(help="The model: paper, default,
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 OwnEffects = Annotated[
     Path | None,
-    typer.Option(
-        "--effects", callback=_load, help="A folder with effects of your own: Python files, which are run. Wants --trust."
-    ),
-]  # fmt: skip
+    typer.Option("--effects", callback=_load, help="A folder with effects of your own (Python files, which are run)."),
+]
 """The folder is loaded as soon as the option is read. From then on its effects are equal to the built-in ones."""
-Trust = Annotated[bool, typer.Option("--trust", is_eager=True, help="Run the code that another option names.")]
-"""Consent to run the user's code. It is read first (eager), wherever it stands on the command line."""
+Trust = Annotated[bool, typer.Option("--trust", help="Run the code that another option names.")]
+"""Consent to run code that a file holds."""

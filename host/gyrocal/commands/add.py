@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder, Trust
+from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
 
 
 def run(
@@ -13,7 +13,6 @@ def run(
     model: ModelFile,
     heldout_day: Annotated[int | None, typer.Option(help="Judge on this day alone.")] = None,
     effects: OwnEffects = None,
-    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Add an effect to a model: fit it on all data, show the error before and after on held-out data."""

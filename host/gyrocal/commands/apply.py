@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, OwnEffects, Trust
+from gyrocal.commands import AsJson, OwnEffects
 
 
 def run(
@@ -17,7 +17,6 @@ def run(
                           "seconds at rest, or the output of `gyrocal calibrate --json`.")
     ] = "model",
     effects: OwnEffects = None,
-    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:  # fmt: skip
     """Correct recorded rates with a model."""

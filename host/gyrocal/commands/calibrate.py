@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, OwnEffects, SessionFolder, Trust
+from gyrocal.commands import AsJson, OwnEffects, SessionFolder
 
 
 def run(
@@ -15,7 +15,6 @@ def run(
         str | None, typer.Option(help="A model file for the model method (`gyrocal add` makes one).")
     ] = None,
     effects: OwnEffects = None,
-    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Estimate scale and bias of each scenario from the first seconds of its runs."""

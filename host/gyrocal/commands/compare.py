@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder, Trust
+from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
 
 
 def run(
@@ -20,7 +20,6 @@ def run(
         Path | None, typer.Option(help="Write file,t_s,axis,measured_dps,modelled_dps as CSV or Parquet.")
     ] = None,
     effects: OwnEffects = None,
-    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Hold the model against the measurements: the error left beyond the noise, and where it shows."""

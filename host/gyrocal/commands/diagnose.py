@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder, Trust
+from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
 
 
 def run(
@@ -14,7 +14,6 @@ def run(
         list[str] | None, typer.Option(metavar="[NAME:] FORMULA", help="Try a formula of your own too; may be repeated.")
     ] = None,
     effects: OwnEffects = None,
-    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Find the physical effect that the model is missing, with evidence on held-out data."""

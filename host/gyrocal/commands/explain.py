@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder, Trust
+from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
 from gyrocal.policy import POLICY
 
 
@@ -15,7 +15,6 @@ def run(
     most_steps: Annotated[int, typer.Option("--max", metavar="N", help="Stop after this many steps.")] = POLICY.most_steps,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the whole explanation as one page.")] = None,
     effects: OwnEffects = None,
-    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Find and add every missing effect that is certain, and state what stays open."""

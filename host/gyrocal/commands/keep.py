@@ -43,4 +43,4 @@ def run(
     stdout.print(f"{found.formula}\nfound on {found.axis}, against {found.against.replace('_', ' ')}{gain}", style="bold")
     print_before_after(before, after, model)
     if file is not None:
-        stdout.print(f"edit {file}; every command that reads {model} wants --effects {file.parent} --trust from now on")
+        stdout.print(f"edit {file}; every command that reads {model} wants --effects {file.parent} from now on")

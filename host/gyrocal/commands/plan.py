@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder, Trust
+from gyrocal.commands import AsJson, GivenModel, OwnEffects, SessionFolder
 
 
 def run(
@@ -26,7 +26,6 @@ def run(
         Path | None, typer.Option(metavar="PLAN.toml", help="Write the plan for `record --plan` and `simulate --plan`.")
     ] = None,
     effects: OwnEffects = None,
-    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Plan what to record next: the runs that tell two effects apart, or that measure one.

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import OwnEffects, Trust
+from gyrocal.commands import OwnEffects
 from gyrocal.simulation.campaigns import CAMPAIGNS
 
 
@@ -21,7 +21,6 @@ def run(
         list[str] | None, typer.Option(metavar="ID[:name=value,...]", help="Plant an effect; may be repeated.")
     ] = None,
     effects: OwnEffects = None,
-    trust: Trust = False,
     seed: Annotated[int, typer.Option(help="The same seed gives the same session.")] = 0,
     sensor: Annotated[
         int | None, typer.Option(help="Number of the part: sessions of one number are of one part. Left out: the seed.")

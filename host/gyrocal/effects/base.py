@@ -278,7 +278,7 @@ def _defined_in(module: ModuleType) -> list[Effect]:
     ]  # fmt: skip
 
 
-def own_files(place: Path) -> list[Path]:
+def _own_files(place: Path) -> list[Path]:
     """The Python files that :func:`load` executes: those of a folder, or the file itself. Raises InputError without either."""
     if place.is_file() and place.suffix == ".py":
         return [place]
@@ -294,7 +294,7 @@ def load(place: Path) -> list[str]:
     Raises InputError if there is no such place, a file fails, or no file defines an effect.
     """
     came = []
-    for path in own_files(place):
+    for path in _own_files(place):
         spec = importlib.util.spec_from_file_location(f"gyrocal_own_{path.stem}", path)
         assert spec is not None
         assert spec.loader is not None
