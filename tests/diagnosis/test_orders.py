@@ -190,3 +190,16 @@ def test_a_line_beyond_the_order_at_the_fastest_turn_is_another_cause(line_hz: f
     line = Finding("z", "frequency", 500.0, 0.0, 0.1, "a line", band_hz=(line_hz, line_hz))
     tone = Candidate(effect("order_tone"), "z", "suggest", {"order": 5.0, "A_dps": 0.02, "phase_deg": 0.0}, gain=1000.0)
     assert meets(tone, replace(comparison, where=[line])) is meets_it
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_one_run_at_one_rate_leaves_open_whether_a_line_turns_with_the_table(seed: int) -> None:
+    """A line of 4.25 per turn was named a vibration."""
+    rng, t_s = np.random.default_rng(seed), np.arange(9000) / 100
+    gyro = rng.normal(0, 0.04, (t_s.size, 3))
+    gyro[:, 2] += 120.0
+    gyro[:, 0] += 0.03 * np.sin(4.25 * np.radians(120 * t_s) + rng.uniform(0, 6))
+    best = diagnose(make_session(make_run(t_s, gyro, table_rate_dps=120.0))).best
+    assert best is not None
+    assert best.axis == "x"
+    assert set(best.group) == {"order_tone", "vibration_tone"}

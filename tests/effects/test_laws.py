@@ -7,6 +7,7 @@ import pytest
 from scipy import signal
 
 from gyrocal.effects.base import Effect, effect, effects, table_angle_rad
+from gyrocal.effects.bias_jumps import jumps
 from gyrocal.effects.earth_rate import known_dps
 from gyrocal.effects.quantities import temperature_slope_c_s
 from gyrocal.recording.session import Run
@@ -275,3 +276,17 @@ def test_sampling_fault_repeats_whole_samples(make_run: MakeRun) -> None:
     fresh = np.concatenate([[True], ~repeated])
     np.testing.assert_array_equal(got[fresh], y_dps[fresh])
     np.testing.assert_array_equal(distorted("sampling_fault", run, y_dps, fraction=0.0), y_dps)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_leak_of_a_changing_rate_neither_hides_a_jump_nor_makes_one(make_run: MakeRun, seed: int) -> None:
+    """On an axis across the table's, the rate leaks by a misalignment, an asymmetry and a delay."""
+    rng, t_s = np.random.default_rng(seed), np.arange(2500) / 100
+    rate = 60 * np.sin(2 * np.pi * t_s / rng.uniform(5, 9)) + 20 * np.sin(2 * np.pi * t_s / 3)
+    leak = 5e-3 * rate + 5e-4 * np.abs(rate) + 2e-4 * np.gradient(rate, t_s)
+    y = rng.normal(0, 0.03, (t_s.size, 3)) + np.outer(leak, [1, 1, 0])
+    y[t_s > 14, 1] += 0.05
+    run = make_run(t_s, y, rate_ref_dps=rate)
+    assert jumps(run, 0) == []
+    (row,) = jumps(run, 1)
+    assert abs(t_s[row] - 14) < 1.0

@@ -21,6 +21,9 @@ PARTS = 10
 """Parts of a window between which its noise is measured."""
 MEDIAN_CHI2 = 0.4549
 """Median of a chi-square variable of one degree of freedom."""
+SWINGS = 0.05
+"""Change of the rate, as a fraction of the fastest, from which on it is a motion and not the noise of a reference."""
+DIFFERENCED_S = 0.5
 SHOWN = 1e-3
 """Probability under noise above which outliers are no fault."""
 STANDS_OUT = 6.0
@@ -34,10 +37,7 @@ def jumps(run: Run, axis: int) -> list[int]:
     """
     if run.rate_is_mean:
         return []
-    y = _about_rate(run, axis)
-    if axis == run.axis_index:
-        swing = run.rate_dps - run.rate_dps.mean()
-        y -= swing * (swing @ y) / max(swing @ swing, 1e-300)  # a scale error is not a jump
+    y = _without_swing(_about_rate(run, axis), run.rate_dps, run.duration_s)
     width = round(_window_s(run) * run.sample_rate_hz)
     if width < 4 or y.size < 4 * width:
         return []
@@ -51,6 +51,22 @@ def jumps(run: Run, axis: int) -> list[int]:
         found.append(k + width)
         score[max(0, k - width) : k + width] = 0.0
     return sorted(found)
+
+
+def _without_swing(y_dps: Array, rate_dps: Array, duration_s: float) -> Array:
+    """Readings [n] without what a rate that changes explains: errors of scale, alignment, linearity and time are no jumps.
+
+    Differences of means over 0.5 s are fitted. A jump is in one of them, and in half of the readings.
+    """
+    largest_dps = float(np.abs(rate_dps).max(initial=0.0))
+    if np.ptp(rate_dps) < SWINGS * largest_dps or not largest_dps:
+        return y_dps
+    w = rate_dps / largest_dps
+    swing = np.column_stack([w, np.abs(w), w**3, np.gradient(w)])
+    swing /= np.maximum(np.linalg.norm(swing, axis=0), 1e-12)
+    parts = np.array_split(np.column_stack([y_dps, swing]), max(2, round(duration_s / DIFFERENCED_S)))
+    moved = np.diff([part.mean(axis=0) for part in parts], axis=0)
+    return np.asarray(y_dps - swing @ np.linalg.lstsq(moved[:, 1:], moved[:, 0], rcond=1e-6)[0])
 
 
 def _error(total: Array, width: int) -> Array:

@@ -11,6 +11,7 @@ from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, elapsed_s
 from gyrocal.effects.quantities import TURNING_AT_ALL, rate_about
 from gyrocal.effects.wave import ONE_RATE, TableWave, Tone, size_over_rate
 from gyrocal.noise.orders import HIGHEST, LEAST_TURNS, OrderPeak, OrderSpectrum, order_spectrum, strongest_orders
+from gyrocal.noise.spectrum import LOWEST_HZ
 from gyrocal.parameter import POSITIVE
 from gyrocal.policy import POLICY
 from gyrocal.recording.once import once
@@ -70,13 +71,16 @@ def _rest_dps(run: Run, axis: int) -> Array:
 def _lines(runs: Sequence[Run], axis: int) -> list[OrderPeak]:
     """The strongest lines over the table's angle, strongest first.
 
-    Where a line may as well be a frequency, these are whole numbers per turn. There is none if the strongest
-    has a strong harmonic: the wave then has another shape, as a sawtooth has.
+    Where a line may as well be a frequency, these are whole numbers per turn. One run shows neither, so that each of its lines
+    fast enough for a vibration is a rival of one. There is none if the strongest has a strong harmonic: the wave then has
+    another shape, as a sawtooth has.
     """
     peaks = spectrum_over_turns(runs, axis).peaks(4 * PEAKS)
     if any(_harmonic(p, peaks[0]) for p in peaks[1:]):
         return []
-    return [p for p in peaks if p.whole is not None or told_from_frequency(runs, FEW_TURNS)]
+    told, turning = told_from_frequency(runs, FEW_TURNS), [r for r in runs if _turns(r)]
+    slowest = LOWEST_HZ * 360 / float(np.abs(turning[0].rate_dps).max()) if len(turning) == 1 else np.inf
+    return [p for p in peaks if p.whole is not None or told or p.order > slowest]
 
 
 def told_from_frequency(runs: Sequence[Run], least_turns: float = LEAST_TURNS) -> bool:
