@@ -3,9 +3,11 @@
 Each case is a sensor of ``soak.py``: two power cycles of a pair of runs. The first table has one fault in each case, at a
 random time and of a random length as ``gyrocal device --faults random:SEED`` draws them; a lasting one does not end. A fault
 touches a case if the samples of its runs, or the lines that arrive, differ from those without the fault. The second table has
-the faults of ``--faults random:SEED`` together.
+the faults of ``--faults random:SEED`` together. ``--small`` makes two other tables: faults of the reading by their length, and
+tables that are off their stated rate by up to the fault ``table_off``, in both runs of each pair or in the first one alone.
 
     python benchmarks/faults.py [--each 20] [--seeds 200]
+    python benchmarks/faults.py --small [--each 20]
 """
 
 from __future__ import annotations
@@ -15,14 +17,20 @@ import random
 import subprocess
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import polars as pl
 from soak import Case, case
 
 from gyrocal.device.faults import LASTING, LATEST_S, LONGEST_S, OF_FIFO, SHORTEST_S, fault_names
 from gyrocal.device.rows import rows_file
 from gyrocal.device.wire import Reader, Sentence
+from gyrocal.recording.session import Run
+
+OF_READING = {"repeated": "repeated", "stuck_bit": "stuck_bit"}
+LENGTHS_S = (0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0)
+FRACTIONS = (0.01, 0.02, 0.04, 0.08, 0.12, 0.16, 0.2)
 
 
 @dataclass(frozen=True)
@@ -132,11 +140,62 @@ def together(seeds: int) -> None:
         print(f"| {what} | {value} |")
 
 
+def by_length(times: int) -> None:
+    """Print a row for each fault of the reading and each length: the fault lies within the first run of the first pair."""
+    print("| Fault | Length, s | Cases | Named | Said nothing | Trusted | Of them wrong |")
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    for name, error in OF_READING.items():
+        for length_s in LENGTHS_S:
+            named = silent = trusted = wrong = 0
+            for k in range(times):
+                drawn = case(k)
+                with rows_file(drawn.session) as rows:
+                    sound, heard = Heard.of(drawn, rows, []), Heard.of(drawn, rows, [f"{name}@0.3:{length_s:g}"])
+                said = heard.says_beyond(sound)
+                named, silent = named + (error in said), silent + (not said)
+                trusted += len(heard.trusted)
+                wrong += sum(map(drawn.is_wrong, heard.trusted))
+            print(f"| `{name}` | {length_s:g} | {times} | {named} | {silent} | {trusted} | {wrong} |", flush=True)
+
+
+def faster(run: Run, fraction: float) -> Run:
+    """The run of a table that turns faster by this fraction of its stated rate."""
+    sign = 1.0 if run.face == "up" else -1.0
+    return replace(run, frame=run.frame.with_columns(pl.col("gz_dps") + fraction * sign * run.table_rate_dps))
+
+
+def off_the_table(times: int) -> None:
+    """Print a row for each fraction by which the table is off: what was said, and the trusted answers' errors."""
+    print("| Off by | In | Cases | `table_rate` | `implausible` | Answers | Trusted | Largest error of scale, of bias (dps) |")
+    print("|---:|---|---:|---:|---:|---:|---:|---|")
+    for fraction in FRACTIONS:
+        for faces in (("up", "down"), ("up",)):
+            rate = implausible = answers = 0
+            trusted: list[tuple[float, float]] = []
+            for k in range(times):
+                drawn = case(k)
+                runs = [faster(run, fraction * (1 + drawn.scale)) if run.face in faces else run for run in drawn.session.runs]
+                with rows_file(replace(drawn.session, runs=tuple(runs))) as rows:
+                    heard = Heard.of(drawn, rows, [])
+                rate, implausible = rate + ("table_rate" in heard.said), implausible + ("implausible" in heard.said)
+                answers += sum(len(heard.answers(c)) for c in range(len(heard.cycles)))
+                trusted += [(s.real("scale") - drawn.scale, s.real("bias_dps") - drawn.bias_dps) for s in heard.trusted]
+            largest = [max((abs(off[i]) for off in trusted), default=0.0) for i in (0, 1)]
+            print(f"| {100 * fraction:g} % | {' and '.join(faces)} | {times} | {rate} | {implausible} | {answers} | "
+                  f"{len(trusted)} | {largest[0]:.3f}, {largest[1]:.2f} |", flush=True)  # fmt: skip
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--each", type=int, default=20, help="cases of each fault")
     parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--small", action="store_true", help="short faults, and tables that are off by little")
     chosen = parser.parse_args()
+    if chosen.small:
+        by_length(chosen.each)
+        print()
+        off_the_table(chosen.each)
+        return
     each(chosen.each)
     print()
     together(chosen.seeds)

@@ -1,5 +1,7 @@
 """The core compiled on this machine: cache, errors, parallel builds."""
 
+import ctypes
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -107,3 +109,49 @@ def test_a_network_header_says_what_it_is_for() -> None:
     net = networks.CoreNetwork()
     assert (net.name, net.rate_hz, net.table_dps, net.window, net.outputs) == ("paper", 145.0, 78.0, 290, 2)
     assert net.run(np.zeros((0, 290)), np.zeros((0, 290)), 78.0, -78.0).shape == (0, 2)
+
+
+def damaged(built: Path) -> None:
+    built.write_bytes(built.read_bytes()[:1000])
+
+
+def swapped(built: Path) -> None:
+    """A sound library of other code, moved to the place of the one that is wanted."""
+    other = built.with_name("other.c")
+    other.write_text("int answer(void) { return 666; }\n")
+    subprocess.run(["cc", *library.SHARED, other, "-o", built], check=True)
+    other.unlink()
+
+
+def linked(built: Path) -> None:
+    kept = built.rename(built.with_suffix(".kept"))
+    built.symlink_to(kept)
+
+
+def open_to_others(built: Path) -> None:
+    built.chmod(0o777)
+
+
+@pytest.mark.parametrize("attack", [damaged, swapped, linked, open_to_others])
+def test_only_what_was_built_here_is_loaded_from_the_cache(
+    attack: Callable[[Path], None], tmp_path: Path, cache: Path
+) -> None:
+    (tmp_path / "more.h").write_text("#define MORE 0\n")
+    first = library.build("answer", [source(tmp_path, 1)], [tmp_path], library.SHARED)
+    content = first.read_bytes()
+    assert cache.stat().st_mode & 0o077 == 0
+    attack(first)
+    again = library.build("answer", [source(tmp_path, 1)], [tmp_path], library.SHARED)
+    assert not again.is_symlink()
+    assert again.read_bytes() == content
+    assert ctypes.CDLL(str(again)).answer() == 1
+    assert again.stat().st_mode & 0o077 == 0
+
+
+def test_a_library_of_another_user_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "more.h").write_text("#define MORE 0\n")
+    first = library.build("answer", [source(tmp_path, 1)], [tmp_path], library.SHARED)
+    stamp = first.stat().st_ino
+    owner = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    assert library.build("answer", [source(tmp_path, 1)], [tmp_path], library.SHARED).stat().st_ino != stamp

@@ -45,6 +45,26 @@ def test_a_loss_of_power_leaves_what_came_and_begins_a_new_scenario(session: Ses
     assert len(Session.open(tmp_path / "out").runs[0]) == len(session.runs[0])
 
 
+def test_a_reader_sees_that_the_power_was_lost_within_a_pair(
+    session: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with SimulatedDevice(session, faults=["power_loss@1"]) as simulated:
+        assert main(["record", str(tmp_path / "out"), "--port", simulated.port, "--follow"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    told = [line.split(": ")[1].split(", ")[:2] for line in lines if ".csv: power cycle" in line]
+    cycles = ["s000", "s001", "s002", "s002"]
+    assert told == [[f"power cycle {c}", f"face {f}"] for c, f in zip(cycles, ["up", "down"] * 2, strict=True)]
+
+
+def test_an_error_that_comes_again_is_one_line_with_a_count(
+    session: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with SimulatedDevice(session, faults=["nack@1:0.2*3"]) as simulated:
+        assert main(["record", str(tmp_path / "out"), "--port", simulated.port, "--follow"]) == 0
+    told = [line for line in capsys.readouterr().out.splitlines() if "bus_nack (" in line]
+    assert told == ["device: bus_nack (-1): the sensor does not answer: check wiring and power and address (3 times)"]
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_random_faults_leave_a_session_that_can_be_read(seed: int, tmp_path: Path, require_tool: Callable[[str], str]) -> None:
     require_tool("cc")

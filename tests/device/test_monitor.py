@@ -3,6 +3,7 @@
 import io
 import json
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from gyrocal.cli import main
 from gyrocal.device import simulated as device
 from gyrocal.device.monitor import Event, Monitor
 from gyrocal.device.port import Link
+from gyrocal.device.wire import encode
 from gyrocal.recording.session import Session
 
 from .conftest import two_faces
@@ -31,6 +33,17 @@ def test_events_of_a_replay(session: Session, capsys: pytest.CaptureFixture[str]
     assert all(isinstance(e["scale"], float) and isinstance(e["last"], int) for e in results)
     assert events[-1]["event"] == "end"
     assert (events[-1]["lost"], events[-1]["bad"], events[-1]["restarts"]) == (0, 0, 1)
+
+
+def test_a_replay_misses_what_its_runs_lack_and_no_more(session: Session, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each run lacks four samples. The time between two runs, which the simulator skips at full speed, is no loss."""
+    for speed in ("max", "20"):
+        with device.SimulatedDevice(session, speed=speed) as simulated:
+            assert main(["monitor", "--port", simulated.port, "--json"]) == 0
+        events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+        missed = [e["missed"] for e in events if e["event"] == "state"]
+        assert missed
+        assert set(missed) <= {0, 4, 8}
 
 
 def test_it_ends_with_its_time(session: Session, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,6 +78,52 @@ def test_the_screen_shows_state_results_and_losses() -> None:
     numbers = ("77.998", "0.4120 ± 0.0020", "-0.0567 ± 0.0010", "7.50", "3 lost", "5 missed")
     for part in ("recording down", *numbers, "clipped (-9)"):
         assert part in pictures[-1]
+
+
+class Deaf:
+    """A port to which nobody is connected."""
+
+    def read(self) -> bytes:
+        return b""
+
+    def write(self, data: bytes) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+RESULT = {"method": "baseline", "axis": "z", "scale": 0.004, "scale_se": 2e-5, "bias_dps": -0.05, "bias_se_dps": 1e-3,
+          "temp_c": 24.5, "misfit": 1.0, "flags": "misfit+constant_reading", "trusted": 0}  # fmt: skip
+TABLE_RATE = {"code": -37, "name": "table_rate", "advice": "check_the_table_or_set_table_dps"}
+
+
+def test_the_screen_tells_what_was_before_a_restart() -> None:
+    """Errors have the device's time and a count, and settings their names; what came before a restart is marked so."""
+    from rich.console import Console
+
+    monitor = Monitor(Link("none", opener=lambda name, baud: Deaf()))
+
+    def lines(*sentences: tuple[int, int, str, dict[str, Any]]) -> list[str]:
+        text = b"".join(encode(tag, seq, t_us, 0, fields) for seq, t_us, tag, fields in sentences)
+        monitor._digest(monitor.link.reader.feed(text))
+        console = Console(file=io.StringIO(), width=110)
+        console.print(monitor.screen())
+        return console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+
+    hello = {"proto": 1, "fw": "1", "sensor": "LSM6DSO", "rate_hz": 145, "full_scale_dps": 250}
+    first = lines(
+        (0, 1000, "HEL", hello), (1, 2_000_000, "CAL", {**RESULT, "seconds": 2.0}),
+        (2, 3_000_000, "CAL", {**RESULT, "seconds": 4.0}),
+        (3, 4_000_000, "ERR", TABLE_RATE), (4, 5_500_000, "ERR", TABLE_RATE),
+    )  # fmt: skip
+    assert "    5.500 s  table_rate (-37): check the table or set table_dps (2 times)" in first
+    assert sum("misfit constant_reading" in line for line in first) == 2, "flags are neither cut nor wrapped"
+    again = lines((0, 1000, "HEL", hello), (1, 2_000_000, "CAL", {**RESULT, "seconds": 2.0, "flags": ""}))
+    assert "1 restart" in again[0]
+    assert "before restart: table_rate (-37): check the table or set table_dps (2 times)" in again
+    rows = "".join(again).partition("before restart: ")[0].split("baseline")[1:]
+    assert ["before restart" in row for row in rows] == [False, True]
 
 
 def test_unplugging_heals_where_asked() -> None:

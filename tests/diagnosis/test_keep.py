@@ -108,14 +108,16 @@ def test_keep_as_scripts_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
     recording(signal).save(session)
     own = tmp_path / "effects"
     own.mkdir()
+    (own / "beside.py").write_text("raise SystemExit('run without being asked for')\n")
     words = ["keep", session, "--model", model, "--name", "saw"]
     try:
-        assert main([*words, "--file", str(own / "saw.py"), "--json"]) == 0
+        assert main([*words, "--file", str(own / "saw.py"), "--trust", "--json"]) == 0
         told = json.loads(capsys.readouterr().out)
         assert told["against"] == "table_angle"
         assert told["formula"].startswith("saw: k1*")
         assert told["after"]["excess_dps"] < told["before"]["excess_dps"]
         base.effects().pop("saw")
+        (own / "beside.py").unlink()
         assert main(["compare", session, "--model", model]) == 2  # code: only when asked for
         capsys.readouterr()
         assert main(["compare", session, "--model", model, "--effects", str(own), "--json"]) == 0

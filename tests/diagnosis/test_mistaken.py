@@ -141,6 +141,29 @@ def test_a_line_is_a_vibration_only_if_it_keeps_its_phase(
     assert (found.comparison.where[0].axis, found.comparison.where[0].against) == ("z", "frequency")
 
 
+def switching(t_s: Array, rng: np.random.Generator) -> Array:
+    """A heater's two-point control: on and off for times that differ by up to 40 %."""
+    edges = np.cumsum(0.8 * rng.uniform(0.6, 1.4, 60)) - rng.uniform(5, 10)
+    return 0.04 * (-1.0) ** np.searchsorted(edges, t_s)
+
+
+def third_of_a_turn(t_s: Array, rng: np.random.Generator) -> Array:
+    return 0.04 * np.cos(np.radians(3 * 78 * t_s) + rng.uniform(0, 6))
+
+
+@pytest.mark.parametrize(("wave", "verdict"), [(switching, "unknown"), (third_of_a_turn, "add")])
+def test_a_wave_of_the_table_keeps_its_phase(wave: Callable[[Array, np.random.Generator], Array], verdict: str) -> None:
+    """At one rate and an unknown angle, switching with nearly the period of a whole order was named a tone of the table."""
+    rng, t_s, runs = np.random.default_rng(15), np.arange(14 * 50) / 50, []
+    for cycle in range(9):
+        gyro = rng.normal(0, 0.03, (t_s.size, 3))
+        gyro[:, 2] += 78.0 + wave(t_s, rng)
+        runs.append(make_run(t_s, gyro, scenario=f"s{cycle}", day=1 + cycle % 3, rate_hz=50.0))
+    found = diagnose(make_session(*runs))
+    assert found.verdict == verdict
+    assert verdict == "unknown" or (found.best is not None and found.best.effect.id in ("table_ripple", "order_tone"))
+
+
 def test_a_drift_within_each_run_excludes_a_leak_of_the_rate() -> None:
     """Face down always comes later, so that both change with the face. A drift also shows in each run."""
     rng = np.random.default_rng(9)

@@ -8,10 +8,15 @@ import polars as pl
 import pytest
 
 from gyrocal.diagnosis.add import add
+from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.compare import compare
+from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.decision import meets
 from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned
-from gyrocal.effects.base import elapsed_s, table_angle_rad
+from gyrocal.effects.base import effect, elapsed_s, table_angle_rad
+from gyrocal.effects.order_tone import spectrum_over_turns
 from gyrocal.effects.wave import size_over_rate
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Run, Session
@@ -163,3 +168,25 @@ def test_a_tone_of_the_table_is_named_though_no_run_makes_two_turns(order: float
     assert (best.effect.id, best.axis) == ("order_tone", "x")
     assert best.values["order"] == pytest.approx(order, abs=0.05)
     assert best.values["A_dps"] == pytest.approx(0.04, rel=0.1)
+
+
+def test_slow_errors_hide_no_wave_of_the_table() -> None:
+    """An asymmetry of a swinging table, a scale that drifts and a delay, each larger than the wave, hid its line."""
+    rng, t_s = np.random.default_rng(21), np.arange(6000) / 50.0
+    rate = 90 * np.sin(2 * np.pi * t_s / 30) + 30
+    angle_deg = np.cumsum(rate) / 50
+    slow = 1.5e-3 * np.abs(rate) + 2e-3 * rate * t_s / 120 + 5e-3 * np.gradient(rate, t_s)
+    gyro = rng.normal(0, 0.03, (t_s.size, 3))
+    gyro[:, 2] += rate + slow + 0.015 * np.sin(4.25 * np.radians(angle_deg))
+    run = make_run(t_s, gyro, rate_hz=50.0, rate_ref_dps=rate, table_angle_deg=np.mod(angle_deg, 360))
+    assert spectrum_over_turns([run], 2).peaks(1)[0].order == pytest.approx(4.25, abs=0.1)
+
+
+@pytest.mark.parametrize(("line_hz", "meets_it"), [(11.0, True), (2.0, False)])
+def test_a_line_beyond_the_order_at_the_fastest_turn_is_another_cause(line_hz: float, meets_it: bool) -> None:
+    """Order 5 at 150 deg/s is 2.1 Hz. A strong line of 11 Hz, as the host's polling makes of a vibration, is not its part."""
+    session, _ = simulate(None, "full", ["order_tone:order=5,A_dps=0.02"], 4, scenarios=2, seconds=8.0)
+    comparison = measure(session)
+    line = Finding("z", "frequency", 500.0, 0.0, 0.1, "a line", band_hz=(line_hz, line_hz))
+    tone = Candidate(effect("order_tone"), "z", "suggest", {"order": 5.0, "A_dps": 0.02, "phase_deg": 0.0}, gain=1000.0)
+    assert meets(tone, replace(comparison, where=[line])) is meets_it

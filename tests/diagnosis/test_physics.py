@@ -158,3 +158,21 @@ def test_what_the_low_pass_leaves_of_a_vibration_s_own_line_is_not_unknown() -> 
     assert [f for f in measure(shaken(0.0), model).where if f.against == "frequency"] == []
     lines = [f for f in measure(shaken(0.004), model).where if f.band_hz is not None]
     assert [round(f.band_hz[0]) for f in lines if f.band_hz] == [31]
+
+
+def test_a_rectified_vibration_is_named_beside_its_own_line() -> None:
+    """A low-pass of 12 Hz weakens the line at twice the motor's frequency. What is left is held against no slow effect."""
+    from scipy.signal import butter, lfilter
+
+    rng, t_s, made = np.random.default_rng(31), np.arange(4000) / 100, []
+    for i, strength_g in enumerate((1.0, 1.8, 0.4)):
+        swell = strength_g * np.abs(np.sin(np.pi * (t_s / 13 + rng.random())))
+        acc_g = swell * np.sin(2 * np.pi * (14 * t_s + rng.random()))
+        gyro = rng.normal(0, 0.02, (t_s.size, 3))
+        gyro[:, 2] += lfilter(*butter(2, 12, fs=100), 0.08 * acc_g**2)
+        columns = {"ax_g": acc_g, "ay_g": 0.0, "az_g": 1.0}
+        made.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{i}", **columns))
+    best = diagnose(make_session(*made)).best
+    assert best is not None
+    assert (best.effect.id, best.axis) == ("g2_sensitivity", "z")
+    assert best.values[next(iter(best.values))] == pytest.approx(0.08, rel=0.1)

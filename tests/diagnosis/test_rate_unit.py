@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gyrocal.diagnosis.rate_unit import DPS, MDPS, rate_text, unit_of
+from gyrocal.diagnosis.rate_unit import DPS, MDPS, part_text, rate_text, unit_of
 
 
 @pytest.mark.parametrize(
@@ -25,3 +25,10 @@ def test_figures_that_stand_together_have_one_unit_and_the_same_resolution() -> 
 
 def test_the_sign_of_a_positive_value_is_shown_if_asked_for() -> None:
     assert rate_text(1.763, "+") == "+1.76 dps"
+
+
+@pytest.mark.parametrize(
+    ("part", "told"), [(0.00042, "+420 ppm"), (-0.00999, "-9990 ppm"), (0.0123, "+1.23%"), (-0.554098, "-55.4%")]
+)
+def test_a_part_of_the_rate_has_no_hundred_thousands_of_ppm(part: float, told: str) -> None:
+    assert part_text(part, "+") == told

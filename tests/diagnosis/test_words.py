@@ -388,4 +388,4 @@ def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> No
     drawn = moved.drawn_dps()
     of_rate = float(drawn[inside] @ rate_dps[inside] / (rate_dps[inside] @ rate_dps[inside]))
     whole = float(drawn.ravel() @ rate_dps.ravel() / np.sum(rate_dps**2))
-    assert number(first.note, rf"most, {NUMBER} ppm") == pytest.approx(1e6 * (of_rate - whole), rel=WITHIN)
+    assert number(first.note, rf"most, {NUMBER}% of the rate") == pytest.approx(100 * (of_rate - whole), rel=WITHIN)

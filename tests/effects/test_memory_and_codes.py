@@ -98,6 +98,20 @@ def test_a_lost_carry_is_found_at_its_bit(make_run: MakeRun, bit: int) -> None:
     assert np.std(run.gyro_dps[:, 2] - term - w_dps) < 0.04
 
 
+@pytest.mark.parametrize("bit", [7, 8])
+def test_a_low_part_that_is_added_as_a_signed_number_is_a_lost_carry(make_run: MakeRun, bit: int) -> None:
+    """``(high << 8) + (int8_t)low`` takes 2^bit off every code in the upper half of the low bits."""
+    w_dps = 12 * np.sin(2 * np.pi * 0.05 * np.arange(6000) / 100)
+    codes = np.rint((w_dps + np.random.default_rng(bit).normal(0, 0.03, w_dps.size)) / LSB_DPS).astype(int)
+    joined = np.where(codes % 2**bit >= 2 ** (bit - 1), codes - 2**bit, codes)
+    run = swinging(make_run, joined * LSB_DPS, w_dps)
+    carry = lost_carry([run], 2)
+    assert carry is not None
+    assert (carry.bit, carry.below, carry.fraction, carry.signed) == (bit, 0.5, 1.0, True)
+    term = effect("byte_fault").columns(run, 2, {"bit": float(bit), "below": 0.5, "fraction": 1.0})[:, 0] * 2**bit * LSB_DPS
+    assert np.std(run.gyro_dps[:, 2] - term - w_dps) < 0.04
+
+
 def test_single_readings_without_a_carry_are_told_from_other_outliers(make_run: MakeRun) -> None:
     w_dps = 12 * np.sin(2 * np.pi * 0.05 * np.arange(6000) / 100)
     found = single_power([broken(make_run, w_dps, 7, 0.01)], 2)

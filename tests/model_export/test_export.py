@@ -216,9 +216,9 @@ def test_the_verify_command(
     assert found["ok"] is True
     assert found["windows"] >= 1000
     assert found["max_diff_of_range"] <= found["tolerance"]
-    assert main(["verify", "--header", str(tiny_files / "weights.h"), "--json"]) == 1
+    assert main(["verify", "--header", str(tiny_files / "weights.h"), "--trust", "--json"]) == 1
     captured = capsys.readouterr()
     assert json.loads(captured.out)["ok"] is False
     assert len(captured.err.splitlines()) == 1
     assert main(["verify", "--net", str(tiny_files / "model.json")]) == 2
-    assert main(["verify", "--header", str(tiny_files / "model.json")]) == 2
+    assert main(["verify", "--header", str(tiny_files / "model.json"), "--trust"]) == 2

@@ -24,3 +24,24 @@ def test_a_line_in_quiet_runs_is_seen_beside_noisy_ones() -> None:
     runs = [rng.normal(0, level, turns.size) + 0.2 * np.cos(2 * np.pi * 7 * turns) for level in [1.0] * 6 + [8.0] * 6]
     (peak,) = order_spectrum(runs, [turns] * 12).peaks(1)
     assert (peak.whole, peak.chance < 1e-6) == (7, True)
+
+
+@pytest.mark.parametrize("hz", [23.0, 31.7, 60.0])
+def test_a_vibration_beyond_the_highest_order_makes_no_line_of_another_order(hz: float) -> None:
+    """A vibration of 23 Hz on a table of 78 dps is order 106; it showed as "exactly 51 per turn" at 145 samples a second."""
+    rng = np.random.default_rng(14)
+    t_s = np.arange(2900) / 145
+    runs = [rng.normal(0, 0.045, t_s.size) + 0.3 * np.sin(2 * np.pi * hz * t_s + phase) for phase in range(18)]
+    (peak,) = order_spectrum(runs, [t_s * 78 / 360] * 18).peaks(1)
+    assert peak.chance > 1e-3
+
+
+@pytest.mark.parametrize("order", [1.0, 7.0, 33.5, 60.0])
+def test_the_amplitude_of_a_line_is_that_of_least_squares(order: float) -> None:
+    turns = np.arange(5000) * 0.007 + 0.001 * np.sin(np.arange(5000))
+    y = 0.3 * np.cos(2 * np.pi * order * turns + 1.0)
+    found = order_spectrum([y], [turns])
+    k = int(np.argmin(np.abs(found.order - order)))
+    columns = np.column_stack([np.cos(2 * np.pi * found.order[k] * turns), np.sin(2 * np.pi * found.order[k] * turns)])
+    expected = np.hypot(*np.linalg.lstsq(columns, y - y.mean(), rcond=None)[0])
+    assert np.sqrt(found.power[k]) == pytest.approx(expected, rel=0.02)

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +131,26 @@ def test_nanoseconds_since_1970_lose_nothing(tmp_path: Path) -> None:
         assert np.allclose(run.gyro_dps[:, 0], np.degrees(0.1) * np.arange(20), atol=1e-8)
         assert run.acc_g is not None
         assert np.allclose(run.acc_g, [1, 0, 0])
+
+
+def test_the_rows_that_an_error_advises_to_take_are_those_before_the_times_go_back(tmp_path: Path) -> None:
+    """Repeated stamps, which are repaired, come before the row at which another recording begins."""
+    t_s = np.concatenate([np.repeat(np.arange(100), 2) / 50, np.arange(40) / 100 - 8.0])
+    rows = [f"{t:.2f},1,2,{i % 7}" for i, t in enumerate(t_s)]
+    source = tmp_path / "a.csv"
+    source.write_text("t,x,y,z\n" + "\n".join(rows) + "\n")
+    with pytest.raises(InputError, match=r"row 202: time goes back by 9\.98 s") as error:
+        import_recording(source, tmp_path / "out", ["t_s=t", *PLAIN], defaults=REST)
+    cut = re.findall(r"--run (\S+),", str(error.value))
+    run = import_recording(source, tmp_path / "out", ["t_s=t", *PLAIN], defaults=REST, cuts=[Cut.parse(cut[0])]).runs[0]
+    assert len(run) == 200
+
+
+def test_a_folder_of_euroc_is_named_where_its_format_is_not_stated(tmp_path: Path) -> None:
+    (tmp_path / "mav0" / "imu0").mkdir(parents=True)
+    (tmp_path / "mav0" / "imu0" / "data.csv").write_text("#timestamp [ns],w_RS_S_x [rad s^-1]\n1,2\n")
+    with pytest.raises(InputError, match="give --format euroc"):
+        import_recording(tmp_path / "mav0", tmp_path / "out", defaults=REST)
 
 
 def test_dates_in_parquet_are_nanoseconds(rows: np.ndarray, tmp_path: Path) -> None:

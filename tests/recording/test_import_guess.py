@@ -202,3 +202,19 @@ def test_the_habits_of_loggers(
     assert len(run) == N
     assert run.duration_s == pytest.approx(N / 100, rel=1e-3)
     assert float(np.mean(run.gyro_dps[:, 2])) == pytest.approx(78, rel=0.01)
+
+
+def test_a_time_whose_last_rows_hold_no_sample_is_still_the_time() -> None:
+    """A buffer that was not filled to its end holds zeros there, and a counter of 32 bits begins again."""
+    table = columns(["time", *xyz("gyro_")], 300, 1.0, 1)
+    table = table.with_columns(pl.when(pl.int_range(pl.len()) < N - 50).then(pl.all()).otherwise(0.0))
+    assert guess(Source("log.csv", table), Scaling())[0].map == "t_s=time:s"
+    ticks = (np.arange(N) * 10_000 + 2**32 - 1_000_000) % 2**32
+    table = table.with_columns(pl.Series("time", ticks.astype(float)))
+    assert guess(Source("log.csv", table), Scaling())[0].map == "t_s=time:us"
+
+
+def test_a_column_named_as_a_time_that_goes_to_and_fro_is_none() -> None:
+    table = columns(["t", *xyz("gyro_")], 300, 1.0, 1)
+    warm = np.random.default_rng(1).normal(25.0, 0.05, N)
+    assert not [g for g in guess(Source("log.csv", table.with_columns(pl.Series("t", warm))), Scaling()) if "t_s=" in g.map]

@@ -160,6 +160,20 @@ def test_a_tracker_that_loses_the_sensor_is_told_with_its_times() -> None:
     assert np.mean(run.reached) > 0.95
 
 
+def test_a_loss_in_which_the_difference_passes_through_zero_is_left_out_to_its_end() -> None:
+    """The wrong rate swings about the true one: the samples of each zero crossing agree, and those after it are as wrong."""
+    rng = np.random.default_rng(8)
+    ref = motion(T_S)
+    gyro = ref + rng.normal(0, 0.1, ref.shape)
+    lost = (T_S >= 5.0) & (T_S < 5.6)
+    swing_dps = np.where(lost, 150.0 * np.sin(2 * np.pi * 5.0 * (T_S - 4.98)), 0.0)
+    session = with_reference(gyro, Reference(), **rates(ref + swing_dps[:, None]))
+    run = registered(session).runs[0]
+    assert not run.reached[np.abs(swing_dps) > 10.0].any()
+    (told,) = [w for w in check(session) if w.code == "reference_jumps"]
+    assert "in one stretch (at 5.0 s)" in told.text
+
+
 def test_an_axis_about_which_the_sensor_hardly_turns_is_told() -> None:
     """A mount that bends by 0.2 deg while the sensor turns about z gives x a wrong scale, far outside of its standard error."""
     ref = motion(T_S) * (0.02, 1.0, 1.0)

@@ -41,3 +41,20 @@ def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., A
     page.get_by_role("button", name=re.compile("^free tau_s")).click()
     page.locator("summary", has_text="Parameters, all 1 fitted").wait_for()
     assert '"held"' in (Path(served.folder) / "warm" / "workbench.json").read_text()
+
+
+def test_every_effect_of_the_library_is_offered(served: Any, look: Callable[..., Any]) -> None:
+    from gyrocal.effects.base import effects
+
+    page = look(f"{served.url}diagnose")
+    page.get_by_role("combobox", name="effect").click()
+    listed = page.locator(".q-menu [role=option]")
+    listed.first.wait_for()
+    titles: set[str] = set()
+    down = "e => { const was = e.scrollTop; e.scrollTop += 150; return e.scrollTop > was; }"
+    while True:  # the list draws only what is on the screen
+        page.wait_for_timeout(60)
+        titles |= set(listed.all_inner_texts())
+        if not page.locator(".q-menu").evaluate(down):
+            break
+    assert titles == {kind.title for kind in effects().values() if kind.parameters and kind.role is None}

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
-from gyrocal.web import charts
-from gyrocal.web.against import panels
+from gyrocal.api import Model, Session, compare
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.inference.heldout import fitted
+from gyrocal.simulation.simulate import simulate
+from gyrocal.variables.shapes import Transient
+from gyrocal.web import charts, plots, prepare
+from gyrocal.web.against import ChangeOfRate, panels
 from gyrocal.web.hero import picture
 from gyrocal.web.strip import share
 
@@ -56,3 +63,58 @@ def test_an_excess_that_is_small_beside_the_noise_stays_pale() -> None:
     assert share(5.1, worst=5.1, floor=45.0) == pytest.approx(11, abs=1)
     assert share(51.0, worst=51.0, floor=45.0) == 100
     assert share(0.0, worst=0.0, floor=0.0) == 0
+
+
+def test_a_recording_far_from_the_mean_lies_within_the_picture() -> None:
+    """On a bench of six poses, the recordings of one pose lay at 50 mdps and the picture ended at 40."""
+    run = np.repeat(np.arange(6), 50)
+    of = {panel.key(axis): np.full(300, np.nan) for panel in panels() for axis in "xyz"}
+    face = np.where(run < 3, 1.0, -1.0)
+    residual = 1e-3 * np.array([50.0, 20.0, 20.0, -50.0, -20.0, -20.0])[run]
+    of |= {"face": face, "run": run, "x": residual, "y": residual, "z": residual}
+    shown = picture("z", residual, of, {})
+    assert shown is not None
+    assert shown.reach == pytest.approx((-50.0, 50.0))
+    for each in ([(1.0, 50.0)], []):  # the scale stays when the effect is added
+        down = charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["words"], each)["yAxis"]
+        assert (down["min"], down["max"]) == (-50.0, 50.0)
+
+
+def test_the_dots_of_a_small_picture_are_not_under_its_line() -> None:
+    svg = charts.signature_svg([(-1.0, -30.0), (1.0, 30.0)], [(-1.0, -30.0), (1.0, 30.0)], "face")
+    assert svg.index("<circle") > svg.index("<polyline")
+    for x, y, r in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', svg):
+        assert float(r) <= float(x) <= 220 - float(r)
+        assert float(r) <= float(y) <= 76 - float(r)
+        assert float(r) > 2
+
+
+def test_what_follows_the_change_of_the_rate_is_drawn_against_it() -> None:
+    """The residual of a delay is drawn against the slope of the rate, and its finding opens that picture."""
+    session = simulate(None, "swing", ["lag"], 15, scenarios=1)[0]
+    assert isinstance(session, Session)
+    found = compare(session, Model.builtin("default"))
+    means = {}
+    for p in fitted(found.fit):
+        block = next(b for b in found.fit.blocks if b.run.index == p.run.index)
+        means[p.run.index, p.axis] = block.mean(p.residual_dps[:, None])[:, 0]
+    of = prepare.points(found.fit.blocks, means)
+    delay = next(f for f in found.where if f.note.endswith("in proportion to the change of the rate"))
+    opened = prepare.place(delay, of).view
+    assert opened == ChangeOfRate().name
+    x, y = of[f"{opened}_{delay.axis}"], of[delay.axis]
+    assert abs(np.corrcoef(x, y)[0, 1]) > 0.9
+
+
+def test_a_finding_of_another_size_in_each_run_is_drawn_about_the_means_of_the_runs() -> None:
+    run = np.repeat([0, 1], 48)
+    t_s = np.tile(np.arange(48.0), 2)
+    y = np.where(run == 0, 0.3, -0.3) + 0.01 * np.exp(-t_s / 4)
+    of = {"time": t_s, "run": run, "z": y}
+    time = next(p for p in panels() if p.name == "time")
+    drawn = plots.folded(charts.LIGHT, of, time, [0, 1], ["z"], about_means=True)
+    means = [v for series in drawn["series"] if series["name"] == "each recording" for _, v in series["data"] if v is not None]
+    assert np.ptp(means) == pytest.approx(10.0, rel=0.01)  # mdps
+    assert "about its own mean" in drawn["title"][0]["text"]
+    finding = Finding("z", "time", 5.0, 1e-6, 0.01, "", Transient(4.0))
+    assert prepare.place(finding, of).about_means

@@ -13,15 +13,17 @@ from pathlib import Path
 from types import SimpleNamespace as NS
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
-from gyrocal.api import compare
+from gyrocal.api import Model, fit
 from gyrocal.cli import main
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.models import Recipe, Step
-from gyrocal.web.report import spectrum
+from gyrocal.web.report import correlated
 from gyrocal.web.state import Workbench
 from gyrocal.web.told import story
+from make_runs import make_run, make_session
 
 from .loop import finish
 
@@ -58,12 +60,6 @@ def reports(folder: Path) -> tuple[str, str]:
     return first, last
 
 
-def test_the_spectrum_begins_at_the_lowest_frequency_that_a_run_holds() -> None:
-    session, _ = simulate(None, "paper", [], 3, scenarios=3, seconds=20)
-    drawn = spectrum(compare(session)).axes[0].lines[0].get_xdata()
-    assert drawn[0] == pytest.approx(1 / max(run.duration_s for run in session.runs), rel=0.01)
-
-
 def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> None:
     found = (("y", "add"), ("x", "add"), ("z", "suggest"))
     cards = [NS(judged={"effect": "drift", "axis": axis, "decision": decision}) for axis, decision in found]
@@ -95,6 +91,28 @@ def test_a_model_that_fits_lacks_nothing_and_keeps_the_evidence(reports: tuple[s
     assert "Added: Ripple of the table's speed on z" in told
     assert "of the squared excess error on z" in told
     assert reports[1].count('class="signature"') == 1
+
+
+def test_it_has_both_spectra(reports: tuple[str, str]) -> None:
+    for title in ("Spectrum", "Spectrum over the turn of the table", "Residual against time", "Allan deviation"):
+        assert f'<img alt="{title}"' in reports[1]
+
+
+def test_correlated_parameters_are_listed_by_name() -> None:
+    """In y = scale·w + bias with white noise the correlation is -mean(w) / rms(w)."""
+    rates = [30.0, 78.0, 120.0]
+    noise = np.random.default_rng(5).normal(0, 0.05, (400, 3))
+    runs = [make_run(np.arange(400) / 100, noise + np.array([0, 0, 1.01 * w]), table_rate_dps=w) for w in rates]
+    found = fit(make_session(*runs), Model.open("paper"), axes="z")
+    expected = -np.mean(rates) / np.sqrt(np.mean(np.square(rates)))
+    ((axis, *names, correlation),) = correlated(found, "z")
+    assert (axis, set(names)) == ("z", {"scale scale", "bias bias_dps"})
+    assert float(correlation) == pytest.approx(expected, abs=0.005)
+
+
+def test_it_lists_correlations_or_says_that_there_are_none(reports: tuple[str, str]) -> None:
+    for report in reports:
+        assert 'class="correlations"' in report or "have a correlation above 0.3" in words(report)
 
 
 def test_it_says_what_was_measured(reports: tuple[str, str], folder: Path) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 from typing import Any
 
 import numpy as np
+import pytest
 
-from gyrocal.web.scatter import Scatter, meanings, picture, sentences
+from gyrocal.web.charts import LIGHT
+from gyrocal.web.export import as_csv
+from gyrocal.web.scatter import Scatter, meanings, options, sentences
 from gyrocal.web.words import method
 
 
@@ -41,10 +45,14 @@ def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
     found = [*estimates([-1.0, 0.0, 1.0], 2.0), *estimates([5.0], 2.0, ("misfit", "missed"))]
     assert "1 of 4 answers is not trusted" in sentences(found, "z")[-1]
     assert [line.split(":")[0] for line in meanings(found)] == ["misfit", "missed"]
-    drawn = picture(found, "z", ("#111", "#222", "#333"))
-    assert drawn.count('r="3.5" fill="none"') == 1
-    assert drawn.count("<line") == 4
-    assert "first 6 s" in drawn
+    drawn = options(LIGHT, found, "z")
+    answers, points = (series["data"] for series in drawn["series"])
+    assert [bias for _, bias, _ in answers] == pytest.approx([-1.0, 0.0, 1.0, 5.0])
+    assert [error for _, _, error in answers] == pytest.approx([2.0] * 4)
+    assert [filled for *_, filled in points] == [1, 1, 1, 0]
+    assert "first 6 s" in drawn["title"]["text"]
+    rows = list(csv.DictReader(as_csv(drawn).splitlines()))
+    assert [(row["x"], row["unit"]) for row in rows] == [("s000", "mdps"), ("s001", "mdps"), ("s002", "mdps"), ("s000", "mdps")]
 
 
 def test_the_table_names_the_methods_as_the_chart_and_the_command_line_do() -> None:
@@ -53,4 +61,4 @@ def test_the_table_names_the_methods_as_the_chart_and_the_command_line_do() -> N
 
 def test_too_few_answers_have_no_scatter() -> None:
     assert Scatter.of(estimates([1.0, 2.0], 1.0), "bias_dps", "bias_se_dps", 1e3) is None
-    assert picture(estimates([1.0], 1.0), "z", ("#111",) * 3) == ""
+    assert options(LIGHT, estimates([1.0], 1.0), "z") == {}

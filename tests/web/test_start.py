@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace as NS
+from typing import Any, cast
 
 import pytest
 
@@ -13,12 +15,17 @@ from gyrocal.effects.base import effects
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web import live
 from gyrocal.web.places import Places
+from gyrocal.web.surprise import Hunt, Secret
 
 
 @pytest.fixture(scope="module")
 def served(serve: Callable[..., Any], chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("start")
     simulate(folder / "mine", "paper", [], 3, scenarios=1, seconds=8)
+    for k in range(12):  # more than the list has room for
+        shutil.copytree(folder / "mine", folder / f"nameless{k}")
+        header = folder / f"nameless{k}/session.toml"
+        header.write_text("".join(line for line in header.open() if not line.startswith("sensor")))
     (folder / "broken").mkdir()
     (folder / "broken/session.toml").write_text("format = ")
     return serve(folder)
@@ -31,6 +38,7 @@ def test_sessions_are_listed_with_what_they_are(served: Any) -> None:
     assert mine.size_bytes == sum(f.stat().st_size for f in (served.folder / "mine").glob("*.csv"))
     assert re.fullmatch(r"changed \d{4}-\d\d-\d\d", mine.date)  # the session does not say when it was recorded
     assert listed["broken"].problem == "cannot be read"
+    assert listed["nameless0"].sensor == "sensor not named"
 
 
 def test_a_stated_date_is_shown(tmp_path: Path) -> None:
@@ -38,6 +46,20 @@ def test_a_stated_date_is_shown(tmp_path: Path) -> None:
     header = tmp_path / "s/session.toml"
     header.write_text('made_on = "2024-02-29"\n' + header.read_text())
     assert [one.date for one in Places([tmp_path]).listed()] == ["2024-02-29"]
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_line_of_the_list_lies_on_another(served: Any, look: Callable[..., Any], width: int) -> None:
+    page = look(f"{served.url}start")
+    page.set_viewport_size({"width": width, "height": 844})
+    page.locator(".sessions .name").first.wait_for()
+    texts = page.locator(".sessions .name, .sessions .dim")
+    boxes = [box for box in (one.bounding_box() for one in texts.all()) if box]
+    assert len(boxes) > 24
+    for k, a in enumerate(boxes):
+        for b in boxes[k + 1 :]:
+            apart = a["y"] + a["height"] <= b["y"] + 1 or b["y"] + b["height"] <= a["y"] + 1
+            assert apart or a["x"] + a["width"] <= b["x"] + 1 or b["x"] + b["width"] <= a["x"] + 1
 
 
 def test_a_path_opens_and_one_outside_says_why(served: Any, look: Callable[..., Any]) -> None:
@@ -68,6 +90,20 @@ def test_the_truth_of_a_surprise_is_told_when_asked_for(served: Any, look: Calla
     assert len(hidden) == 1
     assert f"Hidden was: {hidden[0].title}" in told.inner_text()
     assert "Your model does not have it." in told.inner_text()
+
+
+@pytest.mark.parametrize(("has", "said"), [(True, "Your model has it."), (False, "Your model does not have it.")])
+def test_the_truth_says_whether_the_model_has_it(tmp_path: Path, has: bool, said: str) -> None:
+    simulate(tmp_path / "s", "paper", ["table_ripple:amplitude_1=0.002"], 3, scenarios=1, seconds=1)
+    view = NS(effects=[("scale", "Scale error", False), *([("table_ripple", "Ripple", True)] if has else [])])
+    hunt = Hunt(cast(Any, NS(session=NS(path=tmp_path / "s"), step=NS(view=view), changed=lambda topic: None)))
+    hunt._secrets[tmp_path / "s"] = Secret("table_ripple")
+    hunt.tell()
+    assert hunt.secret is not None
+    assert hunt.secret.told
+    truth = hunt.truth()
+    assert truth.startswith("Hidden was: Ripple of the table's speed on z (amplitude_1 = 0.002")
+    assert truth.endswith(said)
 
 
 class Port:

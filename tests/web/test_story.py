@@ -119,6 +119,17 @@ def compares(page: Any, compared: dict[str, Any]) -> None:
     """The first page shows the figures of ``compare``, and the residual against the table's angle on request."""
     page.get_by_text("The model does not fit.").wait_for()
     assert figures(page) == [mdps(compared[name], 2) for name in ("rms_dps", "floor_dps", "excess_dps")]
+    sure = mdps(compared["excess_se_dps"], 2)
+    names = page.locator(".figure .nicegui-label, .figure div").all_inner_texts()
+    assert [n for n in names if "," in n][:3] == ["error, mdps rms", "noise floor, mdps", f"excess ± {sure}, mdps"]
+    assert page.locator(".per-axis").inner_text().startswith("excess by axis, mdps: x ")
+    widths = page.locator(".cells").evaluate("""e => {
+        e.style.width = "93px";
+        const widths = [...e.children].map(cell => Math.round(cell.offsetWidth));
+        e.style.width = "";
+        return widths;
+    }""")
+    assert len(set(widths)) == 1  # also in the last line, which is not full
     page.get_by_role("button", name=re.compile("z, against table angle")).click()
     page.locator('[role=img][aria-label="Table angle"]').wait_for()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from gyrocal.diagnosis.levels import Level
+from gyrocal.effects.base import effects
 from gyrocal.effects.order_tone import turned_turn
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.bench import Bench
@@ -20,7 +22,7 @@ from gyrocal.web.models import BY_HAND, Models, Recipe, read_models, write_model
 from gyrocal.web.opened import Opened
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import Card, DiagnosisView, ModelView, Picture, Recording
-from gyrocal.web.words import evidence, explains
+from gyrocal.web.words import evidence, explains, symbols
 
 AMPLITUDE_DPS = 0.06
 """Of the planted wave, once per turn."""
@@ -28,8 +30,9 @@ AMPLITUDE_DPS = 0.06
 
 def test_a_doubt_does_not_contradict_the_part_that_is_explained() -> None:
     """A candidate that explains all was doubted because "it explains less than 10%"."""
-    for part, words in ((0.99, "not those of such an effect"), (0.02, "less than 10%"), (None, "not certain to explain 10%")):
-        assert words in _not_enough(part)
+    for part, words in ((0.99, "not certain to explain 10%"), (0.02, "less than 10%"), (None, "not certain to explain 10%")):
+        assert words in _not_enough(part, contradicted=False)
+        assert "contradict such an effect" in _not_enough(part, contradicted=True)
 
 
 def test_a_fall_by_nothing_is_told_as_nothing() -> None:
@@ -132,6 +135,24 @@ def test_what_is_not_proven_says_why(ripple: tuple[Bench, Recording, ModelView, 
     for card in ripple[3].cards:
         decision, others = card.judged["decision"], card.looks_like
         assert bool(card.doubts) == (decision == "suggest" or (decision == "add" and bool(others)))
+    tone = next(c for c in ripple[3].cards if c.judged["effect"] == "order_tone" and c.judged["axis"] == "z")
+    named = next(c for c in ripple[3].cards if c.judged["decision"] == "add")
+    assert tone.judged["heldout_gain"] > 0.99 * named.judged["heldout_gain"]  # it explains the residual as well
+    assert tone.doubts == ["ripple of the table's speed has the same course over the recordings, with fewer parameters"]
+
+
+def test_every_number_of_a_card_has_its_unit_and_every_symbol_its_meaning(
+    ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
+) -> None:
+    card = next(c for c in ripple[3].cards if c.judged["decision"] == "add")
+    assert re.fullmatch(r"amplitude_1 0\.\d+ ± 0\.\d+ fraction", card.size)
+    assert symbols(card.equation) == "w is the true rate, deg/s; th is the table's angle"
+    assert symbols("A_dps·exp(-p/tau_s)") == "p is the time since power-on, s"
+    assert symbols("k·w^2, where w is the table's rate about any axis") == ""
+    for kind in effects().values():
+        bare = set(re.findall(r"(?<!\w)(?:w|th|p|t|T|y)(?!\w)", kind.equation))
+        told = symbols(kind.equation) + kind.equation
+        assert all(f"{name} is " in told or f"where {name} " in told for name in bare), kind.id
 
 
 def test_the_spectrum_begins_at_the_lowest_frequency_of_the_longest_run(

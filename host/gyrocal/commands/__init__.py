@@ -9,6 +9,14 @@ from typing import Annotated
 import typer
 
 
+def want_trust(trust: bool, what: str) -> None:
+    """Raise InputError unless ``--trust`` was given. ``what`` names the option and the code that it runs."""
+    from gyrocal.errors import InputError
+
+    if not trust:
+        raise InputError(f"{what}. Nothing was run; if you trust this code, add --trust")
+
+
 def _load(folder: Path | None) -> Path | None:
     if folder is not None:
         from gyrocal.effects import base
@@ -40,3 +48,5 @@ OwnEffects = Annotated[
     typer.Option("--effects", callback=_load, help="A folder with effects of your own (Python files, which are run)."),
 ]
 """The folder is loaded as soon as the option is read. From then on its effects are equal to the built-in ones."""
+Trust = Annotated[bool, typer.Option("--trust", help="Run the code that another option names.")]
+"""Consent to run code that a file holds."""

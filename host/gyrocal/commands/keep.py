@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder
+from gyrocal.commands import AsJson, ModelFile, OwnEffects, SessionFolder, Trust, want_trust
 
 
 def run(
@@ -13,9 +13,14 @@ def run(
     model: ModelFile,
     name: Annotated[str, typer.Option(help="What the effect is to be called.")] = "custom",
     file: Annotated[
-        Path | None, typer.Option(help="A new Python file for it, to be edited and named by --effects FOLDER, not a formula.")
+        Path | None,
+        typer.Option(
+            help="A new Python file for it, to be edited and named by --effects FOLDER, not a formula. Wants --trust, because "
+            "the file is run."
+        ),
     ] = None,
     effects: OwnEffects = None,
+    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Keep what `diagnose` calls unknown as an effect of your own: find a formula, add it, show the error before and after."""
@@ -24,6 +29,8 @@ def run(
     from gyrocal.present.report import print_before_after
     from gyrocal.recording.session import Session
 
+    if file is not None:
+        want_trust(trust, f"--file {file}: this Python file is written, and then run")
     opened = Session.open(session)
     with working(as_json) as say:
         found, before, after, fitted = keep(opened, model if model.exists() else None, name, file, progress=say)
@@ -35,3 +42,5 @@ def run(
     gain = "" if found.gain is None else f"; held-out gain in log-likelihood {plus_minus(found.gain, found.gain_se)}"
     stdout.print(f"{found.formula}\nfound on {found.axis}, against {found.against.replace('_', ' ')}{gain}", style="bold")
     print_before_after(before, after, model)
+    if file is not None:
+        stdout.print(f"edit {file}; every command that reads {model} wants --effects {file.parent} from now on")

@@ -1,5 +1,6 @@
 """``gyrocal record``."""
 
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -136,10 +137,10 @@ def _show(report: "Report", as_json: bool) -> None:
         return
     for r in report.runs:
         what = f"{r.samples} samples, {r.lost} lost on the way, {r.missed} missed by the device"
-        print(f"{report.session}/{r.file}: face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {what}")
+        print(f"{report.session}/{r.file}: power cycle {r.scenario}, face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {what}")
     if isinstance(report, HandsReport):
         print_aims(report)
     for line in lines(report.warnings):
         print(f"warning: {line}")
-    for error in report.errors:
-        print(f"device: {error}")
+    for error, times in Counter(report.errors).items():
+        print(f"device: {error}{f' ({times} times)' if times > 1 else ''}")

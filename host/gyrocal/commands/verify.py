@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from gyrocal.commands import AsJson, Trust, want_trust
 from gyrocal.errors import GyrocalError
 
 
@@ -14,15 +15,21 @@ def run(
     net: Annotated[
         Path | None, typer.Option(help="Quantised ONNX (model.int8.onnx); the shipped one by default.")
     ] = None,
-    header: Annotated[Path | None, typer.Option(help="The weights.h made from it; the shipped one by default.")] = None,
+    header: Annotated[
+        Path | None,
+        typer.Option(help="The weights.h made from it; the shipped one by default. It is compiled and run: wants --trust."),
+    ] = None,
+    trust: Trust = False,
     windows: Annotated[int, typer.Option(help="How many pairs of windows.", min=12)] = 1200,
     seed: Annotated[int, typer.Option(help="Of the windows.", min=0)] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run the C core and onnxruntime on the same windows; exit 1 if they differ by more than rounding."""
     from gyrocal.core.verify import verify
     from gyrocal.present.output import emit
 
+    if header is not None and header.exists():
+        want_trust(trust, f"--header {header}: this C code is compiled, and then run on this machine")
     found = verify(net, header, seed, windows)
     if as_json:
         emit(found)

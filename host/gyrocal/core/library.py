@@ -1,7 +1,8 @@
 """The C core on this machine: compiled by the system's ``cc`` into a cache, loaded by ctypes.
 
 The cache is keyed by the sources, headers, flags and compiler, so an edited source or a newly exported header is
-used at the next call, and processes that build at the same time do not disturb each other.
+used at the next call, and processes that build at the same time do not disturb each other. A built file's name also holds the
+hash of its content. A file that does not match it, or that another user owns or may write, is not used but built anew.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import hashlib
 import os
 import shlex
 import shutil
+import stat
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -25,6 +27,8 @@ from gyrocal_firmware import CORE, INCLUDE, SIM
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 SHARED = ("-fPIC", "-shared")
+HASH_DIGITS = 24
+"""Hexadecimal digits of a hash in the name of a built file."""
 
 
 class CacheError(GyrocalError):
@@ -82,15 +86,16 @@ def build(
     digest = hashlib.sha256(repr(key).encode())
     for path in (*sources, *headers):
         digest.update(str(path).encode() + b"\0" + path.read_bytes() + b"\0")
-    built = cache_dir() / f"{name}-{digest.hexdigest()[:24]}{'.so' if '-shared' in flags else ''}"
-    if built.exists():
-        return built
+    folder_of_all, key_name = cache_dir(), f"{name}-{digest.hexdigest()[:HASH_DIGITS]}-"
+    kept = next((path for path in sorted(folder_of_all.glob(f"{key_name}*")) if _sound(path)), None)
+    if kept is not None:
+        return kept
     try:
-        built.parent.mkdir(parents=True, exist_ok=True)
-        work = tempfile.TemporaryDirectory(prefix="build-", dir=built.parent)
+        folder_of_all.mkdir(mode=0o700, parents=True, exist_ok=True)
+        work = tempfile.TemporaryDirectory(prefix="build-", dir=folder_of_all)
     except OSError as error:
         raise CacheError(
-            f"{built.parent}: cannot keep compiled files there ({error.strerror}); set XDG_CACHE_HOME"
+            f"{folder_of_all}: cannot keep compiled files there ({error.strerror}); set XDG_CACHE_HOME"
         ) from error
     with work as folder:
         for file, text in texts.items():
@@ -105,8 +110,24 @@ def build(
             lines = done.stderr.strip().splitlines()
             first = next((line for line in lines if "error" in line), lines[0] if lines else f"exit {done.returncode}")
             raise GyrocalError(f"the C compiler refused {name}: {first.replace(folder + os.sep, '')}")
+        output.chmod(0o700)
+        built = folder_of_all / f"{key_name}{_hash_of(output)}{'.so' if '-shared' in flags else ''}"
         os.replace(output, built)
     return built
+
+
+def _hash_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:HASH_DIGITS]
+
+
+def _sound(built: Path) -> bool:
+    """Whether a file of the cache is this user's, nobody else's to write, and of the content that its name states."""
+    try:
+        found = built.lstat()
+        mine = not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
+        return mine and stat.S_ISREG(found.st_mode) and built.stem.rpartition("-")[2] == _hash_of(built)
+    except OSError:
+        return False
 
 
 def core_sources() -> list[Path]:

@@ -34,9 +34,11 @@ class _Net(ctypes.Structure):
 
 def _build_net(header: Path) -> ctypes.CDLL:
     try:
-        text = header.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{header}: not a readable header; write one with `gyrocal export`") from error
+        text = header.read_text() if header.is_file() else None
+    except (OSError, UnicodeDecodeError):
+        text = None
+    if text is None:
+        raise InputError(f"{header}: not a readable header; write one with `gyrocal export`")
     compiler()
     sources = [CORE / "gc_cnn.c", CORE / "gc_convnet.c", CORE / "gc_math.c"]
     try:

@@ -18,6 +18,8 @@ from gyrocal.device.wire import Sentence, parse_real, parse_value, raw_table
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+ERRORS = 4
+"""So many different errors are kept."""
 EVENTS = {"HEL": "hello", "RUN": "run", "CAL": "result", "STA": "state", "ACK": "ack", "ERR": "error"}
 SAMPLE_UNITS = ("gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 RATE_OVER_S = 2.0
@@ -58,6 +60,10 @@ class Sensor:
     samples: int = 0
     latest: Event | None = None
     results: dict[tuple[Any, ...], Event] = field(default_factory=dict)
+    earlier: set[tuple[Any, ...]] = field(default_factory=set)
+    """The results that came before the device started again."""
+    restarts: int = 0
+    """Restarts of the device that this sensor's sentences have told of."""
     _arrivals: deque[tuple[float, int]] = field(default_factory=deque, repr=False)
 
     def take(self, samples: list[Event]) -> None:
@@ -82,6 +88,20 @@ class Sensor:
         return sum(n for _, n in self._arrivals) / max(now - self._arrivals[0][0], 0.1)
 
 
+@dataclass
+class Told:
+    """An error: when the device last sent it (its own clock), how often, and after how many restarts."""
+
+    t_us: int
+    times: int
+    restarts: int
+
+    def line(self, text: str, restarts: int) -> str:
+        """The error with its time and count for the screen."""
+        when = f"{1e-6 * self.t_us:9.3f} s  " if self.restarts == restarts else "before restart: "
+        return when + text + (f" ({self.times} times)" if self.times > 1 else "")
+
+
 class Monitor:
     """Listens to a device and keeps its state for display; :meth:`screen` draws it.
 
@@ -91,7 +111,9 @@ class Monitor:
     def __init__(self, link: Link) -> None:
         self.link = link
         self.sensors: dict[int, Sensor] = {}
-        self.errors: deque[str] = deque(maxlen=4)
+        self.ended = ""
+        """Why it ended; empty while it listens."""
+        self._told: dict[str, Told] = {}
 
     def run(self, heard: Callable[[list[Event]], None], seconds: float | None = None) -> None:
         """Listen until the device ends or ``seconds`` have passed.
@@ -119,7 +141,13 @@ class Monitor:
                 reason = str(gone)
                 break
             heard(self._digest(sentences))
+        self.ended = reason
         heard([{"event": "end", "reason": reason, **self.counts()}])
+
+    @property
+    def errors(self) -> list[str]:
+        """The latest different errors that the device sent, the last one at the end."""
+        return list(self._told)
 
     def counts(self) -> dict[str, int]:
         """The numbers of good, lost and bad sentences so far, and of restarts of the device."""
@@ -178,6 +206,9 @@ class Monitor:
             values["state"] = fields["state"]
         if kind == "hello":
             sensor.hello = fields
+            if sensor.restarts != self.link.reader.restarts:
+                sensor.restarts, sensor.missed = self.link.reader.restarts, 0
+                sensor.earlier = set(sensor.results)
             if not self.link.answered:  # the device has just started, and its settings may still follow
                 self._tell("hello")
         elif kind == "state":
@@ -193,10 +224,15 @@ class Monitor:
             if sensor.state == "idle":
                 self._tell("status")  # the device may be waiting for a flip, or be done
         elif kind == "result":
-            sensor.results[values.get("axis"), values.get("method"), values.get("seconds")] = values
+            which = values.get("axis"), values.get("method"), values.get("seconds")
+            sensor.results[which] = values
+            sensor.earlier.discard(which)
         elif kind == "error":
-            which = f"sensor {sentence.imu}: " if len(self.sensors) > 1 else ""
-            self.errors.append(which + describe_error(sentence))
+            text = (f"sensor {sentence.imu}: " if len(self.sensors) > 1 else "") + describe_error(sentence)
+            before = self._told.pop(text, None)
+            self._told[text] = Told(sentence.t_us, 1 if before is None else before.times + 1, self.link.reader.restarts)
+            for oldest in self.errors[:-ERRORS]:
+                del self._told[oldest]
         return {"event": kind, "t_us": sentence.t_us, "imu": sentence.imu, **values}
 
     def screen(self) -> RenderableType:
@@ -206,14 +242,16 @@ class Monitor:
 
         counts = self.counts()
         missed = sum(sensor.missed for sensor in self.sensors.values())
-        loss = Text(f"{counts['lost']} lost, {counts['bad']} bad, {missed} missed, {counts['restarts']} restarts")
+        restarts = f"{counts['restarts']} restart{'s' * (counts['restarts'] != 1)}"
+        loss = Text(f"{counts['lost']} lost, {counts['bad']} bad, {missed} missed, {restarts}")
         loss.stylize("bold red" if counts["lost"] or counts["bad"] or missed else "dim")
         head = Text.assemble(
             (self.link.name, "bold"), "" if self.link.connected else ("  disconnected, trying again", "bold red"), "   ", loss
         )
         parts = [part for imu in sorted(self.sensors) for part in self._sensor_lines(imu)]
-        errors = [Text(error, style="red") for error in self.errors]
-        return Group(head, *parts, *errors)
+        errors = [Text(told.line(error, counts["restarts"]), style="red") for error, told in self._told.items()]
+        end = [Text(f"ended: {self.ended}")] if self.ended else []
+        return Group(head, *parts, *errors, *end)
 
     def _sensor_lines(self, imu: int) -> list[RenderableType]:
         from rich.text import Text
@@ -254,10 +292,12 @@ def _result_table(sensor: Sensor) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, padding=(0, 2), header_style="dim")
-    for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit", "flags"):
-        table.add_column(name, justify="left" if name in ("axis", "method", "flags") else "right")
-    for values in sensor.results.values():
+    table = Table(box=None, padding=(0, 1), header_style="dim")
+    for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
+        table.add_column(name, justify="left" if name in ("axis", "method") else "right", no_wrap=True)
+    table.add_column("flags", overflow="fold")
+    for which, values in sorted(sensor.results.items(), key=lambda item: tuple(map(str, (item[0][0], item[0][2], item[0][1])))):
+        flags = str(values.get("flags") or "").replace("+", " ")
         table.add_row(
             str(values.get("axis", "")),
             str(values.get("method", "")),
@@ -266,7 +306,7 @@ def _result_table(sensor: Sensor) -> RenderableType:
             _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
             _number(values.get("temp_c"), ".1f"),
             Text(_number(values.get("misfit"), ".2f"), style="bold red" if doubtful(values) else ""),
-            Text(str(values.get("flags") or "").replace("+", " "), style="bold red"),
+            Text.assemble((flags, "bold red"), (" before restart" if which in sensor.earlier else "", "dim")),
         )
     return table
 

@@ -32,6 +32,8 @@ BUSY_NOTE = "busy: " + BUSY
 """The log line with which a simulated device rejects a second reader."""
 REFUSALS = range(-29, -19)
 """Error codes (gc_error.h) that answer a command. All others concern the sensor."""
+SETTINGS = ("rate_hz", "table_dps", "full_scale_dps")
+"""The settings that advice names."""
 
 
 class PortGone(DeviceError):
@@ -327,4 +329,6 @@ def describe_error(sentence: Sentence) -> str:
     """An ``$ERR`` as text for the user: its name, code and advice."""
     fields = sentence.fields
     advice = fields.get("advice", "").replace("_", " ")
+    for setting in SETTINGS:  # as they are typed: in a sentence a blank is an underscore, too
+        advice = advice.replace(setting.replace("_", " "), setting)
     return f"{fields.get('name', '?')} ({fields.get('code', '?')})" + (f": {advice}" if advice else "")

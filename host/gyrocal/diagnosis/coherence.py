@@ -1,7 +1,8 @@
 """Whether a wave keeps its phase and size within the runs.
 
 A vibration of one frequency does. A resonance of the mount, which noise excites, changes phase within a few periods over its
-bandwidth, and an error in proportion to the motion changes with it. Both have lines in the spectra of short runs.
+bandwidth, and an error in proportion to the motion changes with it. Both have lines in the spectra of short runs. A wave
+that is fixed to the table keeps its phase exactly. Stick-slip and two-point control have a few periods of unequal lengths.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
-LEAST_PERIODS = 4
+LEAST_PERIODS = 1.5
 """Number of periods in a part."""
 
 
-def keeps_its_phase(fitted: AxisFit, own: list[int]) -> bool:
+def keeps_its_phase(fitted: AxisFit, own: list[int], least: float) -> bool:
     """True unless the parts of the runs contradict that the last term of a fit is one wave in each run.
+
+    If they certainly do, the wave of the whole run must hold at least ``least`` of the power.
 
     ``own`` lists the wave's columns, a cosine and a sine for each amplitude, among the coefficients of the design. The wave is
     fitted to each part of a run alone. What the parts gain beyond the whole run is noise if the wave keeps its phase. With v
@@ -35,6 +38,8 @@ def keeps_its_phase(fitted: AxisFit, own: list[int]) -> bool:
         parts = np.array_split(np.arange(len(y)), _parts(wave))
         if len(parts) < 2 or not np.any(wave):
             continue
+        steady = np.concatenate([_without_trend(np.column_stack([y, wave])[p], weight[p]) for p in parts])
+        y, wave = steady[:, 0], steady[:, 1:]
         whole = _fitted_power(wave, y)
         of_run += whole
         incoherent += sum(_fitted_power(wave[p], y[p]) for p in parts) - whole
@@ -42,7 +47,14 @@ def keeps_its_phase(fitted: AxisFit, own: list[int]) -> bool:
     noise = fitted.noise.white_sd_dps**2
     beyond = incoherent - degrees * noise
     certain = beyond > POLICY.coherence_errors * noise * np.sqrt(2 * degrees)
-    return not certain or of_run > POLICY.coherent * (of_run + beyond)
+    return not certain or of_run > least * (of_run + beyond)
+
+
+def _without_trend(columns: Array, weight: Array) -> Array:
+    """Columns [n, k], weighted by ``weight`` [n], without an offset and a slope of slower causes."""
+    n = len(weight)
+    slow = np.linalg.qr(np.column_stack([np.ones(n), np.arange(n) - (n - 1) / 2]) * weight[:, None])[0]
+    return columns - slow @ (slow.T @ columns)
 
 
 def _parts(wave: Array) -> int:

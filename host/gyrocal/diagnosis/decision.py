@@ -8,9 +8,10 @@ from dataclasses import replace
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.wave import Tone
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES
+from gyrocal.recording.session import AXES, Run
 from gyrocal.variables.reading import Reading
 
 
@@ -44,15 +45,23 @@ def meets(c: Candidate, comparison: Comparison) -> bool:
         return True
     others = [
         f for f in comparison.where
-        if f.axis == c.axis and f.against != Reading.name and not _own_line(c, f, comparison) and not _too_fast(c, f)
+        if f.axis == c.axis and f.against != Reading.name
+        and not _own_line(c, f, comparison) and not _too_fast(c, f, comparison.fit.session.runs)
     ]  # fmt: skip
     gains = [max(f.strength, f.snr) ** 2 / 2 for f in others]
     return (c.gain or 0.0) >= POLICY.of_finding * max(gains, default=0.0)
 
 
-def _too_fast(c: Candidate, finding: Finding) -> bool:
-    """True if a slow candidate has no part in a line or a band, whose frequencies block means do not show."""
-    return not c.effect.fast and finding.band_hz is not None and finding.band_hz[0] > 0.5 / BLOCK_S
+def _too_fast(c: Candidate, finding: Finding, runs: Sequence[Run]) -> bool:
+    """True if a candidate has no part in a line or a band, whose frequencies it does not reach.
+
+    Block means do not show those of a slow one. A tone reaches its own frequency, or its order at the fastest turn.
+    """
+    if finding.band_hz is None:
+        return False
+    if isinstance(c.effect, Tone) and finding.band_hz[0] == finding.band_hz[1] and c.values:
+        return finding.band_hz[0] > POLICY.another_line * c.effect.highest_hz(runs, c.values)
+    return not c.effect.fast and finding.band_hz[0] > 0.5 / BLOCK_S
 
 
 def _own_line(c: Candidate, finding: Finding, comparison: Comparison) -> bool:

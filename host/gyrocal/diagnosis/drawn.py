@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.rate_unit import plain, rate_text
+from gyrocal.diagnosis.rate_unit import part_text, rate_text
 from gyrocal.effects.quantities import true_rate_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.policy import POLICY
@@ -117,7 +117,7 @@ def _steps(current: AxisFit, shape: Steps) -> tuple[float, str]:
     centred = np.where(seen, values - float(np.average(values, weights=weight)), 0.0)
     amplitude = float(np.sqrt(2 * np.mean((centred[step] * base) ** 2)))
     k = int(np.argmax(weight * centred**2))
-    most = f"{plain(centred[k] * 1e6, '+')} ppm of the rate" if shape.times_rate else rate_text(centred[k], "+")
+    most = f"{part_text(centred[k], '+')} of the rate" if shape.times_rate else rate_text(centred[k], "+")
     return amplitude, f"{_size(amplitude)}; most, {most}, {_between(shape, k)}"
 
 

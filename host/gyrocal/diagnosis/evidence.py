@@ -16,7 +16,7 @@ from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
-from gyrocal.effects.wave import Tone, Wave
+from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
 from gyrocal.inference.design import UNIDENTIFIED, Mask
 from gyrocal.inference.fitted import AxisFit
@@ -112,10 +112,10 @@ def added_parameters(current: AxisFit, fitted: AxisFit) -> int:
 
 
 def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
-    """True if a tone changes its phase within the runs, or if a wave's sizes contradict their dependence on the rate."""
+    """True if a wave changes its phase within the runs, or if its sizes contradict their dependence on the rate."""
     layout, mine = fitted.design.layout, len(fitted.design.terms) - 1
     columns = [j for j, (i, _) in enumerate([*layout.fixed, *layout.run]) if i == mine]
-    if isinstance(wave, Tone) and not keeps_its_phase(fitted, columns):
+    if not keeps_its_phase(fitted, columns, POLICY.coherent if wave.wanders else POLICY.coherent_turn):
         return True
     own = [j for j, (i, _) in enumerate(layout.run) if i == mine]
     if not own:

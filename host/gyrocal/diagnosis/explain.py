@@ -338,11 +338,14 @@ def _matters(before: Comparison, after: Comparison, axes: Sequence[str], final: 
 def _removed_power(before: Comparison, after: Comparison, axis: str) -> float:
     """Decrease of an axis's squared held-out excess, dps^2 (deg^2 by angle), over one floor; 0 if nothing can be held out.
 
-    The offset and scale of a few power cycles can hide the decrease. The decrease within power cycles counts if it is larger.
+    The offset and scale of a few power cycles can hide the decrease, and so can what a slow effect adds within blocks of 0.1 s.
+    The decrease within power cycles, or that of the block means, counts if it is larger.
     """
     if before.angles is not None and after.angles is not None:
         had, has = before.angles.level(axis).rms_deg, after.angles.level(axis).rms_deg
         return 0.0 if had is None or has is None else had**2 - has**2
     old, new = before.per_axis[axis], after.per_axis[axis]
-    pairs = ((old.rms_dps, new.rms_dps), (old.excess_within_dps, new.excess_within_dps))
+    pairs = (
+        (old.rms_dps, new.rms_dps), (old.excess_within_dps, new.excess_within_dps), (old.slow_dps, new.slow_dps)
+    )  # fmt: skip
     return max((a**2 - b**2 for a, b in pairs if a is not None and b is not None), default=0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,13 +36,15 @@ def explained(current: Current, fitted: AxisFit, signal: Array, chance: float) -
     decrease of the excess, is at least ``Policy.explained`` of the excess beyond ``Policy.floor_errors`` standard errors of the
     floor. It is also True if the candidate's power reaches that part within power cycles, where their offset and scale are
     removed from both. A candidate that noise explains, with a probability ``chance`` above the false-discovery rate, leaves the
-    noise and its floor as they are.
+    noise and its floor as they are. A slow effect is held against the excess of block means.
     """
     if not current.folds:
         return Explained(None, False)
     before, after = current.squares, current.squares_of(fitted)
     significant = chance < POLICY.false_discovery_rate
     floor = current.floor_of(fitted) if significant else current.comparison.floors[current.axis]
+    if not any(t.effect.fast or t.effect.fault_of(t.values) for t in fitted.terms[len(current.fit.terms) :]):
+        before, after = _slow_part(before, floor), _slow_part(after, floor)
     part = part_of(Level.of(before, floor), Level.of(after, floor), current.comparison.cycles)
     samples = sum(len(b.run) for b in fitted.design.blocks)
     of_cycles, of_drift = _floor_errors(fitted, floor)
@@ -57,6 +59,16 @@ def explained(current: Current, fitted: AxisFit, signal: Array, chance: float) -
         power /= samples
         enough = enough or (power >= POLICY.explained * (power + max(left, 0.0)) and power > 0)
     return Explained(part, enough, *_drop(before, after, floor))
+
+
+def _slow_part(squares: MeanSquares, floor: Floor) -> MeanSquares:
+    """The mean squares without the excess within blocks of 0.1 s, of which a slow effect can explain nothing.
+
+    It is fitted to block means. Its columns may even be wrong within blocks: those of a rectified vibration have a line at
+    twice the motor's frequency, which the sensor's low-pass weakens and delays.
+    """
+    fast = max(0.0, squares.fast - floor.fast)
+    return replace(squares, all=squares.all - fast, within=max(0.0, squares.within - fast), fast=squares.fast - fast)
 
 
 def _drop(before: MeanSquares, after: MeanSquares, floor: Floor) -> tuple[float, float]:

@@ -118,7 +118,7 @@ def keep(
     text = proposal.formula
     if file is not None:
         file.write_text(effect_file(proposal, name), encoding="utf-8")
-        base.load(file.parent)
+        base.load(file)
         text = name
     return Kept(proposal, *add(session, start, text, progress=progress))
 

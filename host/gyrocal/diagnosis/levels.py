@@ -19,7 +19,7 @@ from gyrocal.diagnosis.readings import single_readings
 from gyrocal.effects.base import Role
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.inference import heldout
-from gyrocal.inference.blocks import begins_apart
+from gyrocal.inference.blocks import BLOCK_S, begins_apart
 from gyrocal.inference.excess_error import difference_errors
 from gyrocal.inference.expected import expected, of_cycle, removed
 from gyrocal.inference.fitted import AxisFit, Fit
@@ -34,16 +34,20 @@ from gyrocal.recording.session import Array
 
 @dataclass(frozen=True)
 class MeanSquares:
-    """Mean squares of held-out residuals, dps^2: of all, and with offset and scale of each power cycle removed."""
+    """Mean squares of held-out residuals, dps^2: of all, and with offset and scale of each power cycle removed.
+
+    ``fast`` is the part of both that lies within blocks of 0.1 s.
+    """
 
     all: float
     within: float
     samples: int
+    fast: float = 0.0
 
     @staticmethod
     def of(held: Iterable[Prediction]) -> MeanSquares:
         """The mean squares of the predictions of one axis. Without predictions they are zero, and ``samples`` is 0."""
-        squares, samples = 0.0, 0
+        squares, fast, samples = 0.0, 0.0, 0
         sums: dict[str, Array] = {}
         norms: dict[str, Array] = {}
         for p in held:
@@ -54,19 +58,27 @@ class MeanSquares:
             seen = p.run.reached[p.rows]  # the others have no prediction and no residual
             residual, columns = residual[seen], columns[seen]
             squares += float(residual @ residual)
+            fast += _within_blocks(residual, round(BLOCK_S * p.run.sample_rate_hz))
             samples += residual.size
             sums[cycle] = sums.get(cycle, 0) + columns.T @ residual
             norms[cycle] = norms.get(cycle, 0) + columns.T @ columns
         taken = sum(removed(np.outer(sums[c], sums[c]), norms[c]) for c in sums)
         count = max(samples, 1)
-        return MeanSquares(squares / count, max(0.0, squares - taken) / count, samples)
+        return MeanSquares(squares / count, max(0.0, squares - taken) / count, samples, fast / count)
+
+
+def _within_blocks(residual: Array, size: int) -> float:
+    """Sum of squares of a residual [n] about its means over blocks of ``size`` samples."""
+    blocks = residual[: residual.size // max(size, 1) * size].reshape(-1, max(size, 1))
+    return float(np.sum((blocks - blocks.mean(axis=1, keepdims=True)) ** 2)) if blocks.size else 0.0
 
 
 @dataclass(frozen=True)
 class Floor:
     """The squared floor, dps^2, of all and within power cycles, and the noise of one sample, ``white``.
 
-    ``error`` and ``error_within`` are the standard errors of a mean square of noise minus its floor.
+    ``error`` and ``error_within`` are the standard errors of a mean square of noise minus its floor, and ``fast`` is the part
+    of both within blocks of 0.1 s.
     """
 
     all: float
@@ -74,13 +86,15 @@ class Floor:
     error: float
     error_within: float
     white: float
+    fast: float = 0.0
 
 
 @dataclass(frozen=True)
 class Level:
     """rms of held-out residuals, noise floor and excess, in deg/s; all but the floor are None if nothing can be held out.
 
-    ``excess_within_dps`` is the excess with the offset and scale of each power cycle removed from residuals and floor.
+    ``excess_within_dps`` is the excess with the offset and scale of each power cycle removed from residuals and floor, and
+    ``slow_dps`` the rms without what lies within blocks of 0.1 s.
     """
 
     rms_dps: float | None
@@ -89,6 +103,7 @@ class Level:
     excess_se_dps: float | None = None
     excess_within_dps: float | None = None
     excess_within_se_dps: float | None = None
+    slow_dps: float | None = None
 
     @staticmethod
     def of(squares: MeanSquares, floor: Floor) -> Level:
@@ -97,7 +112,8 @@ class Level:
             return Level(None, float(np.sqrt(floor.all)))
         excess, se = excess_of(squares.all - floor.all, floor.error, floor.white / squares.samples)
         within, within_se = excess_of(squares.within - floor.within, floor.error_within, floor.white / squares.samples)
-        return Level(float(np.sqrt(squares.all)), float(np.sqrt(floor.all)), excess, se, within, within_se)
+        slow = float(np.sqrt(max(0.0, squares.all - squares.fast)))
+        return Level(float(np.sqrt(squares.all)), float(np.sqrt(floor.all)), excess, se, within, within_se, slow)
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -165,7 +181,7 @@ def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float) -> Floor:
     error, error_within = difference_errors(axis, folds)
     within = white_power * between + power.within / samples
     of_cycles = min((power.squares - power.within) / samples, _largest_of_cycles(axis))
-    return Floor(within + of_cycles, within, error / samples, error_within / samples, white_power)
+    return Floor(within + of_cycles, within, error / samples, error_within / samples, white_power, white_power * between)
 
 
 def _largest_of_cycles(axis: AxisFit) -> float:

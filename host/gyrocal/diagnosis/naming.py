@@ -21,6 +21,7 @@ from gyrocal.effects import base
 from gyrocal.effects.base import Effect
 from gyrocal.threads import each
 from gyrocal.variables.rate import Rate
+from gyrocal.variables.reading import Reading
 
 Progress = Callable[[str], None]
 
@@ -54,8 +55,10 @@ def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Findin
         strength = float(np.sqrt(tails.chi_square_value(max(c.chance, 1e-300), 1)))
         blocks = sum(len(b.run) for b in comparison.fit.blocks)
         amplitude = 0.0 if c.signal is None else float(np.sqrt(2 * (c.signal @ c.signal) / blocks))
-        note = f"{rate_text(amplitude)} in the shape of {c.effect.id}"
+        note = f"rms {rate_text(amplitude / np.sqrt(2))}, in the shape of: {c.effect.title.lower()}"
         against, shape = (Rate.name, None) if nearest is None else (nearest.against, nearest.shape)
+        if c.effect.fault_of(c.values):
+            against, shape, note = Reading.name, None, c.effect.title.lower()
         out.append(Finding(c.axis, against, strength, c.chance, amplitude, note, shape))
     return sorted(out, key=lambda f: -f.strength)
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 LARGE_DPS = 0.9995
 """From here on three digits of mdps would round to 1000."""
+LARGE_PART = 0.01
+"""Parts of the rate are told in ppm below this and in percent from here on."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,11 @@ def rate_text(value_dps: float, sign: str = "") -> str:
     """A rate in three digits with its unit; a ``sign`` of "+" shows that of a positive value too."""
     unit = unit_of([value_dps])
     return f"{plain(value_dps * unit.per_dps, sign)} {unit.name}"
+
+
+def part_text(part: float, sign: str = "") -> str:
+    """A fraction in three digits, as ppm or %; a ``sign`` of "+" shows that of a positive value too."""
+    return f"{plain(part * 100, sign)}%" if abs(part) >= LARGE_PART else f"{plain(part * 1e6, sign)} ppm"
 
 
 def plain(value: float, sign: str = "") -> str:

@@ -78,8 +78,8 @@ def dropped_carry(session: Session, axis: str) -> Finding | None:
     carry = lost_carry(session.about(axis).runs, i)
     if carry is None:
         return None
-    step_dps = -(2.0**carry.bit) * count_dps_of(session.runs, i)
-    return Finding(axis, Reading.name, carry.t, 0.0, abs(step_dps), carry.words(step_dps))
+    count_dps = count_dps_of(session.runs, i)
+    return Finding(axis, Reading.name, carry.t, 0.0, 2.0**carry.bit * count_dps, carry.words(count_dps))
 
 
 def single_readings(session: Session, axis: str, alarm: float) -> Finding | None:

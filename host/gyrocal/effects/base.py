@@ -278,16 +278,23 @@ def _defined_in(module: ModuleType) -> list[Effect]:
     ]  # fmt: skip
 
 
-def load(folder: Path) -> list[str]:
-    """Load the user's own effects from the Python files of a folder and return their ids.
+def _own_files(place: Path) -> list[Path]:
+    """The Python files that :func:`load` executes: those of a folder, or the file itself. Raises InputError without either."""
+    if place.is_file() and place.suffix == ".py":
+        return [place]
+    if not place.is_dir():
+        raise InputError(f"{place}: no such folder of effects")
+    return sorted(place.glob("*.py"))
+
+
+def load(place: Path) -> list[str]:
+    """Load the user's own effects from the Python files of a folder, or from one file, and return their ids.
 
     This executes the files, so call it only if the user asked for it. The loaded effects are then treated like built-in ones.
-    Raises InputError if the folder does not exist, a file fails, or no file defines an effect.
+    Raises InputError if there is no such place, a file fails, or no file defines an effect.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder of effects")
     came = []
-    for path in sorted(folder.glob("*.py")):
+    for path in _own_files(place):
         spec = importlib.util.spec_from_file_location(f"gyrocal_own_{path.stem}", path)
         assert spec is not None
         assert spec.loader is not None
@@ -300,7 +307,7 @@ def load(folder: Path) -> list[str]:
             effects()[kind.id] = kind
             came.append(kind.id)
     if not came:
-        raise InputError(f"{folder}: no effect in it; an effect is a class that derives from gyrocal.effects.base.Effect")
+        raise InputError(f"{place}: no effect in it; an effect is a class that derives from gyrocal.effects.base.Effect")
     return came
 
 

@@ -15,8 +15,11 @@ from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
+from gyrocal.recording.torn import Codes, Torn, expected_shift, torn
 
 BITS = range(4, 15)
+HALF = 0.5
+"""Part of the low bits' range that is not negative where they are taken for a signed number."""
 BELOW = tuple(k / 8 for k in range(1, 8))
 """Parts of the range of the low bits that were tried as those after a lost carry."""
 STANDS_OUT = 8.0
@@ -108,16 +111,23 @@ class ByteFault(Effect):
 
 @dataclass(frozen=True)
 class Carry:
-    """A lost carry: the bit that lacks it, the part of the low bits' range after it, how often, and the step's t value."""
+    """A lost carry: the bit that lacks it, the part of the low bits' range after it, how often, and the step's t value.
+
+    ``signed`` is True if the low part was added as a signed number: the upper half of its range then lacks the carry.
+    """
 
     bit: int
     below: float
     fraction: float
     t: float
+    signed: bool = False
 
-    def words(self, step_dps: float) -> str:
-        """The fault in words, with the step of the reading in deg/s."""
-        return f"a carry into bit {self.bit} of the reading is lost, a step of {step_dps:+.3g} dps"
+    def words(self, count_dps: float) -> str:
+        """The fault in words, with the step of the reading in deg/s, from one count."""
+        step_dps = 2.0**self.bit * count_dps
+        if self.signed:
+            return f"the bits below bit {self.bit} of the reading are added as a signed number, a step of {step_dps:+.3g} dps"
+        return f"a carry into bit {self.bit} of the reading is lost, a step of {-step_dps:+.3g} dps"
 
 
 def carried(y_dps: Array, count_dps: float, bit: int, below: float) -> Mask:
@@ -169,13 +179,15 @@ def lost_carry(runs: Sequence[Run], axis: int) -> Carry | None:
             left = float(np.mean((rest_dps - step_dps * column) ** 2))
             t = abs(step_dps) / np.sqrt(left / norm)
             full_dps = -(2.0**bit) * count_dps
-            part = step_dps / full_dps
-            if not STANDS_OUT * noise_dps / abs(full_dps) < part < 1 + NEAR:
+            signed = step_dps > 0 and below == HALF
+            part = abs(step_dps / full_dps) if signed else step_dps / full_dps
+            if not STANDS_OUT * noise_dps / abs(full_dps) < part < 1 + NEAR or (signed and part < 1 - NEAR):
                 continue
             if part < 1 - NEAR and not _one_step(rest_dps, on > 0, full_dps):
                 continue
-            if (best is None or t > best.t) and _confirmed(steady, axis, count_dps, (bit, below), part):
-                best = Carry(bit, below, part if part < 1 - NEAR else 1.0, t)
+            carry = Carry(bit, below, part if part < 1 - NEAR else 1.0, t, signed)
+            if (best is None or t > best.t) and _confirmed(steady, axis, count_dps, carry):
+                best = carry
     return best
 
 
@@ -193,28 +205,27 @@ def _carries(runs: Sequence[Run], axis: int, carry: Carry) -> float:
     return carry.fraction * sum(int(np.count_nonzero(mask)) for mask in masks)
 
 
-def _confirmed(runs: Sequence[Run], axis: int, count_dps: float, carry: tuple[int, float], fraction: float) -> bool:
+def _confirmed(runs: Sequence[Run], axis: int, count_dps: float, carry: Carry) -> bool:
     """True if the readings become smoother where the carry comes and goes, or if it does so only between runs.
 
     A motion that the reference does not know correlates with the bits of the reading too, but it crosses them smoothly.
     """
-    bit, below = carry
-    full_dps = 2.0**bit * count_dps
+    lacking_dps = 2.0**carry.bit * count_dps * (-1 if carry.signed else 1)
     smoother, crossings, states = 0, 0, []
     for run in runs:
         y_dps = run.gyro_dps[:, axis]
-        on = carried(y_dps, count_dps, bit, below)
+        on = carried(y_dps, count_dps, carry.bit, carry.below)
         states.append(float(on.mean()))
         rows = np.flatnonzero(on[1:] != on[:-1])
         if rows.size:
             rest_dps = y_dps - rate_about(run, axis)
-            moved, mended = np.diff(rest_dps)[rows], np.diff(rest_dps + full_dps * on)[rows]
+            moved, mended = np.diff(rest_dps)[rows], np.diff(rest_dps + lacking_dps * on)[rows]
             crossings += rows.size
             smoother += int(np.count_nonzero(np.abs(mended) < np.abs(moved)))
     if crossings >= LEAST_CROSSINGS:
-        return smoother > SMOOTHER * fraction * crossings
+        return smoother > SMOOTHER * carry.fraction * crossings
     between = sum(s > 0.99 for s in states) >= LEAST_RUNS and sum(s < 0.01 for s in states) >= LEAST_RUNS
-    return between and abs(fraction - 1) < NEAR
+    return between and carry.fraction == 1.0
 
 
 def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
@@ -251,6 +262,38 @@ def _apart(run: Run, axis: int) -> tuple[Index, Array]:
     return outliers_of(run, axis, run.gyro_dps[:, axis] - rate_about(run, axis))
 
 
+def _codes(run: Run, axis: int, count_dps: float) -> Codes:
+    return np.rint(run.gyro_dps[:, axis] / count_dps).astype(np.int64)
+
+
+@once
+def _torn(runs: Sequence[Run], axis: int) -> Torn | None:
+    """Readings of steady runs that are torn, each run without its offset and scale; None if there are none."""
+    count_dps, steady = count_dps_of(runs, axis), [r for r in runs if not r.rate_is_mean]
+    if not steady or not np.isfinite(count_dps):
+        return None
+    rest = []
+    for run in steady:
+        known = np.column_stack([np.ones(len(run)), rate_about(run, axis)])
+        y = run.gyro_dps[:, axis] / count_dps
+        rest.append(y - known @ np.linalg.lstsq(known, y, rcond=None)[0])
+    return torn([_codes(r, axis, count_dps) for r in steady], rest)
+
+
+def _hidden(runs: Sequence[Run], axis: int) -> Detected | None:
+    """Torn readings that do not stand out singly."""
+    from scipy.stats import chi2
+
+    found = _torn(runs, axis)
+    if found is None or lost_carry(runs, axis) is not None:
+        return None
+    chance = len(BITS) * 0.5 * float(chi2.sf(2 * found.gain, 1))
+    if chance > BY_CHANCE:
+        return None
+    values = {"bit": float(found.bit), "step_dps": 2.0**found.bit * count_dps_of(runs, axis), "fraction": found.share}
+    return Detected(values, {}, chance)
+
+
 class _SingleReadings(ReadingFault):
     """Single readings that are off by a power of two of counts, and what the simulator plants."""
 
@@ -258,10 +301,13 @@ class _SingleReadings(ReadingFault):
     looks_like, measure_next, parameters = ByteFault.looks_like, ByteFault.measure_next, ByteFault.parameters
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Detect outliers that all deviate by the value of one bit. By chance, one in ten has such a size."""
+        """Detect outliers that all deviate by the value of one bit. By chance, one in ten has such a size.
+
+        Where noise hides single readings, their likelihood shows that some are torn.
+        """
         found = single_power(runs, axis)
         if found is None:
-            return None
+            return _hidden(runs, axis)
         bit, number = found
         carry = lost_carry(runs, axis)
         if carry is not None and number < 0.5 * _carries(runs, axis, carry):
@@ -272,6 +318,10 @@ class _SingleReadings(ReadingFault):
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         rows, apart_dps = _apart(run, axis)
         out = modelled_dps.copy()
+        if values["step_dps"] < STANDS_OUT * white_sd_dps:
+            count_dps = 2.0 ** -values["bit"] * values["step_dps"]
+            codes, rest = _codes(run, axis, count_dps), (run.gyro_dps[:, axis] - modelled_dps) / count_dps
+            return out + count_dps * expected_shift(codes, rest, round(values["bit"]), values["fraction"])
         out[rows] += apart_dps
         return out
 

@@ -27,7 +27,7 @@ class Centripetal(Effect):
         "three different speeds including rest, or a run with the sensor on the axis of rotation, where the effect vanishes"
     )
     parameters = (
-        Parameter("k", "1/dps", (1e-8, 1e-6), "0.01-0.1 dps/g at 0.03-0.3 m from the axis: 3.1e-5·(dps/g)·m", 1e-6),
+        Parameter("k", "1/dps", (1e-8, 3e-6), "0.01-0.1 dps/g at 0.03-1 m from the axis: 3.1e-5·(dps/g)·m", 1e-6),
     )
     linear = ("k",)
     on_device = True

@@ -41,7 +41,7 @@ def turned_turn(run: Run) -> Array:
 
 @once
 def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
-    """The spectrum over the table's angle of measured minus true rate on one axis, each run without its offset and slope."""
+    """The spectrum over the table's angle of measured minus true rate on one axis, each run without its slow errors."""
     turning = [r for r in runs if _turns(r)]
     return over_turns(turning, [_rest_dps(r, axis) for r in turning])
 
@@ -54,9 +54,16 @@ def over_turns(turning: Sequence[Run], residuals: Sequence[Array]) -> OrderSpect
 
 
 def _rest_dps(run: Run, axis: int) -> Array:
-    known = np.column_stack([np.ones(len(run)), run.rate_dps, elapsed_s(run)])
-    y_dps = run.gyro_dps[:, axis]
-    return np.asarray(y_dps - known @ np.linalg.lstsq(known, y_dps, rcond=None)[0])
+    """Measured minus true rate [n] of one run without what smooth functions of time, of the rate and of its slope explain.
+
+    An asymmetry, a delay or a scale that changes with the temperature would hide a wave of their size.
+    """
+    w, t = run.rate_dps / max(float(np.abs(run.rate_dps).max()), 1e-9), elapsed_s(run) / max(run.duration_s, 1e-9)
+    slope = np.gradient(w) if len(run) > 1 else 0.0 * w
+    known = np.column_stack([np.ones(len(run)), w, t, t**2, np.abs(w), w**3, t * w, slope, t * slope])
+    known /= np.maximum(np.linalg.norm(known, axis=0), 1e-12)
+    y_dps = run.gyro_dps[:, axis] - run.rate_dps * (axis == run.axis_index)
+    return np.asarray(y_dps - known @ np.linalg.lstsq(known, y_dps, rcond=1e-9)[0])
 
 
 @once

@@ -29,6 +29,7 @@ def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
 
 class VibrationTone(Tone):
     id = "vibration_tone"
+    wanders = True
     title = "A vibration's tone"
     cause = (
         "A motor, a fan, mains hum in the supply or a resonance of the mount vibrates at a fixed frequency. A tone "

@@ -28,6 +28,8 @@ class Wave(OfEachRun):
     phases: ClassVar[tuple[str, ...]]
     same_size: ClassVar[bool] = False
     """True if the amplitude is the same in all runs although the phase differs from run to run."""
+    wanders: ClassVar[bool] = False
+    """True if the frequency of its source may wander. A wave over the table's angle has no such freedom."""
 
     def holds(self, runs: Sequence[Run], sizes: Array) -> bool:
         """False if the sizes [runs] that were fitted to each run apart contradict what the wave says about its size.

@@ -176,7 +176,8 @@ def _levels(fitted: GravityFit, tests: int, known: bool) -> list[Finding]:
 def findings(measured: Comparison, judged: Sequence[Candidate]) -> list[Finding]:
     """The candidates with decision ``add`` as findings."""
     return [
-        _finding(c.axis, "rate", c.chance, 0.0, f"in the shape of {c.effect.id}") for c in judged if c.decision == "add"
+        _finding(c.axis, "rate", c.chance, 0.0, f"in the shape of: {c.effect.title.lower()}")
+        for c in judged if c.decision == "add"
     ]
 
 

@@ -29,15 +29,21 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
     lines = slopes.lines(means)
     moved = rests.moved(means, lines)
     accused = slopes.contradictions(means, lines)
+    about_reference = references.check(session)
+    if any(w.blocking for w in about_reference):  # slopes against a reference of another motion say nothing
+        sized: list[Warning] = []
+        accused = [w for w in accused if w.code == "unit_rad_s"]
+    else:
+        sized = sizes.check(means, lines, accused, moved)
     found = [
         *accused,
-        *sizes.check(means, lines, accused, moved),
+        *sized,
         *moved,
         *dead,
-        *noise.unit_unsure(session),
+        *noise.unit_unsure(session, {w.file for w in moved}),
         *readings.clipped(session, Model.open(model), levels_dps),
         *columns.check(session),
-        *references.check(session),
+        *about_reference,
         *readings.first_sample(session, levels_dps),
         *header.check(session),
     ]

@@ -72,7 +72,7 @@ def _sample_rate(session: Session) -> list[Warning]:
 
     def off(run: Run) -> bool:
         hz = rates[run.file]
-        return hz < POLICY.slowest_hz or abs(hz / run.sample_rate_hz - 1) > POLICY.sample_rate_off
+        return hz < POLICY.slowest_hz or hz > POLICY.fastest_hz or abs(hz / run.sample_rate_hz - 1) > POLICY.sample_rate_off
 
     hit = [r for r in session.runs if off(r)]
 
@@ -83,7 +83,7 @@ def _sample_rate(session: Session) -> list[Warning]:
         if _too_slow(rate, one):
             return f"Is t_s in ms? It {has}. Convert it to seconds (--map t_s=COLUMN:ms when importing)"
         if _too_fast(rate, one):
-            return f"Was t_s taken for ms? It {has}. Import it in seconds (--map t_s=COLUMN), or correct sample_rate_hz"
+            return f"Was t_s taken for ms or us? It {has}. Import it in seconds (--map t_s=COLUMN), or correct sample_rate_hz"
         return f"t_s {has}. Correct sample_rate_hz, or the times"
 
     return told(session, "sample_rate", None, hit, text, False)
@@ -95,8 +95,8 @@ def _too_slow(rate_hz: float, run: Run) -> bool:
 
 
 def _too_fast(rate_hz: float, run: Run) -> bool:
-    """True if the times are seconds that were divided by 1000."""
-    return POLICY.milliseconds[0] < rate_hz / run.sample_rate_hz < POLICY.milliseconds[1]
+    """True if the times are seconds that were divided by 1000 or 10^6."""
+    return rate_hz > POLICY.fastest_hz or POLICY.milliseconds[0] < rate_hz / run.sample_rate_hz < POLICY.milliseconds[1]
 
 
 def measured_hz(run: Run) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import replace
 
 import numpy as np
@@ -54,10 +55,14 @@ def _change_dps2(run: Run, axis: int) -> float:
     return min(float(np.quantile([p.mean() for p in np.array_split(c, parts)], STILLEST)) for c in (readings, left))
 
 
-def unit_unsure(session: Session) -> list[Warning]:
-    """``unit_unsure``: no run turns, and the noise differs from the usual by a factor of 57."""
-    if any(r.rate_is_mean or bool(np.any(r.rate_dps)) for r in session.runs):
+def unit_unsure(session: Session, moved: Set[str | None]) -> list[Warning]:
+    """``unit_unsure``: no run turns, and the noise differs from the usual by a factor of 57. The files of ``moved`` show motion
+    and no noise.
+    """
+    still = tuple(r for r in session.runs if r.file not in moved)
+    if not still or any(r.rate_is_mean or bool(np.any(r.rate_dps)) for r in session.runs):
         return []
+    session = replace(session, runs=still)
     usual_dps = POLICY.usual_density_dps * float(np.sqrt(max(session.sample_rate_hz / 2, POLICY.least_band_hz)))
     unstated = replace(session, lsb_dps=None)  # a stated count would be in the right unit
     found = [sd for sd in (own_sd_dps(unstated, i) for i in range(len(AXES))) if sd]

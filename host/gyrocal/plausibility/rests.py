@@ -23,6 +23,16 @@ def moved(means: Means, lines: Lines) -> list[Warning]:
             text = f"gravity turns by {angle_deg:.0f} deg in this run at rest. Cut the movement out of it, or give its turn_deg"
             out.append(Warning("not_at_rest", run.axis, run.file, text, True))
             seen.add(run.file)
+            continue
+        for axis in AXES:
+            step_dps = _moves_dps(run, axis)
+            if step_dps > 0:
+                text = (
+                    f"the run is said to be at rest, but the means of {axis} over one second and the next differ by "
+                    f"{step_dps:.3g} dps: the sensor moves. Give its true rate, cut the movement out, or record the rest again"
+                )
+                out.append(Warning("not_at_rest", axis, run.file, text, True))
+                seen.add(run.file)
     for axis in AXES:
         rests = [m for m in means.by_axis[axis] if _said_at_rest(m.run) and m.run.file not in seen]
         apart = _apart(rests, _scatter_dps(lines, axis), _bias_dps(means, lines, axis))
@@ -70,6 +80,17 @@ def _text(m: Mean, rests: list[Mean], axis: str) -> str:
         f"the run is said to be at rest, but {axis} reads {m.mean_dps:.4g} dps in the mean, {others:.4g} in the other rests. "
         "Give the true table_rate_dps, or record the rest again with the table still"
     )
+
+
+def _moves_dps(run: Run, axis: str) -> float:
+    """The median step between the means of successive seconds, deg/s; 0 where noise or one movement explains it."""
+    size = max(10, round(WINDOW_S * run.sample_rate_hz))
+    y = run.gyro_dps[: len(run) // size * size, AXES.index(axis)]
+    if y.size < 3 * size:
+        return 0.0
+    step_dps = float(np.median(np.abs(np.diff(y.reshape(-1, size).mean(axis=1)))))
+    noise_dps = float(np.sqrt(np.mean(np.diff(y) ** 2) / size))
+    return step_dps if step_dps > max(POLICY.rest_off_dps, POLICY.rest_spreads * noise_dps) else 0.0
 
 
 def _gravity_turns_deg(run: Run) -> float:

@@ -76,10 +76,10 @@ def _mean(run: Run, axis: int) -> Mean:
         lag, others = lag_samples(y, rate, longest_lag(run)), _others_dps(run)[:, known]
         others = np.array([_shifted(y, other, lag)[1] for other in others])
         y, rate = _shifted(y, rate, lag)
-        samples = round(POLICY.slow_s * run.sample_rate_hz) if run.three_axes else 1
+        samples = max(1, round(POLICY.slow_s * run.sample_rate_hz)) if run.three_axes else 1
         slow = [_block_means(values, samples) for values in (y, rate, *others)]
         beside = np.array(slow[2:]).reshape(len(others), slow[0].size)
-        line, omega_rad_s = _regression(slow[0], slow[1], beside, _noise_dps(run) / samples**0.5), _omega_rad_s(run)
+        line, omega_rad_s = _regression(slow[0], slow[1], beside, _noise_dps(run) / samples**0.5, _size(run)), _omega_rad_s(run)
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0, line.slope, line.slope_se, line.offset_dps, omega_rad_s)
     if run.rate_is_mean:  # the variation comes from the turn itself
         return Mean(run, float(rate.mean()), float(y.mean()), 0.0)
@@ -121,11 +121,21 @@ def _noise_dps(run: Run) -> float:
     return run.smooth_rate.noise.sd if run.three_axes and run.smooth_rate is not None else 0.0
 
 
-def _regression(y: Array, rate: Array, others: Array, noise_dps: float) -> _Regression:
+def _size(run: Run) -> float:
+    """How large the readings are beside the true rates, over all axes: 1 unless the unit of one of both is wrong."""
+    if not run.three_axes:
+        return 1.0
+    true_dps = np.column_stack([run.about(name).rate_dps for name in AXES])[run.reached]
+    power = float(np.sum(np.var(true_dps, axis=0)))
+    return float(np.sqrt(np.sum(np.var(run.gyro_dps[run.reached], axis=0)) / max(power, 1e-300)))
+
+
+def _regression(y: Array, rate: Array, others: Array, noise_dps: float, size: float) -> _Regression:
     """A straight line of readings [n] over the true rate [n], beside the true rates about other axes [m, n].
 
     An axis about which the sensor hardly turns reads a little of its large rates about the others, and not always the same. The
-    part of the true rate that is noise of ``noise_dps`` in each sample flattens the line. The standard error contains both.
+    part of the true rate that is noise of ``noise_dps`` in each sample flattens the line. The standard error contains both, for
+    readings of that ``size`` beside the true rates.
     """
     about, beside = rate - rate.mean(), (others - others.mean(axis=1, keepdims=True)).T
     about = about - beside @ np.linalg.lstsq(beside, about, rcond=None)[0]
@@ -134,7 +144,7 @@ def _regression(y: Array, rate: Array, others: Array, noise_dps: float) -> _Regr
     left = left - beside @ np.linalg.lstsq(beside, left, rcond=None)[0]
     flattened = min(noise_dps**2 * y.size / float(about @ about), 1.0)
     leaked = POLICY.leak * float(np.sqrt(np.sum(beside**2) / (about @ about)))
-    se = float(np.linalg.norm([_clustered_se(about, left), flattened, leaked]))
+    se = float(np.linalg.norm([_clustered_se(about, left), size * flattened, size * leaked]))
     return _Regression(slope, se, float(y.mean() - slope * rate.mean()))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means, told
 from gyrocal.policy import POLICY
+from gyrocal.recording.measured_rates import QUATERNION
 from gyrocal.recording.run import points_up
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.warning import Warning
@@ -189,7 +190,7 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
         return [Warning("face_wrong", axis, turned.run.file, _face_text(turned, axis), True)]
     if off and not _behind_a_filter(sure, errors):
         return [Warning("rate_wrong", axis, s.run.file, _rate_text(s, middle, axis), True) for s in off]
-    return [_scale(middle, axis)] if scaled else _beyond_any_bias(sure, axis) if line.bias_dps is None else []
+    return [_scale(middle, axis, sure[0].run)] if scaled else _beyond_any_bias(sure, axis) if line.bias_dps is None else []
 
 
 def _behind_a_filter(slopes: list[Slope], errors: float) -> bool:
@@ -211,10 +212,12 @@ def _behind_a_filter(slopes: list[Slope], errors: float) -> bool:
     return bool(np.all(np.abs(values - expected) < allowed))
 
 
-def _scale(middle: float, axis: str) -> Warning:
+def _scale(middle: float, axis: str, run: Run) -> Warning:
+    measured = "the units of the reference, of the readings and of t_s"
+    stated = "table_rate_dps of all runs" if run.measured_rates is None else measured
     text = (
         f"{axis} reads {middle:.3g} of the true rate, a scale error of {middle - 1:+.0%}; gyroscopes have a few percent. "
-        "Check table_rate_dps of all runs, the sensor's range and the size of one count (--lsb-dps when importing)"
+        f"Check {stated}, the sensor's range and the size of one count (--lsb-dps when importing)"
     )
     return Warning("scale_implausible", axis, None, text, True)
 
@@ -223,7 +226,8 @@ def _beyond_any_bias(slopes: list[Slope], axis: str) -> list[Warning]:
     """``scale_implausible`` at a single rate, which shows no bias: no plausible bias and scale together give these readings."""
     middle = middle_of(np.array([s.value for s in slopes]))
     rate_dps = max(abs(float(s.run.rate_dps.mean())) for s in slopes)
-    return [_scale(middle, axis)] if abs(middle - 1) > POLICY.largest_scale + POLICY.largest_bias_dps / rate_dps else []
+    beyond = abs(middle - 1) > POLICY.largest_scale + POLICY.largest_bias_dps / rate_dps
+    return [_scale(middle, axis, slopes[0].run)] if beyond else []
 
 
 def _one_face(points: list[Mean]) -> Slope | None:
@@ -279,6 +283,11 @@ def _rad_readings(s: Slope, axis: str) -> str:
 
 
 def _rad_reference(s: Slope, axis: str) -> str:
+    if s.run.column(QUATERNION[0]) is not None:
+        return (
+            f"{axis} reads {s.value:.4g} times the true rate, and 180/pi is 57.3: orientations have no unit, so the readings "
+            f"were in deg/s already when they were converted. Leave the unit out when importing (--map g{axis}_dps=COLUMN)"
+        )
     return (
         f"{axis} reads {s.value:.4g} times the true rate, and 180/pi is 57.3: the reference is in rad/s. "
         "Give table_rate_dps, turn_deg or rate_ref_dps in degrees (--map rate_ref_dps=COLUMN:rad/s when importing)"

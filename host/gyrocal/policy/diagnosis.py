@@ -246,9 +246,19 @@ class Diagnosis:
         chosen_by="square root of ln 2 for noise alone (Rayleigh); chosen between this and 0",
     )  # fmt: skip
     coherent: float = threshold(
-        0.5, "smallest part of a tone's power that keeps one phase within each run",
+        0.5, "smallest part of a vibration's power that keeps one phase within each run",
         larger="a motor whose speed wanders is no tone", smaller="a resonance of the mount is named a vibration",
         chosen_by="half of the power; pytest tests/diagnosis/test_mistaken.py has a resonance and a tone",
+    )  # fmt: skip
+    coherent_turn: float = threshold(
+        0.8, "smallest part of the power of a wave over the table's angle that keeps one phase within each run",
+        larger="a wave beside another of nearly its order is not named", smaller="stick-slip is named a ripple",
+        chosen_by="waves of the table keep 0.94 and more, periods that differ by 30 % 0.76 and less; chosen by judgement "
+        "between; pytest tests/diagnosis/test_mistaken.py",
+    )  # fmt: skip
+    another_line: float = threshold(
+        1.5, "frequency of a line over the highest one of a tone from which on the line has another cause",
+        larger="lines of another cause keep a tone from being named", smaller="a tone is named beside a line that is its own",
     )  # fmt: skip
     left_of_line: float = threshold(
         2.0, "amplitude of a line over that of a term's line at the same frequency up to which a filter leaves it of that one",

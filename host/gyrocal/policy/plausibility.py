@@ -328,6 +328,11 @@ class Plausibility:
         larger="slow logs are called milliseconds", smaller="milliseconds are not recognised if the stated rate agrees",
         chosen_by=COLUMNS,
     )  # fmt: skip
+    fastest_hz: float = threshold(
+        20_000.0, "fastest sample rate that a recording has, Hz",
+        larger="seconds that were taken for ms pass if the stated rate agrees", smaller="fast laboratory logs are reported",
+        chosen_by=COLUMNS,
+    )  # fmt: skip
     gravity_off: float = threshold(
         0.1, "deviation of the acceleration at rest from 1 g that is reported, g",
         larger="a wrong range passes", smaller="the bias of an accelerometer is reported", chosen_by=COLUMNS,

@@ -150,7 +150,7 @@ def picture(before: Comparison, finding: Finding | None, after: Comparison | Non
     if finding is None:
         return None
     if variables()[finding.against].picture == "spectrum":
-        return pictures.spectra(before)
+        return pictures.spectra(before, finding.against)
     return pictures.residual_against(before, finding, after)
 
 

@@ -15,8 +15,11 @@ from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
 from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.present.spectra import against_frequency, against_order
 from gyrocal.recording.session import AXES, Array
 from gyrocal.variables.base import Variable, variables
+from gyrocal.variables.frequency import Frequency
+from gyrocal.variables.order import Order
 from gyrocal.variables.shapes import Columns, ShapeOfEachRun, Steps
 
 if TYPE_CHECKING:
@@ -30,6 +33,8 @@ AXIS_COLOURS = {"x": ORANGE, "y": GREEN, "z": BLUE}
 LEAST_RATE_DPS = 5.0
 RUNS_SHOWN, PERIODS_SHOWN = 4, 3
 STEPS_SHOWN = 24
+FEW_DECADES = 4
+"""Decades of a logarithmic axis up to which 2 and 5 are told beside 1."""
 
 
 def framed(width: float, height: float) -> tuple[Figure, Any]:
@@ -41,6 +46,22 @@ def framed(width: float, height: float) -> tuple[Figure, Any]:
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
+
+
+def logarithmic(axes: Any) -> None:
+    """Logarithmic axes whose ticks are plain numbers, with room above the curves for the legend."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set(xscale="log", yscale="log")
+    if axes.lines:
+        axes.set_ylim(top=1.7 * axes.get_ylim()[1])
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        decades = np.log10(high / low)
+        subs = (1,) if decades > FEW_DECADES else (1, 2, 5) if decades > 1 else range(1, 10)
+        axis.set_major_locator(LogLocator(subs=tuple(subs), numticks=30))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def residual_against_time(comparison: Comparison) -> Figure:
@@ -129,16 +150,46 @@ def _means(comparison: Comparison, variable: Variable, axis: int, own: Columns |
     return out
 
 
-def spectra(comparison: Comparison) -> Figure:
-    """Amplitude spectral density of the residual, and its level between the lines."""
+def spectra(comparison: Comparison, against: str = Frequency.name) -> Figure | None:
+    """The residual's spectrum from one period in the longest run on, as the workbench draws it.
+
+    It is the amplitude density over the frequency, or for ``Order.name`` the amplitude over periods per turn of the table. The
+    latter is None if no run turns far enough.
+    """
+    by_axis: dict[str, dict[int, Array]] = {axis: {} for axis in comparison.fit.axes}
+    for p in heldout.fitted(comparison.fit):
+        by_axis[AXES[p.axis]][p.run.index] = p.residual_dps
     figure, axes = framed(8, 3.2)
-    for name, lines in comparison.spectra.items():
-        if lines.frequency_hz.size:
-            axes.loglog(lines.frequency_hz, np.sqrt(lines.power) * 1e3, lw=0.7, color=AXIS_COLOURS[name], label=name)
-            axes.loglog(lines.frequency_hz, np.sqrt(lines.level) * 1e3, lw=1.5, ls="--", color=AXIS_COLOURS[name])
-    axes.set(xlabel="frequency, Hz", ylabel="mdps/√Hz", title="Spectrum of the residual (dashed: between lines)")
-    axes.legend(frameon=False, ncols=3)
+    over_turn, reference = against == Order.name, "noise alone"
+    for name, residuals in by_axis.items():
+        if not residuals:
+            continue
+        c = against_order(comparison, name, residuals) if over_turn else against_frequency(
+            comparison, name, list(residuals.values())
+        )  # fmt: skip
+        if c is None or not c.x:
+            continue
+        y, expected, low, high = (1e3 * np.array(v) for v in (c.y, c.expected, c.low, c.high))
+        axes.fill_between(c.x, low, high, color=AXIS_COLOURS[name], alpha=0.2, linewidth=0)
+        axes.plot(c.x, y, lw=0.9, color=AXIS_COLOURS[name], label=name)
+        axes.plot(c.x, expected, lw=1.5, ls="--", color=AXIS_COLOURS[name])
+    if over_turn:
+        if not axes.lines:
+            return None
+        reference = "white noise alone"
+    x, y_name = ("periods per turn of the table", "mdps") if over_turn else ("frequency, Hz", "mdps/√Hz")
+    title = f"Spectrum of the residual (line: mean, band: lowest to highest; dashed: {reference})"
+    logarithmic(axes)
+    axes.set(xlabel=x, ylabel=y_name, title=title)
+    axes.legend(frameon=False, ncols=3, loc="upper right")
     return figure
+
+
+def of_spectra(comparison: Comparison) -> dict[str, tuple[str, Figure]]:
+    """The spectra that a comparison has, over the frequency and over the turn: {file name: (title, figure)}."""
+    titles = {"spectrum": ("Spectrum", Frequency.name), "orders": ("Spectrum over the turn of the table", Order.name)}
+    drawn = {name: (title, spectra(comparison, against)) for name, (title, against) in titles.items()}
+    return {name: (title, figure) for name, (title, figure) in drawn.items() if figure is not None}
 
 
 def allan(comparison: Comparison) -> Figure:
@@ -151,8 +202,9 @@ def allan(comparison: Comparison) -> Figure:
         if not series:
             continue
         tau_s, deviation = allan_deviation(series, rate_hz)
-        axes.loglog(tau_s, deviation * 1e3, "o-", ms=3, lw=0.8, color=AXIS_COLOURS[name], label=name)
-        axes.loglog(tau_s, model_deviation(tau_s, fitted.noise, rate_hz) * 1e3, "--", lw=1.2, color=AXIS_COLOURS[name])
+        axes.plot(tau_s, deviation * 1e3, "o-", ms=3, lw=0.8, color=AXIS_COLOURS[name], label=name)
+        axes.plot(tau_s, model_deviation(tau_s, fitted.noise, rate_hz) * 1e3, "--", lw=1.2, color=AXIS_COLOURS[name])
+    logarithmic(axes)
     axes.set(xlabel="averaging time, s", ylabel="mdps", title="Allan deviation of the residual (dashed: the noise model)")
     axes.legend(frameon=False, ncols=3)
     return figure
@@ -236,7 +288,7 @@ def of_comparison(comparison: Comparison) -> dict[str, tuple[str, Figure]]:
             drawn["where"] = (f"Where it fails most: on {first.axis}, against {first.against.replace('_', ' ')}", figure)
     return drawn | {
         "time": ("Residual against time", residual_against_time(comparison)),
-        "spectrum": ("Spectrum", spectra(comparison)),
+        **of_spectra(comparison),
         "allan": ("Allan deviation", allan(comparison)),
     }
 

@@ -13,7 +13,7 @@ ROWS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("angle, deg", ("table_angle_deg", "ref_angle_deg")),
     ("quaternion", ("ref_qw", "ref_qx", "ref_qy", "ref_qz")),
     ("acceleration, g", ("ax_g", "ay_g", "az_g")),
-    ("temperature, degC", ("temp_c",)),
+    ("temperature, °C", ("temp_c",)),
 )
 """The unit of each row of axes, and the columns drawn there."""
 POINTS = 4000

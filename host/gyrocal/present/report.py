@@ -207,13 +207,14 @@ def unproven(d: Diagnosis) -> list[Candidate]:
     return [c for c in d.candidates if d.unknown is not None and c.decision == "suggest" and c.axis == d.unknown["axis"]]
 
 
-def sizes(c: Candidate) -> str:
-    """A candidate's parameters with their standard errors, as text."""
+def sizes(c: Candidate, fraction: str = "") -> str:
+    """A candidate's parameters with their standard errors, as text; ``fraction`` is the word for the unit of a pure number."""
     units = {p.name: p.unit for p in c.effect.parameters}
     parts = []
     for name, value in c.values.items():
         unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-        parts.append(f"{name} {plus_minus(value, c.se.get(name), '' if unit == 'fraction' else unit)}")
+        unit = fraction if unit == "fraction" else unit
+        parts.append(f"{name} {plus_minus(value, c.se.get(name), unit)}")
     return ", ".join(parts)
 
 

@@ -187,18 +187,26 @@ def unwrapped(angle_deg: Array) -> Array:
     return out
 
 
-def even(t_s: Array, where: Callable[[int], str], file: str) -> tuple[Array, Warning | None]:
-    """Times [n], s: unchanged, or by regression with a warning if they repeat or come in bursts; ``where`` names a sample."""
+def even(
+    t_s: Array, where: Callable[[int], str], file: str, advice: Callable[[int], str] = lambda _: "delete what is not part of it"
+) -> tuple[Array, Warning | None]:
+    """Times [n], s: unchanged, or by regression with a warning if they repeat or come in bursts.
+
+    ``where`` names a sample, and ``advice`` says what to do where the times go back at it.
+    """
     if not in_bursts(t_s):
         return t_s, None
-    if goes_back(t_s) or t_s[-1] <= t_s[0]:
-        repeated = int(np.argmax(np.diff(t_s) <= 0)) + 1
-        raise InputError(
-            f"{where(repeated)}: time repeats or goes back; cut it with --run, or number the samples with --rate-hz and no t_s"
-        )
+    steps_s = np.diff(t_s)
+    if goes_back(t_s):
+        later = int(np.argmin(steps_s)) + 1
+        back = f"time goes back by {-steps_s[later - 1]:.4g} s, to another recording"
+        raise InputError(f"{where(later)}: {back}; {advice(later)}")
+    if t_s[-1] <= t_s[0]:
+        repeated = int(np.argmax(steps_s <= 0)) + 1
+        raise InputError(f"{where(repeated)}: time repeats or goes back; {advice(repeated)}")
     if t_s[-1] - t_s[0] > LONGEST_S:
-        longest = int(np.argmax(np.diff(t_s))) + 1
-        raise InputError(f"{where(longest)}: {t_s[longest] - t_s[longest - 1]:.3g} s after the row before; correct the times")
+        longest = int(np.argmax(steps_s)) + 1
+        raise InputError(f"{where(longest)}: {steps_s[longest - 1]:.3g} s after the row before; correct the times")
     stamps = regression(t_s)
     lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
     return stamps.t_s, Warning(

@@ -52,6 +52,8 @@ TICK_S = 5e-4
 """Counts of an Xsens clock that would be shorter steps than this as microseconds are of 0.1 ms."""
 RATES_HZ = (5.0, 20_000.0)
 """Sample rates that gyroscopes are read at."""
+BACK = 0.1
+"""Steps back of a time, as a part of its steps forward."""
 PHONE = "phones write rad/s"
 LARGEST_RAD_S = 35.0
 """Full scale of 2000 deg/s, rad/s: larger readings are deg/s."""
@@ -190,7 +192,7 @@ def _time(source: Source) -> Guess | None:
             continue
         t_s = source.numbers(ColumnMap("t_s", name))
         t_s = t_s[np.isfinite(t_s)]
-        if t_s.size < 3 or t_s[-1] <= t_s[0]:
+        if t_s.size < 3 or not _runs_forward(t_s):
             continue
         stated = _stated_unit(name, "t_s")
         if moments_ns(source.frame[name]) is not None:
@@ -204,6 +206,14 @@ def _time(source: Source) -> Guess | None:
             if step > 0 and RATES_HZ[0] <= 1 / (step * size) <= RATES_HZ[1]:
                 return Guess(f"t_s={name}:{unit}", f"its steps make {1 / (step * size):.4g} samples a second")
     return None
+
+
+def _runs_forward(t_s: Array) -> bool:
+    """True if few steps go back, which other columns do half of the time. A counter may begin again, and a file may end with
+    rows of zeros.
+    """
+    steps = np.diff(t_s)
+    return float(np.sum(steps < 0)) < BACK * float(np.sum(steps > 0))
 
 
 def _unit_of_acceleration(source: Source, names: Sequence[str]) -> tuple[str, str]:

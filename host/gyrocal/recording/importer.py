@@ -139,7 +139,8 @@ def _files(path: Path) -> list[Path]:
         return [path]
     found = sorted(p for p in path.iterdir() if p.suffix.lower() in TABLES)
     if not found:
-        raise InputError(f"{path}: no tables in this folder ({', '.join(TABLES)})")
+        hint = "; the layout is that of EuRoC: give --format euroc" if _data_file(path) != path else f" ({', '.join(TABLES)})"
+        raise InputError(f"{path}: no tables in this folder{hint}")
     return found
 
 
@@ -258,7 +259,11 @@ def _run(
     file = f"{cut.name}.csv"
     t_s = columns["t_s"]
     t_s = t_s - t_s[0] if t_s[0] else t_s
-    columns["t_s"], warning = even(t_s, lambda repeated: source.row(table.row(start + repeated)), file)
+    columns["t_s"], warning = even(
+        t_s, lambda place: source.row(table.row(start + place)), file,
+        lambda place: f"take the rows before it by --run NAME:{table.row(start)}:{table.row(start + place)}, or number the "
+        "samples with --rate-hz and no t_s",
+    )  # fmt: skip
     if warning is not None:
         warn(warning)
     if any(m.is_angle_of_rate for m in mappings):

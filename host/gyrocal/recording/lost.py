@@ -45,7 +45,8 @@ def _joined(mask: Mask, gap: int) -> list[tuple[int, int]]:
     """First sample and end of each stretch of a mask [n]; stretches up to ``gap`` samples apart are one."""
     joined: list[tuple[int, int]] = []
     for first, count in zip(*(part.tolist() for part in stretches(mask)), strict=True):
+        end = first + count
         if joined and first - joined[-1][1] <= gap:
             first = joined.pop()[0]
-        joined.append((first, first + count))
+        joined.append((first, end))
     return joined

@@ -52,6 +52,8 @@ CAUCHY = 2.4
 """Scale of Cauchy's loss in medians of the difference: 95 % efficient for Gaussian noise."""
 NOISE_ERRORS = 10.0
 """Products of readings and reference below this many standard errors of white noise show no rotation."""
+ONE_UNIT = 10.0
+"""Readings and reference whose sizes differ by more than this factor are in different units, such as rad/s and deg/s."""
 ROTATIONS = 5
 """Gauss-Newton steps from Wahba's rotation to that beside scale and misalignment."""
 PAIRS = ((0, 1), (0, 2), (1, 2))
@@ -150,13 +152,15 @@ class _Trial:
         noise = NOISE_ERRORS * np.sqrt(self.square * max(float(np.linalg.eigvalsh(self.power)[0]), 0.0) / self.samples)
         rotation, proper = nearest_rotation(self.cross + noise * np.eye(3))
         sizes = np.linalg.svd(self.cross, compute_uv=False)
+        size = max(sizes @ [1, 1, 1], sizes @ [1, 1, -1]) / np.trace(self.power)
+        unit = 1.0 if 1 / ONE_UNIT < size < ONE_UNIT else size
         left = [self.readings - (sizes @ [1, 1, sign]) ** 2 / np.trace(self.power) for sign in (1, -1)]
         inverse = np.linalg.pinv(self.power, rcond=1e-9)
         flattened = inverse * self.noise
         known = [np.linalg.pinv(inverse * left / self.samples + flattened @ flattened.T) for left in self.squares]
         for _ in range(ROTATIONS):
             weight = block_diag(*(rotation @ of_axis @ rotation.T for of_axis in known))
-            off = self.cross @ inverse @ rotation.T - np.eye(3)
+            off = self.cross / unit @ inverse @ rotation.T - np.eye(3)
             step = structured(weight, weight @ off.reshape(-1), PAIRS)
             rotation = Registration(tuple(np.rad2deg(step.rotation))).matrix @ rotation
         return rotation, not proper and left[0] < WORSE * left[1]
@@ -216,7 +220,7 @@ class _Search:
             w, slope, y, t = r.rates(at_s[use]), r.slopes(at_s[use]), r.y_dps[use], r.t_s[use] - r.t_s[0]
             parts.append((y - y.mean(axis=0), w - w.mean(axis=0), slope, slope * t[:, None]))
         if not parts:
-            raise InputError("reference and readings do not overlap in time: shift the reference's times and import again")
+            raise InputError(self._too_few(4 * (a + 1)))
         y, w, slope, late = (np.concatenate([p[i] for p in parts]) for i in range(4))
         found = np.linalg.lstsq(w, y, rcond=None)[0]
         left = y - w @ found
@@ -238,6 +242,13 @@ class _Search:
             offset_s, drift, float(np.mean(left**2)), np.array([*step, only_offset]), left.size, np.mean(left**2, axis=0),
             y.T @ w / len(w), w.T @ w / len(w), max(r.noise for r in self.readings), float(np.sum(y**2)) / len(y),
         )  # fmt: skip
+
+    def _too_few(self, least: int) -> str:
+        r = self.readings[0]
+        known_s = r.reference.t_s[r.reference.known]
+        if known_s[0] <= r.t_s[-1] and known_s[-1] >= r.t_s[0]:
+            return f"the reference covers fewer than {least} samples of the readings; record longer"
+        return "reference and readings do not overlap in time: shift the reference's times and import again"
 
     def _refined(self, trial: _Trial, span_s: float, drifts: bool) -> _Trial:
         """Gauss-Newton steps, halved until the mean square falls."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gyrocal.effects.quantities import rate_slope_dps_s, rate_varies
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.base import Variable, variables
+from gyrocal.variables.rate import Rate
 
 
 @dataclass(frozen=True)
@@ -39,10 +41,32 @@ class Panel:
         return values[:, self.variable.components.index(self.component)]
 
 
+@dataclass(frozen=True)
+class ChangeOfRate(Panel):
+    """The residual against the slope of the true rate, to which that of a delay is proportional."""
+
+    variable: type[Variable] = Rate
+    component: str = "change"
+
+    @property
+    def title(self) -> str:
+        return "Change of rate"
+
+    @property
+    def label(self) -> str:
+        return "change of the true rate, deg/s²"
+
+    def values(self, variable: Variable, run: Run, axis: int) -> Array | None:
+        turning = run.axis_index
+        return rate_slope_dps_s(run, turning) if rate_varies([run], turning) else None
+
+
 def panels() -> list[Panel]:
     """All panels, in their order on a screen."""
     folded = [v for v in variables().values() if v.picture == "folded"]
-    return [Panel(v, component) for v in folded for component in v.components or ("",)]
+    out = [Panel(v, component) for v in folded for component in v.components or ("",)]
+    after = next(k for k, panel in enumerate(out) if panel.variable is Rate) + 1
+    return [*out[:after], ChangeOfRate(), *out[after:]]
 
 
 def opened_by(against: str) -> str:

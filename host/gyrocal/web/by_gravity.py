@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.web.budget import Budget, of_gravity
+from gyrocal.web.recorded import Recorded, recorded
 
 if TYPE_CHECKING:
-    from gyrocal.gravity.scene import Scene
+    from gyrocal.gravity.scene import Rest, Scene
     from gyrocal.recording.session import Session
 
-POINTS = 4000
-COLOURS = ("#C77E00", "#009E73", "#0072B2")
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,8 @@ class GravityView:
     """File, start, the axis mainly turned about, the angle in deg by gyroscope and accelerometer's gravity, what is left."""
     estimates: list[dict[str, Any]]
     budgets: tuple[Budget, ...]
-    picture: str = field(repr=False)
-    """Readings with the rests marked, as a data address."""
+    recorded: Recorded = field(repr=False)
+    """The readings with their rests."""
 
 
 def look(folder: Path, progress: Callable[[str], None]) -> GravityView:
@@ -67,7 +64,7 @@ def look(folder: Path, progress: Callable[[str], None]) -> GravityView:
     progress("drawing")
     return GravityView(
         folder, found.to_json(), headline(found), rows, _rests(session, scene), left, estimates, budgets,
-        _picture(session, scene),
+        recorded(session, [_rest(session, rest) for rest in scene.rests]),
     )
 
 
@@ -101,32 +98,8 @@ def _rests(session: Session, scene: Scene) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def _picture(session: Session, scene: Scene) -> str:
-    """Rates and accelerations of all runs, one after another, with the rests shaded."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(14, 4.2), layout="constrained", dpi=130)
-    rate, acceleration = figure.subplots(2, 1, sharex=True)
-    start_s = 0.0
-    for index, run in enumerate(session.runs):
-        step = max(1, len(run) // POINTS)
-        t_s = start_s + run.t_s[::step] - run.t_s[0]
-        for axis, name in enumerate("xyz"):
-            colour = COLOURS[axis]
-            rate.plot(t_s, run.gyro_dps[::step, axis], color=colour, linewidth=0.8, label=name if not index else None)
-            values = run.column(f"a{name}_g")
-            if values is not None:
-                acceleration.plot(t_s, values[::step], color=colour, linewidth=0.8)
-        for rest in scene.rests:
-            if rest.run == index:
-                begin = start_s + float(run.sample_s[rest.start] - run.sample_s[0])
-                for axes in (rate, acceleration):
-                    axes.axvspan(begin, begin + rest.seconds, color="0.85", zorder=0)
-        start_s += run.duration_s
-    rate.set_ylabel("rate, deg/s")
-    rate.legend(loc="upper right", ncols=3, frameon=False, fontsize=8)
-    acceleration.set_ylabel("acceleration, g")
-    acceleration.set_xlabel("time, s; rests are shaded")
-    data = io.BytesIO()
-    figure.savefig(data, format="png")
-    return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode("ascii")
+def _rest(session: Session, rest: Rest) -> tuple[int, float, float]:
+    """The run of a rest, and its begin and end in it, s."""
+    run = session.runs[rest.run]
+    begin_s = float(run.sample_s[rest.start] - run.sample_s[0])
+    return rest.run, begin_s, begin_s + rest.seconds

@@ -9,10 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.diagnosis.rate_unit import unit_of
 
 if TYPE_CHECKING:
-    from gyrocal.web.fall import Bar
     from gyrocal.web.views import Picture
 
 Options = dict[str, Any]
@@ -182,15 +181,23 @@ def tooltip(p: Palette, units: Sequence[str] = (), x_unit: str = "") -> Options:
     return shown
 
 
-NUMBER = "String(+Number(o.value).toPrecision(5))"
+NUMBER = "(isNaN(o.value) ? o.value : String(+Number(o.value).toPrecision(5)))"
 TOLD = """items => {
-    const lines = items.filter(i => i.seriesType !== "custom" && i.value && i.value[1] !== null && i.seriesName[0] !== " ");
+    const lines = items.filter(i => i.seriesType !== "custom" && i.value && i.value[1] !== null && i.color !== "transparent");
     if (!lines.length) return "";
     const units = %s, unit = i => units[i.axisIndex] || units[0];
-    const told = lines.map(i => `${i.marker}${i.seriesName} <b>${+Number(i.value[1]).toPrecision(4)}</b> ${unit(i)}`);
-    return [`${+Number(lines[0].value[0]).toPrecision(6)} %s`, ...new Set(told)].join("<br>");
+    const number = v => `<b>${+Number(v).toPrecision(4)}</b>`, own = i => i.value.length > 2 ? ` ± ${number(i.value[2])}` : "";
+    const told = lines.map(i => `${i.marker}${i.seriesName} ${number(i.value[1])}${own(i)} ${unit(i)}`);
+    const x = lines[0].name || +Number(lines[0].value[0]).toPrecision(6);
+    return [`${x} %s`, ...new Set(told)].join("<br>");
 }"""
-"""The text beside the crosshair. A series whose name begins with a space is a part of another one and not told."""
+"""The text beside the crosshair; a third number of a point is its error. What is transparent is not told."""
+
+
+def unit_in(label: str) -> str:
+    """The unit that an axis's label ends with; empty for a label that has none, or that lists values in its place."""
+    parts = label.split(", ")
+    return parts[1] if len(parts) == 2 else ""
 
 
 def _box(y: bool) -> Options:
@@ -206,36 +213,6 @@ def marks(p: Palette, data: Sequence[Options], colour: str, kind: str = "dotted"
     """Vertical lines with labels."""
     style = {"color": colour, "type": kind, "width": 1}
     return {"silent": True, "symbol": "none", "animation": False, "lineStyle": style, "data": list(data)}
-
-
-@dataclass(frozen=True)
-class Block:
-    """One bar of the waterfall as it is drawn, from ``low`` to ``high``."""
-
-    label: str
-    low: float
-    high: float
-    colour: str
-    text: str
-
-
-def blocks(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> list[Block]:
-    """The excess of the first model, the reduction by each step, and the remaining excess, in ``unit``."""
-    if not bars:
-        return []
-
-    def block(label: str, low: float, high: float, colour: str, told: float, sign: str = "") -> Block:
-        text = sign + unit.text(1e-3 * abs(told), 2)
-        return Block(label, 1e-3 * unit.per_dps * low, 1e-3 * unit.per_dps * high, colour, text)
-
-    out = [block(bars[0].label, 0.0, bars[0].after, p.bad, bars[0].after)]
-    for b in bars[1:]:
-        low, high = sorted((b.before, b.after))
-        fell = b.after <= b.before
-        out.append(block(b.label, low, high, p.good if fell else p.bad, high - low, "−" if fell else "+"))
-    if len(bars) > 1:
-        out.append(block("left over", 0.0, bars[-1].after, p.axes["z"], bars[-1].after))
-    return out
 
 
 MOTION: Options = {":animation": "!matchMedia('(prefers-reduced-motion: reduce)').matches"}
@@ -266,7 +243,7 @@ def hero(
         [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
         for x, y, s in zip(shown.centres, curve, se, strict=True)
     ]
-    names = ["left over, means", "the effect", "± 2 standard errors of the means"]
+    names = ["left over, means", "the effect, less what bias and scale take up", "± 2 standard errors of the means"]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     few = len(shown.centres) < FEW
@@ -283,7 +260,7 @@ def hero(
         p, **moved,
         title=[title(p, text, 4 + 17 * k, 12) | ({"textStyle": _heading(p)} if k == 0 else {}) for k, text in enumerate(lines)],
         legend=legend(p, entries, left=54, right=12, top=4 + 17 * len(lines)),
-        tooltip=tooltip(p, [unit.name], ""),
+        tooltip=tooltip(p, [unit.name], unit_in(shown.x_label)), toolbox=BOX, units=[unit.name],
         grid=grid(left=54, right=16, top=34 + 17 * len(lines), bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label=plain, **ends),
         yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
@@ -305,39 +282,11 @@ def _heading(p: Palette) -> Options:
 
 def _extent(shown: Picture, factor: float) -> tuple[float, float]:
     """The ends of the vertical axis, ``factor`` times mdps: all means, the curve with its band, and zero, in round numbers."""
-    values = [0.0, *shown.left]
+    values = [0.0, *shown.left, *shown.reach]
     values += [y + k * se for y, se in zip(shown.curve, shown.se, strict=True) for k in (-2, 2)]
     low, high = factor * min(values), factor * max(values)
-    if len(shown.centres) < FEW:  # the means of single recordings scatter about these
-        low, high = 1.3 * low, 1.3 * high
     step = 10.0 ** math.floor(math.log10((high - low) or 1.0)) / 2
     return math.floor(low / step) * step, math.ceil(high / step) * step
-
-
-def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
-    """Excess error step by step above the floor (zero). The last bar is the remaining excess."""
-    drawn = blocks(p, bars, unit)
-    wrapped = {"color": p.ink, "interval": 0, "lineHeight": 13, "width": max(64, 420 // len(drawn)), "overflow": "break"}
-    shown = [
-        {
-            "value": b.high - b.low,
-            "itemStyle": {"color": b.colour, "borderRadius": 3},
-            "label": {"show": True, "position": "top", "color": p.ink, "fontWeight": "bold", "formatter": b.text},
-        }
-        for b in drawn
-    ]
-    return base(
-        p,
-        animationDuration=700, animationEasing="cubicOut", **MOTION,
-        grid=grid(left=54, right=16, top=18, bottom=40),
-        xAxis=axis(p, kind="category", data=[b.label for b in drawn], axisTick={"show": False}, label=wrapped),
-        yAxis=axis(p, f"excess, {unit.name} rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
-        series=[
-            {"type": "bar", "stack": "s", "silent": True, "data": [b.low for b in drawn],
-             "itemStyle": {"color": "transparent"}, "animation": False},
-            {"type": "bar", "stack": "s", "barMaxWidth": 74, ":animationDelay": "(i) => i * 450", "data": shown},
-        ],
-    )  # fmt: skip
 
 
 def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, float]]]) -> Options:
@@ -358,7 +307,8 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
     first = "first seconds of each face"
     return base(
         p,
-        legend={**legend(p, [{"name": m} for m in order], top=0), "itemWidth": 24}, tooltip=tooltip(p),
+        legend={**legend(p, [{"name": m} for m in order], top=0), "itemWidth": 24}, tooltip=tooltip(p, ["%", unit.name], "s"),
+        toolbox=BOX, units=["%", unit.name], axisPointer={"link": [{"xAxisIndex": "all"}]},
         grid=[grid(left=58, right="56%", top=44, bottom=36), grid(left="59%", right=14, top=44, bottom=36)],
         title=[title(p, "scale, %", 26, 58), title(p, f"bias, {unit.name}", 26, "59%")],
         xAxis=[axis(p, first, kind="category", data=labels, gridIndex=k, nameGap=22) for k in (0, 1)],
@@ -385,15 +335,16 @@ def signature_svg(
     across, up = (max(xs) - min(xs)) or 1.0, (high - low) or 1.0
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
-        return 2 + (point[0] - min(xs)) / across * (width - 4), height - 4 - (point[1] - low) / up * (height - 8)
+        return 6 + (point[0] - min(xs)) / across * (width - 12), height - 6 - (point[1] - low) / up * (height - 12)
 
     def path(points: Sequence[tuple[float, float]]) -> str:
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in map(place, points))
 
-    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.6"/>' for x, y in map(place, dots))
+    radius = 4 if len(dots) < FEW else 1.6
+    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"/>' for x, y in map(place, dots))
     filled = f'<polygon class="band" points="{path(edges)}"/>' if edges else ""
     return (
         f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{html.escape(label, quote=True)}" '
-        f'preserveAspectRatio="none">{filled}<g class="dots">{circles}</g>'
-        f'<polyline class="curve" points="{path(curve)}"/></svg>'
+        f'preserveAspectRatio="none">{filled}<polyline class="curve" points="{path(curve)}"/>'
+        f'<g class="dots">{circles}</g></svg>'
     )

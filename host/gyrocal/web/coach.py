@@ -26,11 +26,12 @@ RICHEST = ("model", "cnn", "baseline", "turn", "rest")
 BEEP = """(() => { const audio = window.coachAudio ??= new AudioContext(), tone = audio.createOscillator();
     tone.frequency.value = %d; tone.connect(audio.destination); tone.start(); tone.stop(audio.currentTime + 0.25); })()"""
 FLIP_HZ, ANSWER_HZ = 880, 1320
+STAGES = ("wait", "turn", "flip", "done")
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What to do now and why, and how urgent it is: ``wait``, ``turn``, ``flip`` or ``done``."""
+    """What to do now and why, and how urgent it is: one of ``STAGES``."""
 
     tell: str
     why: str
@@ -66,7 +67,8 @@ def _turning(run_s: float, face: str, *, second: bool, replays: bool, by_hand: b
     if run_s < NEEDED_S:
         return Advice("Keep the table turning.", f"Measuring face {face}: {NEEDED_S:g} s are needed.", "turn")
     if second:
-        return Advice("Enough: the answer is complete.", "You can stop the table.", "done")
+        end = "The simulated sensor stops by itself." if replays else "You can stop the table."
+        return Advice("Enough: the answer is complete.", end, "done")
     if replays:
         return Advice("Enough for this face.", "The simulated sensor flips by itself at the end of its run.", "turn")
     end = "It ends at the seconds that you asked for, or with Stop recording." if by_hand else "It ends when the table stops."
@@ -144,7 +146,6 @@ class Coach:
         """Draw what has changed."""
         live = self._live
         sensor = live.sensor(self._imu)
-        self._section.set_visibility(bool(sensor.get("hello")) and bool(live.port))
         now = advice(sensor, replays=bool(live.status.get("replays")), ended=live.ended)
         self._tell.text, self._why.text = now.tell, now.why
         self._state.text = words(sensor)
@@ -152,7 +153,8 @@ class Coach:
         measuring = sensor.get("state") == "recording" and not live.ended
         run_s = sensor.get("run_s", 0.0) if measuring else 0.0
         self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else "–", f"of {NEEDED_S:g} s")
-        self._section.classes(replace=f"face coach {now.stage}")
+        self._section.classes(remove=" ".join(STAGES)).classes(now.stage)
+        self._section.set_visibility(bool(sensor.get("hello")) and bool(live.port))
         self._turns.text = self._measured(sensor) if measuring else ""
         if self._beeps.value and self._was is not None and now.stage != self._was.stage and now.stage in ("flip", "done"):
             ui.run_javascript(BEEP % (FLIP_HZ if now.stage == "flip" else ANSWER_HZ))

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.decision import in_range, sure_gain
+from gyrocal.diagnosis.decision import in_range, meets, sure_gain
+from gyrocal.diagnosis.rivals import cosine
 from gyrocal.policy import POLICY
 
 
-def doubts(c: Candidate, found: Comparison) -> list[str]:
-    """The conditions for naming an effect that a candidate does not meet; empty if it is named alone or was rejected."""
-    others = [i for i in c.group if i != c.effect.id]
+def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list[str]:
+    """The conditions for naming an effect that a candidate does not meet; empty if it is named alone or was rejected.
+
+    ``others`` are all candidates of the diagnosis.
+    """
+    alike = [i for i in c.group if i != c.effect.id]
     if c.decision == "add":
-        return [f"this session cannot tell it from {', '.join(others)}"] if others else []
+        return [f"this session cannot tell it from {', '.join(alike)}"] if alike else []
     if c.decision != "suggest":
         return []
     out = []
@@ -25,16 +31,28 @@ def doubts(c: Candidate, found: Comparison) -> list[str]:
     if found.implausible:
         out.append("a warning stands against this axis")
     if not c.enough:
-        out.append(_not_enough(c.explained))
-    if others:
-        out.append(f"this session cannot tell it from {', '.join(others)}")
-    return out or ["another effect explains the residual better"]
+        out.append(_not_enough(c.explained, contradicted=c.contradicted))
+    if alike:
+        out.append(f"this session cannot tell it from {', '.join(alike)}")
+    return out or [_beside(c, found, [o for o in others if o.axis == c.axis and o.decision == "add"])]
 
 
-def _not_enough(part: float | None) -> str:
+def _not_enough(part: float | None, *, contradicted: bool) -> str:
     """Why the part of the squared excess error that a candidate explains is not enough to name it."""
-    if part is None:
+    if contradicted:
+        return "its fitted values contradict such an effect, or a course that is no effect of the library fits better"
+    if part is None or part >= POLICY.explained:
         return f"it is not certain to explain {POLICY.explained:.0%} of the squared excess error"
-    if part < POLICY.explained:
-        return f"it explains less than {POLICY.explained:.0%} of the squared excess error"
-    return "its fitted sizes, over the runs, are not those of such an effect"
+    return f"it explains less than {POLICY.explained:.0%} of the squared excess error"
+
+
+def _beside(c: Candidate, found: Comparison, named: Sequence[Candidate]) -> str:
+    """What speaks against a candidate that meets every condition of its own, given those that are ``named`` on its axis."""
+    if not meets(c, found):
+        return "it leaves most of what the comparison found on this axis unexplained"
+    simpler = [o for o in named if o.parameters < c.parameters and cosine(o.signal, c.signal) > POLICY.same_shape]
+    if simpler:
+        return f"{simpler[0].effect.title.lower()} has the same course over the recordings, with fewer parameters"
+    if named:
+        return f"with {named[0].effect.title.lower()} in the model, it is not certain any more"
+    return "so many effects were tried that noise alone may look like one of them"

@@ -12,10 +12,10 @@ PNG = """() => {
     const link = document.createElement("a");
     const colour = getComputedStyle(document.body).getPropertyValue("--face").trim();
     link.href = chart.getDataURL({pixelRatio: 2, backgroundColor: colour});
-    link.download = "%s.png";
+    link.download = %s;
     link.click();
 }"""
-"""Saves the chart with this id under this name."""
+"""Saves the chart with this id as a file with this name, which is given as JSON."""
 BOX = """() => {
     const chart = getElement(%d)?.chart, act = on => chart.dispatchAction(
         {type: "takeGlobalCursor", key: "dataZoomSelect", dataZoomSelectActive: on});
@@ -26,6 +26,9 @@ BOX = """() => {
 }"""
 """Lets the next drag in the chart with this id draw a box, to which it zooms."""
 
+RESET = """() => getElement(%d)?.chart?.dispatchAction({type: "dataZoom", start: 0, end: 100})"""
+"""Shows all of the chart with this id again."""
+
 
 def as_csv(options: dict[str, Any]) -> str:
     """The lines and filled intervals of a chart's options as CSV text, with a row for each point and its unit."""
@@ -33,7 +36,10 @@ def as_csv(options: dict[str, Any]) -> str:
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(["series", "x", "x_to", "y", "y_lowest", "y_highest", "unit"])
     for series in options["series"]:
-        name, unit = series["name"].strip(), options["units"][series["yAxisIndex"]]
+        if series.get("part"):  # it draws what another series says
+            continue
+        name, unit = series["name"], options["units"][series.get("yAxisIndex", 0)]
+        labels = _labels(options, series)
         for point in series["data"]:
             if isinstance(point, dict):
                 point = point["value"]
@@ -41,5 +47,13 @@ def as_csv(options: dict[str, Any]) -> str:
                 low_x, high_x, low, high = point
                 rows.writerow([name, low_x, high_x, "", low, high, unit])
             elif point[1] is not None:
-                rows.writerow([name, point[0], "", point[1], "", "", unit])
+                x = labels[point[0]] if labels and isinstance(point[0], int) else point[0]
+                rows.writerow([name, x, "", point[1], "", "", unit])
     return out.getvalue()
+
+
+def _labels(options: dict[str, Any], series: dict[str, Any]) -> list[str]:
+    """The names of a series' places where its horizontal axis has names in place of numbers."""
+    axes = options["xAxis"]
+    axis = axes[series.get("xAxisIndex", 0)] if isinstance(axes, list) else axes
+    return list(axis.get("data", ()))

@@ -7,6 +7,7 @@ phase differs from run to run is a function of nothing over all runs; it is show
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -145,4 +146,6 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     scatter = np.bincount(place, (y - s - np.bincount(place, y - s, edges.size - 1)[place] / count[place]) ** 2, edges.size - 1)
     se = np.sqrt(scatter[kept] / (count[kept] - 1) / count[kept])
     columns = (edges, mean(x), 1e3 * mean(y), 1e3 * se, 1e3 * mean(s))
-    return Picture(panel.name, axis, panel.label, run, file, *(c.tolist() for c in columns))
+    shown = Picture(panel.name, axis, panel.label, run, file, *(c.tolist() for c in columns))
+    each = [mean for _, mean in of_each_run(shown, points)]
+    return replace(shown, reach=(min(each), max(each))) if each else shown

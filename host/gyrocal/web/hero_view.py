@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from gyrocal.web import charts, export
+from gyrocal.web import charts
 from gyrocal.web.hero import left_now, of_each_run
+from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, Picture
 
 if TYPE_CHECKING:
@@ -38,14 +39,14 @@ class HeroView:
         self._drawn: Picture | None = None
         self.frame = ui.element("div").classes("face drawn hero-picture over")
         with self.frame:
-            self.image = ui.element("div").classes("chart").props("role=img")
+            bar = ui.element("div").classes("tools")
+            self.image = ui.element("div").classes("chart grow").props("role=img")
             with self.image:
                 self.chart = ui.echart(charts.base(tab.palette, series=[])).classes("chart")
-            with ui.element("div").classes("zoom"):
+            with bar:
                 copy = ui.button("Copy as image", icon="content_copy", color=None).props("flat dense no-caps size=sm")
                 copy.on("click", js_handler=COPY % self.chart.id)
-                save = ui.button(icon="image", color=None).props('flat round dense size="sm" aria-label="save the picture"')
-                save.on("click", js_handler=export.PNG % (self.chart.id, "gyrocal_effect"))
+                tools(self.chart, lambda: named(self.bench, "effect"))
         ui.on("picture_copied", lambda e: self._copied(bool(e.args)))
 
     def choose(self, card: Card) -> None:

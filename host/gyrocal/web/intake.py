@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gyrocal.errors import InputError
+from gyrocal.web.recorded import Recorded, recorded
 
 if TYPE_CHECKING:
     from gyrocal.recording.importer import Imported
@@ -43,8 +42,8 @@ class Looked:
     """Why it cannot be imported so; empty if it can."""
     told: str = ""
     warnings: list[dict[str, Any]] = field(default_factory=list)
-    picture: str = ""
-    """The preview as a data address; empty with a problem."""
+    recorded: Recorded | None = None
+    """The columns over time; None with a problem."""
 
 
 def look(file: Path, asked: Asked) -> Looked:
@@ -74,7 +73,7 @@ def look(file: Path, asked: Asked) -> Looked:
     if found.repaired:
         told += "; repaired: " + ", ".join(f"{count} {what}" for what, count in found.repaired.items())
     warnings = [w.to_json() for w in (*found.warnings, *check(session))]
-    return Looked(columns, maps, "", told, warnings, _picture(found))
+    return Looked(columns, maps, "", told, warnings, recorded(session))
 
 
 def take(file: Path, asked: Asked, out: Path) -> None:
@@ -92,11 +91,3 @@ def _read(file: Path, asked: Asked) -> Imported:
         maps=asked.maps, defaults={key: value for key, value in facts.items() if value is not None}, axis=asked.axis,
         scaling=Scaling(asked.sample_rate_hz, asked.lsb_dps), sensor=asked.sensor, gravity=asked.gravity,
     ))  # fmt: skip
-
-
-def _picture(found: Imported) -> str:
-    from gyrocal.present.preview import preview
-
-    data = io.BytesIO()
-    preview(found.session).savefig(data, dpi=80, format="png")
-    return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode("ascii")

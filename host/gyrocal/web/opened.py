@@ -10,9 +10,9 @@ import numpy as np
 
 from gyrocal.errors import InputError
 from gyrocal.inference.blocks import known_dps
+from gyrocal.present.decimate import Pyramid
 from gyrocal.recording.session import Session
-from gyrocal.web.decimate import Pyramid
-from gyrocal.web.views import Recording, RunView, SessionView
+from gyrocal.web.views import NOT_NAMED, Recording, RunView, SessionView
 
 
 class Opened:
@@ -46,7 +46,7 @@ class Opened:
             RunView(r.file, r.scenario, r.face, r.axis, r.table_rate_dps, r.day, first[r.index], len(r), r.duration_s)
             for r in session.runs
         ]
-        return SessionView(folder, session.sensor or "gyroscope", session.axis, session.sample_rate_hz, runs, traces)
+        return SessionView(folder, session.sensor or NOT_NAMED, session.axis, session.sample_rate_hz, runs, traces)
 
     def session(self, recording: Recording) -> Session:
         """The session without the runs that are left out. The same recording gives the same object."""

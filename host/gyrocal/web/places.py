@@ -15,6 +15,7 @@ from typing import BinaryIO
 
 from gyrocal.errors import InputError
 from gyrocal.files import UNREADABLE, new_folder
+from gyrocal.web.views import NOT_NAMED
 
 TABLES = (".csv", ".parquet")
 LARGEST_BYTES = 8 << 30
@@ -121,7 +122,7 @@ class Places:
         except (*UNREADABLE, TypeError, KeyError):
             return Listed(folder, self.name(folder), "", date, 0, 0, "cannot be read")
         made = told.get("made_on", date)
-        return Listed(folder, self.name(folder), str(told.get("sensor") or "gyroscope"), str(made), len(files), size)
+        return Listed(folder, self.name(folder), str(told.get("sensor") or NOT_NAMED), str(made), len(files), size)
 
     def is_by_gravity(self, folder: Path) -> bool:
         """True if session.toml says that the reference is gravity."""

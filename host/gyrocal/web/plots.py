@@ -5,18 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gyrocal.diagnosis import rate_unit
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.present.decimate import Pyramid, binned
 from gyrocal.web import charts
 from gyrocal.web.against import Panel
 from gyrocal.web.charts import Options, Palette
-from gyrocal.web.decimate import Pyramid, binned
 from gyrocal.web.traces import Traces
-from gyrocal.web.views import AXES, Curve, RunView
+from gyrocal.web.views import AXES, RunView
+
+if TYPE_CHECKING:
+    from gyrocal.present.spectra import Curve
 
 STRETCHES = 700
 BINS = 48
@@ -187,8 +190,15 @@ def _rows(*columns: Any) -> list[list[float]]:
     return np.column_stack(columns).round(6).tolist()
 
 
-def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str]) -> Options:
-    """Means of the residual against a variable: a thin line for each recording, a thick line with twice its error for all."""
+def folded(
+    p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str], *, about_means: bool = False
+) -> Options:
+    """Means of the residual against a variable: a thin line for each recording, a thick line with twice its error for all.
+
+    ``about_means`` draws each recording about its own mean.
+    """
+    if about_means:
+        points = points | {axis: _about_means(points[axis], points["run"]) for axis in axes}
     shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
     mine = np.isin(points["run"], runs)
     found = {axis: binned(points[panel.key(axis)][mine], points[axis][mine], BINS) for axis in axes}
@@ -200,26 +210,28 @@ def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int]
         period = panel.variable.period
         last: Options = {} if period is None else {"max": period, "min": 0, "interval": period / 8}
         cx, cy, se = found[axis].centre, found[axis].mean * unit.per_dps, found[axis].se * unit.per_dps
+        label: Options = {"show": k == len(axes) - 1}
         if cx.size and np.ptp(cx) > 0 and cx.size < charts.FEW:  # room beside a few values, as those of a face
             space = 0.25 * float(np.ptp(cx))
             last = {"min": float(cx[0]) - space, "max": float(cx[-1]) + space, **last}
-        bottom = k == len(axes) - 1
-        xs.append(charts.axis(p, panel.label if bottom else "", gridIndex=k, nameGap=22, label={"show": bottom}, **last))
+            label |= {"showMinLabel": False, "showMaxLabel": False}
+        xs.append(charts.axis(p, panel.label if label["show"] else "", gridIndex=k, nameGap=22, label=label, **last))
         ys.append(charts.axis(p, gridIndex=k))
         for i in shown:
             one = points["run"] == i
-            own_x, own_y, _ = binned(x[one], y[one], BINS)
+            own_x, own_y, *_ = binned(x[one], y[one], BINS, _ends(x[mine]))
             few = {"showSymbol": own_x.size < FEW, "symbolSize": 7}
             style = {"opacity": 0.35}
-            series.append(charts.line("each recording", _broken(x[one], own_x, own_y), p.axes[axis], on=k, style=style, **few))
-        half = _width(x[mine]) / 2
+            series.append(charts.line("each recording", _broken(x[mine], own_x, own_y), p.axes[axis], on=k, style=style, **few))
         few = {"showSymbol": cx.size < FEW, "symbolSize": 6}
         series.append(charts.line("mean of all", _broken(x[mine], cx, cy), p.ink, on=k, style={"width": 2.2}, **few))
-        series.append(charts.band(WITHIN, _rows(cx - half, cx + half, cy - 2 * se, cy + 2 * se), p.ink, 0.18, on=k))
+        means = _rows(found[axis].low, found[axis].high, cy - 2 * se, cy + 2 * se)
+        series.append(charts.band(WITHIN, means, p.ink, 0.18, on=k))
     entries = [charts.entry("mean of all", "line"), charts.entry(WITHIN, "band", 0.3)]
     entries += [charts.entry("each recording", "line", 0.35)] if shown else []
     grids = [charts.grid() for _ in axes]
-    titles = [charts.title(p, f"{axis}: left over, means, {unit.name}", 0) for axis in axes]
+    about = ", each recording about its own mean" if about_means else ""
+    titles = [charts.title(p, f"{axis}: left over{about}, means, {unit.name}", 0) for axis in axes]
     return charts.base(
         p, grid=grids, title=titles, xAxis=xs, yAxis=ys, series=series, dataZoom=_zoom(len(axes)), toolbox=charts.BOX,
         units=[unit.name for _ in axes],
@@ -232,6 +244,13 @@ def folded(p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int]
 WITHIN = "twice the mean's error"
 
 
+def _about_means(y: Any, run: Any) -> Any:
+    """Values [n] less the mean of their run [n]."""
+    known = np.isfinite(y)
+    total, count = np.bincount(run[known], y[known], run.max() + 1), np.bincount(run[known], minlength=run.max() + 1)
+    return y - (total / np.maximum(count, 1))[run]
+
+
 def _stacked(count: int, top: float) -> Options:
     """The places of plots one below another and of their titles, from ``top`` % of the chart's height on."""
     step = (94 - top) / count
@@ -241,10 +260,16 @@ def _stacked(count: int, top: float) -> Options:
     }
 
 
+def _ends(x: Any) -> tuple[float, float]:
+    """The lowest and the highest of values [n]; 0 and 1 if there are none."""
+    there = x[np.isfinite(x)]
+    return (float(there.min()), float(there.max())) if there.size else (0.0, 1.0)
+
+
 def _width(x: Any) -> float:
     """The width of a bin over values [n]."""
-    there = x[np.isfinite(x)]
-    return (float(np.ptp(there)) / BINS or 1.0) if there.size else 1.0
+    low, high = _ends(x)
+    return (high - low) / BINS or 1.0
 
 
 def _broken(x: Any, centre: Any, mean: Any) -> list[Any]:

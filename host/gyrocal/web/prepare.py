@@ -14,15 +14,15 @@ from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
+from gyrocal.present.decimate import Pyramid, binned
+from gyrocal.present.spectra import Curve, against_frequency, against_order
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.shapes import TableWave
+from gyrocal.variables.shapes import ShapeOfEachRun, TableWave
 from gyrocal.web.against import opened_by, panels
-from gyrocal.web.decimate import Pyramid, binned
-from gyrocal.web.spectra import against_frequency, against_order
-from gyrocal.web.views import Curve, Place
+from gyrocal.web.views import Place
 
 BINS = 12
 
@@ -98,9 +98,11 @@ def place(finding: Finding, of: dict[str, Any]) -> Place:
         return Place(Frequency.name, low, high)
     kind = variables()[finding.against]
     own = [p for p in panels() if p.variable is kind]
+    apart = isinstance(finding.shape, ShapeOfEachRun)
     if len(own) < 2:
-        return Place(opened_by(finding.against))
-    return Place(max(own, key=lambda p: _visible(of[p.key(finding.axis)], of[finding.axis])).name)
+        return Place(opened_by(finding.against), about_means=apart)
+    best = max(own, key=lambda p: _visible(of[p.key(finding.axis)], of[finding.axis]))
+    return Place(best.name, about_means=apart)
 
 
 def _named_hz(note: str) -> tuple[float | None, float | None]:
@@ -112,7 +114,7 @@ def _named_hz(note: str) -> tuple[float | None, float | None]:
 def _visible(x: Array, y: Array) -> float:
     """The part of the residual [blocks] that its means against a variable [blocks] describe."""
     use = np.isfinite(x) & np.isfinite(y)
-    centre, mean, _ = binned(x[use], y[use], BINS)
+    centre, mean, *_ = binned(x[use], y[use], BINS)
     if centre.size < 2:
         return 0.0
     inside = np.interp(x[use], centre, mean)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from nicegui import background_tasks, ui
 
 from gyrocal.web import charts
 from gyrocal.web.samples import SHOWN_S, Frame
+from gyrocal.web.tools import tools
 
 if TYPE_CHECKING:
     from gyrocal.web.live import Live
@@ -20,7 +22,11 @@ READ_S = 0.15
 """Time between two updates of the numbers, so that they can be read."""
 MOST_IN_FLIGHT = 3
 READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
+COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
+"""Columns of the saved table, named as in a session's files."""
 STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
+UNITS = ("deg/s", "deg/s", "deg/s", "g", "°C")
+"""The unit of each strip."""
 STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
 RATES = 3
 WINDOWS_S = {5.0: "5 s", SHOWN_S: "10 s", 30.0: "30 s", 60.0: "60 s"}
@@ -33,6 +39,8 @@ class Readings:
         self._live, self._tab, self._imu = live, tab, 0
         self._sent = (0, 0.0)
         self._read = 0.0
+        self._drawn_s = 0.0
+        """Time of the newest sample that was drawn."""
         self._in_flight = 0
         self._paused = False
         self._limits: dict[int, tuple[float, float]] = {}
@@ -40,9 +48,13 @@ class Readings:
         with ui.element("section").classes("face readings").props('aria-label="readings"'):
             self._values = [self._value(name, unit) for name, unit in READINGS]
         with ui.element("section").classes("face grow column strips").style("padding: 6px 6px; gap: 2px"):
-            self._controls()
+            with ui.row().classes("tight").style("padding: 0 8px; width: 100%"):
+                self._controls()
+                bar = ui.element("div").classes("tools")
             self._chart = ui.echart(self._whole()).classes("chart grow")
             self._chart.props('role="img" aria-label="the last seconds of all axes and the temperature"')
+            with bar:
+                tools(self._chart, lambda: f"live_{self._imu}", self._csv)
         samples = live.sensors.get(self._imu)
         if samples is not None and len(rows := samples.latest(self._window.value)):
             self._numbers(rows[:, 1:])
@@ -69,20 +81,26 @@ class Readings:
         return value, scatter
 
     def _controls(self) -> None:
-        with ui.row().classes("tight").style("padding: 0 8px"):
-            self._pause = ui.button("Pause", icon="pause", on_click=self._hold, color=None).props("flat dense no-caps size=sm")
-            self._window = ui.select(WINDOWS_S, value=SHOWN_S, label="window", on_change=self._again).props("outlined dense")
-            self._window.style("width: 110px")
-            self._statistics = ui.checkbox("mean and scatter of the window", on_change=self._again).props("dense")
-            with ui.element("details").classes("fold"):
-                with ui.element("summary"):
-                    ui.label("vertical range")
-                with ui.row().classes("tight"):
-                    self._strip = ui.select(dict(enumerate(STRIPS)), value=2, label="strip").props("outlined dense")
-                    self._low = ui.number("from").props("outlined dense").style("width: 80px")
-                    self._high = ui.number("to").props("outlined dense").style("width: 80px")
-                    ui.button("Set", on_click=self._set_range, color=None).props("outline dense no-caps")
-                    ui.button("Automatic", on_click=self._free_range, color=None).props("flat dense no-caps")
+        self._pause = ui.button("Pause", icon="pause", on_click=self._hold, color=None).props("flat dense no-caps size=sm")
+        self._window = ui.select(WINDOWS_S, value=SHOWN_S, label="window", on_change=self._again).props("outlined dense")
+        self._window.style("width: 110px")
+        self._statistics = ui.checkbox("mean and scatter of the window", on_change=self._again).props("dense")
+        with ui.element("details").classes("fold"):
+            with ui.element("summary"):
+                ui.label("vertical range")
+            with ui.row().classes("tight"):
+                self._strip = ui.select(dict(enumerate(STRIPS)), value=2, label="strip").props("outlined dense")
+                self._low = ui.number("from").props("outlined dense").style("width: 80px")
+                self._high = ui.number("to").props("outlined dense").style("width: 80px")
+                ui.button("Set", on_click=self._set_range, color=None).props("outline dense no-caps")
+                ui.button("Automatic", on_click=self._free_range, color=None).props("flat dense no-caps")
+
+    def _csv(self) -> str:
+        """Every sample of the window as it was drawn last."""
+        samples = self._live.sensors.get(self._imu)
+        kept = [] if samples is None else samples.latest(math.inf).tolist()
+        rows = [row for row in kept if self._drawn_s - self._window.value <= row[0] <= self._drawn_s]
+        return "\n".join([",".join(COLUMNS), *(",".join(f"{v:.9g}" if v == v else "" for v in row) for row in rows), ""])
 
     def _hold(self) -> None:
         self._paused = not self._paused
@@ -111,7 +129,9 @@ class Readings:
         whole = self._strips()
         samples = self._live.sensors.get(self._imu)
         if samples is not None:
-            for name, parts in self._options(samples.frame(self._window.value)).items():
+            frame = samples.frame(self._window.value)
+            self._drawn_s = frame.newest_s
+            for name, parts in self._options(frame).items():
                 for mine, part in zip(whole[name], parts, strict=False):
                     mine.update(part)
         return whole
@@ -132,7 +152,9 @@ class Readings:
             p,
             grid=[charts.grid(top=top, height="11.2%", right=12, left=58) for top in tops],
             title=[charts.title(p, name, f"{0.6 + 17.4 * k:g}%", 58) for k, name in enumerate(STRIPS)],
-            legend=charts.legend(p, acceleration, right=12, top="52.6%"),
+            legend=charts.legend(p, acceleration, right=12, top="52.6%"), toolbox=charts.BOX,
+            tooltip=charts.tooltip(p, UNITS, "s"), axisPointer={"link": [{"xAxisIndex": "all"}]},
+            dataZoom=[{"type": "inside", "disabled": True, "xAxisIndex": list(range(5)), "filterMode": "none"}],
             xAxis=x,
             yAxis=[charts.axis(p, gridIndex=k, splitNumber=1, label={"fontSize": 10}) for k in range(5)],
             series=[
@@ -150,6 +172,7 @@ class Readings:
             return
         self._sent = self._live.newest
         frame = samples.frame(self._window.value)
+        self._drawn_s = frame.newest_s
         if time.monotonic() - self._read > READ_S:
             self._read = time.monotonic()
             self._numbers(samples.latest(self._window.value)[:, 1:])
@@ -193,5 +216,5 @@ def _bound(colour: str, strip: int, fill: float = 0.0) -> charts.Options:
     """The lower bound of a strip's band, or with ``fill`` its width, which is stacked on it and filled."""
     return charts.line(
         "", [], colour, on=strip, style={"width": 0}, stack=f"band {strip}", stackStrategy="all", z=1,
-        areaStyle={"color": colour, "opacity": fill},
+        areaStyle={"color": colour, "opacity": fill}, itemStyle={"color": "transparent"},
     )  # fmt: skip

@@ -11,15 +11,13 @@ import numpy as np
 from gyrocal.api import Comparison, Session
 from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.effects import base
-from gyrocal.inference import heldout
-from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit
-from gyrocal.recording.session import AXES
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
-from gyrocal.web.spectra import against_frequency
+from gyrocal.web.fall_chart import blocks
 from gyrocal.web.told import Change
 from gyrocal.web.views import CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
@@ -42,43 +40,24 @@ def page(
     compared, session = found.to_json(), found.fit.session
     drawn = [
         ("Residual against time", pictures.png_data(pictures.residual_against_time(found))),
-        ("Spectrum", pictures.png_data(spectrum(found))),
+        *((title, pictures.png_data(figure)) for title, figure in pictures.of_spectra(found).values()),
         ("Allan deviation", pictures.png_data(pictures.allan(found))),
     ]
-    blocks = [] if fall is None else charts.blocks(charts.LIGHT, fall.bars, fall.unit)
+    bars = [] if fall is None else blocks(charts.LIGHT, fall.bars, fall.unit)
     open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
         facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit(found).name,
-        where=found.where, pictures=drawn, bars=blocks, top=max((b.high for b in blocks), default=1.0) or 1.0, fall=fall,
+        where=found.where, pictures=drawn, bars=bars, top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall,
         story=story, missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),
-        correlations=[row for axis, one in found.fit.axes.items() for row in _correlations(axis, one)],
+        correlations=[row for axis in found.fit.axes for row in correlated(found.fit, axis)],
         toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story),
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
         bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
         unseen=unseen,
     )  # fmt: skip
-
-
-def spectrum(found: Comparison) -> Any:
-    """The amplitude density of the residual as on the page: from the lowest frequency that a run holds, with noise alone."""
-    figure, axes = pictures.framed(8, 3.2)
-    residuals: dict[str, list[Any]] = {axis: [] for axis in found.fit.axes}
-    for p in heldout.fitted(found.fit):
-        residuals[AXES[p.axis]].append(p.residual_dps)
-    for axis, of_runs in residuals.items():
-        if of_runs:
-            c, colour = against_frequency(found, axis, of_runs), pictures.AXIS_COLOURS[axis]
-            y, expected, low, high = (1e3 * np.array(v) for v in (c.y, c.expected, c.low, c.high))
-            axes.fill_between(c.x, low, high, color=colour, alpha=0.2, linewidth=0)
-            axes.plot(c.x, y, lw=0.9, color=colour, label=axis)
-            axes.plot(c.x, expected, lw=1.5, ls="--", color=colour)
-    title = "Spectrum of the residual (line: mean, band: lowest to highest; dashed: noise alone)"
-    axes.set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="mdps/√Hz", title=title)
-    axes.legend(frameon=False, ncols=3, loc="upper right")
-    return figure
 
 
 def _facts(session: Session, left_out: Sequence[str]) -> list[tuple[str, str]]:
@@ -127,21 +106,13 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{**p, "unit": unit(p["effect"], p["name"])} for p in parameters]
 
 
-def _correlations(axis: str, fitted: AxisFit) -> list[list[str]]:
-    """Pairs of shared coefficients of an axis whose estimates depend on each other: axis, both names, correlation."""
-    fixed, cov = fitted.design.layout.fixed, fitted.solution.cov
-    sd = np.sqrt(np.diag(cov))
-    several = {term for term, column in fixed if column}
-    names = [
-        f"{fitted.terms[term].effect_id}, column {column + 1}" if term in several else fitted.terms[term].effect_id
-        for term, column in fixed
-    ]
-    rows = []
-    for i in range(len(fixed)):
-        for j in range(i):
-            if sd[i] > 0 and sd[j] > 0 and abs(cov[i, j]) > CORRELATED * sd[i] * sd[j]:
-                rows.append([axis, names[j], names[i], f"{cov[i, j] / (sd[i] * sd[j]):+.2f}"])
-    return rows
+def correlated(fitted: Fit, axis: str) -> list[list[str]]:
+    """Pairs of linear parameters of an axis whose estimates depend on each other: axis, both names, correlation."""
+    table = fitted.correlations(axis)
+    names = [" ".join(name.split(".")) for name in table["parameter"]]
+    of = table.drop("parameter").to_numpy()
+    pairs = [(j, i) for i in range(len(names)) for j in range(i) if abs(of[i, j]) > CORRELATED]  # NaN: a fixed one
+    return [[axis, names[j], names[i], f"{of[i, j]:+.2f}"] for j, i in pairs]
 
 
 def _commands(name: str, story: Sequence[Change]) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gyrocal.web.decimate import Array
+from gyrocal.present.decimate import Array
 
 SHOWN_S = 10.0
 STRETCHES = 180

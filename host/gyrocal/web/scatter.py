@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +9,8 @@ from typing import Any
 
 from gyrocal.diagnosis.rate_unit import rate_text, unit_of
 from gyrocal.present.output import plus_minus
+from gyrocal.web import charts
+from gyrocal.web.charts import Options, Palette
 from gyrocal.web.words import METHODS
 
 Estimate = dict[str, Any]
@@ -18,7 +19,6 @@ ORDER = ("model", "cnn", "baseline")
 BEYOND = 2.0
 """The scatter exceeds the errors where it is so many times their root mean square."""
 FEWEST = 3
-WIDTH, HEIGHT, LEFT = 620.0, 150.0, 110.0
 
 
 @dataclass(frozen=True)
@@ -99,53 +99,51 @@ def meanings(found: Sequence[Estimate]) -> list[str]:
     return [f"{name.replace('_', ' ')}: {meaning}" for name, meaning in FLAGS.items() if name in raised]
 
 
-def picture(found: Sequence[Estimate], axis: str, colours: Sequence[str]) -> str:
-    """The biases of all power cycles with their errors as SVG, by method; hollow where not trusted."""
+POINT = """(params, api) => {
+    const shift = %g * api.size([1, 0])[0], at = y => { const p = api.coord([api.value(0), y]); return [p[0] + shift, p[1]]; };
+    const middle = at(api.value(1)), low = at(api.value(2)), high = at(api.value(3)), colour = api.visual("color");
+    return {type: "group", children: [
+        {type: "line", shape: {x1: low[0], y1: low[1], x2: high[0], y2: high[1]}, style: {stroke: colour, lineWidth: 2}},
+        {type: "circle", shape: {cx: middle[0], cy: middle[1], r: 3.5},
+         style: {fill: api.value(4) ? colour : "%s", stroke: colour, lineWidth: 2}}]};
+}"""
+"""Draws one answer with its error. The answers of a power cycle by several methods stand beside each other."""
+APART = 0.22
+"""Distance between the methods, as a part of a power cycle's place."""
+
+
+def options(p: Palette, found: Sequence[Estimate], axis: str) -> Options:
+    """The biases of all power cycles with their errors, by method, hollow where not trusted; empty for one cycle."""
     by = longest(found, axis)
     seconds = next((answers[0]["seconds"] for answers in by.values()), 0.0)
     cycles = list(dict.fromkeys(e["scenario"] for answers in by.values() for e in answers))
     unit = unit_of(e["bias_dps"] for answers in by.values() for e in answers)
     f = unit.per_dps
-    points = [
-        (cycles.index(e["scenario"]) + 0.22 * (k - 1), f * e["bias_dps"], f * (e["bias_se_dps"] or 0.0), e, k)
-        for k, answers in enumerate(by.values()) for e in answers if e["bias_dps"] is not None
-    ]  # fmt: skip
-    if len(cycles) < 2 or not points:
-        return ""
-    low, high = min(v - s for _, v, s, _, _ in points), max(v + s for _, v, s, _, _ in points)
-    tall = (high - low) or 1.0
-
-    def x(place: float) -> float:
-        return LEFT + (place + 0.5) / len(cycles) * (WIDTH - LEFT - 8)
-
-    def y(value: float) -> float:
-        return 8 + (high - value) / tall * (HEIGHT - 44)
-
-    drawn = []
-    for place, value, error, e, k in points:
-        fill = colours[k] if e["trusted"] else "none"
-        drawn.append(
-            f'<g stroke="{colours[k]}" stroke-width="2"><line x1="{x(place):.1f}" x2="{x(place):.1f}" '
-            f'y1="{y(value - error):.1f}" y2="{y(value + error):.1f}"/>'
-            f'<circle cx="{x(place):.1f}" cy="{y(value):.1f}" r="3.5" fill="{fill}"/></g>'
-        )
-    for value in (low, high):
-        drawn.append(f'<text x="{LEFT - 8:.0f}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.{unit.decimals}f}</text>')
-    middle = y((low + high) / 2)
-    drawn.append(f'<text x="0" y="{middle - 4:.1f}">bias, {unit.name},</text>')
-    drawn.append(f'<text x="0" y="{middle + 12:.1f}">first {seconds:g} s</text>')
-    if len(cycles) <= 12:
-        drawn += [
-            f'<text x="{x(i):.1f}" y="{HEIGHT - 20:.0f}" text-anchor="middle">{html.escape(name)}</text>'
-            for i, name in enumerate(cycles)
-        ]
-    for k, method in enumerate(by):
-        at = LEFT + 150 * k
-        drawn.append(f'<circle cx="{at:.0f}" cy="{HEIGHT - 6:.0f}" r="3.5" fill="{colours[k]}"/>')
-        drawn.append(f'<text x="{at + 9:.0f}" y="{HEIGHT - 2:.0f}">{METHODS[method]}</text>')
-    drawn.append(f'<text x="{WIDTH - 8:.0f}" y="{HEIGHT - 2:.0f}" text-anchor="end">hollow: not trusted</text>')
-    told = f"bias of each power cycle in {unit.name}"
-    return (
-        f'<svg class="scatter" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{told}">'
-        f'{"".join(drawn)}</svg>'
-    )
+    known = {method: [e for e in answers if e["bias_dps"] is not None] for method, answers in by.items()}
+    if len(cycles) < 2 or not any(known.values()):
+        return {}
+    colours = dict(zip(ORDER, (p.axes["z"], p.methods[1], p.methods[0]), strict=True))
+    series: list[Options] = []
+    for k, (method, answers) in enumerate(known.items()):
+        rows = [
+            [cycles.index(e["scenario"]), f * e["bias_dps"], f * (e["bias_se_dps"] or 0.0), e["trusted"]] for e in answers
+        ]  # fmt: skip
+        told = {"type": "scatter", "name": METHODS[method], "symbolSize": 0, "silent": True, "data": [r[:3] for r in rows]}
+        drawn = [[i, bias, bias - error, bias + error, int(trusted)] for i, bias, error, trusted in rows]
+        series.append({**told, "itemStyle": {"color": colours[method]}})
+        series.append({
+            "type": "custom", "name": METHODS[method], "part": True, "data": drawn, "silent": True,
+            "animation": False, "clip": True, "encode": {"x": 0, "y": [2, 3]}, "itemStyle": {"color": colours[method]},
+            ":renderItem": POINT % (APART * (k - 1), p.face), "tooltip": {"show": False},
+        })  # fmt: skip
+    ends = [v for s in series[1::2] for r in s["data"] for v in r[2:4]]
+    space = 0.05 * (max(ends) - min(ends)) or 1.0
+    label: Options = {":formatter": charts.PLAIN, "showMinLabel": False, "showMaxLabel": False}
+    return charts.base(
+        p, series=series, units=[unit.name], toolbox=charts.BOX, tooltip=charts.tooltip(p, [unit.name]),
+        legend=charts.legend(p, [charts.entry(METHODS[method], "dots") for method in known], top=0, right=12),
+        title=charts.title(p, f"bias, {unit.name}, first {seconds:g} s; hollow: not trusted", 2, 12),
+        grid=charts.grid(left=58, right=12, top=26, bottom=24),
+        xAxis=charts.axis(p, kind="category", data=cycles, axisTick={"show": False}),
+        yAxis=charts.axis(p, label=label, min=min(ends) - space, max=max(ends) + space),
+    )  # fmt: skip

@@ -11,6 +11,17 @@ from nicegui import ui
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.web.views import RunView
 
+MOVE = """event => {
+    const cells = [...event.currentTarget.querySelectorAll(".cell")], at = cells.indexOf(document.activeElement);
+    const to = {ArrowLeft: at - 1, ArrowRight: at + 1, Home: 0, End: cells.length - 1}[event.key];
+    if (at < 0 || to === undefined) return;
+    event.preventDefault();
+    cells[to]?.focus();
+}"""
+"""The arrow keys, Home and End move the focus along the strip."""
+REFOCUS = """if (document.activeElement === document.body) document.querySelectorAll(".cells .cell")[%d]?.focus()"""
+"""The strip is drawn anew after a press; the focus goes back to the cell with this number unless it is elsewhere by now."""
+
 
 def strip(
     runs: Sequence[RunView], left: Mapping[str, float], floor: float, excluded: frozenset[str], act: Callable[[str], Any]
@@ -22,8 +33,9 @@ def strip(
         told = told if left else "excess error not known yet"
         out = f"; {len(excluded)} left out" if excluded else ""
         plural = "s" if len(runs) > 1 else ""
-        ui.label(f"{len(runs)} run{plural}, {told}{out}. Press one to leave it out of the fit.").classes("dim small")
-        with ui.element("div").classes("cells"):
+        act_on = "▲ face up, ▼ face down. Press one to leave it out of the fit."
+        ui.label(f"{len(runs)} run{plural}, {told}{out}. {act_on}").classes("dim small")
+        with ui.element("div").classes("cells").style(f"--runs: {len(runs)}").on("keydown", js_handler=MOVE):
             for run in runs:
                 excess = left.get(run.file)
                 cell = _cell(run, excess, share(excess, worst, floor), run.file in excluded)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.web.decimate import Pyramid
+from gyrocal.present.decimate import Pyramid
 from gyrocal.web.views import ModelView, SessionView
 
 

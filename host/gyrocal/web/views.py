@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gyrocal.present.spectra import Curve
     from gyrocal.web.budget import Budget
     from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
+NOT_NAMED = "sensor not named"
+"""The sensor of a session whose session.toml names none."""
 
 
 @dataclass(frozen=True)
@@ -53,29 +56,16 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Curve:
-    """A measured curve and what noise alone is expected to give.
-
-    ``low`` and ``high`` are the extremes of the intervals ``first`` to ``last`` whose mean is ``y``; empty if every point is
-    drawn.
-    """
-
-    x: list[float]
-    y: list[float]
-    expected: list[float]
-    first: list[float] = field(default_factory=list)
-    last: list[float] = field(default_factory=list)
-    low: list[float] = field(default_factory=list)
-    high: list[float] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
 class Place:
-    """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names."""
+    """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names.
+
+    ``about_means`` is True for a finding of another size in each run: each run is then drawn about its own mean.
+    """
 
     view: str
     low: float | None = None
     high: float | None = None
+    about_means: bool = False
 
 
 @dataclass(frozen=True)
@@ -126,6 +116,7 @@ class Picture:
 
     ``left`` are the means [k] of the residual in the bins that ``edges`` [k + 1] bound, ``se`` their standard errors and
     ``curve`` the means of the fitted effect, mdps. ``run`` is the index of the only run that is shown, None for all runs.
+    ``reach`` are the lowest and the highest mean of a single run, mdps, if each is drawn beside those of all.
     """
 
     view: str
@@ -138,6 +129,7 @@ class Picture:
     left: list[float]
     se: list[float]
     curve: list[float]
+    reach: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)

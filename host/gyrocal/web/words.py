@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from gyrocal.present.output import plus_minus
@@ -11,6 +12,13 @@ if TYPE_CHECKING:
     from gyrocal.web.state import Workbench
 
 TINY_Q = 1e-9
+SYMBOLS = {
+    "w": "w is the true rate, deg/s", "th": "th is the table's angle", "t": "t is the time in the run, s",
+    "p": "p is the time since power-on, s", "T": "T is the temperature, °C",
+    "dT/dt": "dT/dt is the slope of the temperature, °C/s",
+    "y": "y is the reading, deg/s", "ax": "ax, ay, az are the acceleration, g",
+}  # fmt: skip
+"""What the symbols mean that stand in the equations of effects beside their parameters."""
 METHODS = {
     "model": "the model", "cnn": "the network", "baseline": "the plain average", "turn": "the known turn", "rest": "the rest",
 }  # fmt: skip
@@ -43,6 +51,15 @@ def evidence(card: Card) -> list[tuple[str, str]]:
     elif judged["decision"] == "suggest" and judged["next_measurement"]:
         rows.append(("to be sure", judged["next_measurement"]))
     return rows
+
+
+def symbols(equation: str) -> str:
+    """What the symbols of an equation mean, as far as it does not say so itself; empty if there are none."""
+    found = [
+        words for symbol, words in SYMBOLS.items()
+        if re.search(rf"(?<!\w){symbol}(?!\w)", equation) and f"where {symbol} " not in equation
+    ]  # fmt: skip
+    return "; ".join(found)
 
 
 def explains(part: float, axis: str, *, within: bool) -> str:

@@ -30,7 +30,7 @@ extern "C" {
     X(GC_E_STORE, -25, "store_failed", "it holds until power-off: the board could not keep it")                 \
     X(GC_E_FIFO_RATE, -26, "fifo_rate", "the FIFO keeps the sensor's own time: set rate_hz 104 or 208 or 416; or fifo 0")    \
     X(GC_E_FIFO_NEEDED, -27, "fifo_needed", "too fast for single samples: set rate_hz 833 and fifo 16 and then this rate")   \
-    X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps, face and axis")       \
+    X(GC_E_DIRECTION, -30, "wrong_direction", "the reading opposes the true rate: check table_dps and face and axis")       \
     X(GC_E_TOO_SHORT, -31, "too_short", "the run has too few samples: record at least 2 s")                              \
     X(GC_E_NO_REST, -32, "no_rest", "a turn needs the bias: record a run at rest first")                                 \
     X(GC_E_NOT_CALIBRATED, -33, "not_calibrated", "no axis has a scale and bias yet: record a run up and a run down")      \

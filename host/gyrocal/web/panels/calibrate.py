@@ -15,6 +15,7 @@ from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
 from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain, rate
+from gyrocal.web.tools import named, tools
 from gyrocal.web.training import Training, missing
 from gyrocal.web.words import method, not_yet
 
@@ -76,9 +77,14 @@ class CalibratePanel:
                 return
             for told in scatter.sentences(found.estimates, self.axis):
                 ui.label(told)
-            palette = self.tab.palette
-            colours = (palette.axes["z"], palette.methods[1], palette.methods[0])
-            ui.html(scatter.picture(found.estimates, self.axis, colours), sanitize=False)
+            drawn = scatter.options(self.tab.palette, found.estimates, self.axis)
+            if drawn:
+                bar = ui.element("div").classes("tools")
+                with ui.element("div").classes("scattered"):
+                    chart = ui.echart(drawn).classes("chart")
+                    chart.props(f'role="img" aria-label="{drawn["title"]["text"]}"')
+                with bar:
+                    tools(chart, lambda: named(self.bench, f"bias_{self.axis}"))
             ui.label(found.note or "The model's answers are those of the model as it is now.").classes("dim small")
             if len(found.estimates) > MOST_ROWS:
                 ui.label(f"The first {MOST_ROWS} of {len(found.estimates)}; `gyrocal calibrate` prints all.").classes(

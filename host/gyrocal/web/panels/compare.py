@@ -14,7 +14,8 @@ from gyrocal.web import charts, export, plots, warned
 from gyrocal.web.against import panels
 from gyrocal.web.chips import chip, press
 from gyrocal.web.state import Topic
-from gyrocal.web.strip import strip
+from gyrocal.web.strip import REFOCUS, strip
+from gyrocal.web.tools import named, tool, tools
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, ModelView, Place, RunView
 
@@ -26,7 +27,7 @@ VIEWS = {
     "timeline": ("Timeline", "recordings one after another, s"),
     **{name: (panel.title, panel.label) for name, panel in PANELS.items()},
     Frequency.name: (Frequency.title, Frequency.label()),
-    Order.name: (Order.title, "periods per turn of the table, per turn"),
+    Order.name: (Order.title, "order, periods per turn of the table"),
     "averaging": ("Allan", "averaging time, s"),
 }
 """The text of the button of every plot, and the label of its horizontal axis."""
@@ -68,6 +69,8 @@ class ComparePanel:
         self.window = ALL
         self.place: Place | None = None
         """The finding whose picture is shown."""
+        self.pressed: int | None = None
+        """The run that was pressed last in the strip, which keeps the focus."""
         self.chart: Any = None
         """None as long as there is nothing to draw."""
         self.root = ui.element("div").classes("column fill")
@@ -76,6 +79,7 @@ class ComparePanel:
     def hear(self, topic: Topic) -> None:
         if topic == "session":
             self.chose_axes, self.chosen, self.window, self.against, self.place = False, [], ALL, "timeline", None
+            self.pressed = None
         if topic in ("session", "runs", "model"):
             self._build()
         if topic == "scheme" and self.chart is not None:
@@ -95,6 +99,8 @@ class ComparePanel:
             with ui.element("div").classes("beside"):
                 floor = None if self.bench.step is None else self.bench.step.view.compared.get("floor_dps")
                 strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), self.bench.excluded, self._include)
+                if self.pressed is not None:
+                    ui.run_javascript(REFOCUS % self.pressed)
                 runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
                 select = ui.select(runs, multiple=True, value=self.chosen, label="show runs", on_change=self._runs_chosen)
                 select.props("outlined dense options-dense clearable").style("width: 150px")
@@ -109,6 +115,8 @@ class ComparePanel:
         return [] if self.bench.step is None else list(self.bench.step.view.compared["where"])
 
     async def _include(self, file: str) -> None:
+        assert self.bench.session is not None
+        self.pressed = next(i for i, run in enumerate(self.bench.session.runs) if run.file == file)
         await self.bench.include(file, file in self.bench.excluded)
 
     def _found(self) -> list[tuple[dict[str, Any], Place]]:
@@ -200,26 +208,21 @@ class ComparePanel:
             self.moves = ui.element("span")
             with self.moves:
                 for icon, word, low, high in MOVES:
-                    self._button(icon, word).on("click", js_handler=ZOOM % (self.chart.id, low, high))
-            self._button("crop_free", "box zoom").on("click", js_handler=export.BOX % self.chart.id)
-            self._button("restart_alt", "reset zoom").on("click", self._reset)
-            self._button("table_view", "save as CSV").on("click", self._csv)
-            self.picture = self._button("image", "save as PNG")
-            self.picture.on("click", js_handler=export.PNG % (self.chart.id, "gyrocal"))
-
-    @staticmethod
-    def _button(icon: str, word: str) -> ui.button:
-        button = ui.button(icon=icon, color=None).props(f'flat round dense size="sm" aria-label="{word}"')
-        return button.tooltip(word)
+                    tool(icon, word).on("click", js_handler=ZOOM % (self.chart.id, low, high))
+            tools(self.chart, self._file, self._csv, self._reset)
 
     def _reset(self) -> None:
         self.window, self.place = ALL, None
         self._draw()
 
-    def _csv(self) -> None:
-        if self.bench.traces is not None and self.bench.session is not None:
-            name = f"{self.bench.session.path.name}_{self.against}_{''.join(self.axes)}.csv"
-            ui.download.content(export.as_csv(self._options(self.bench.traces)), name, "text/csv")
+    def _file(self) -> str:
+        """The name of a file that the chart is saved to."""
+        return named(self.bench, f"{self.against}_{''.join(self.axes)}")
+
+    def _csv(self) -> str:
+        """The data on the screen."""
+        assert self.bench.traces is not None
+        return export.as_csv(self._options(self.bench.traces))
 
     def _toggle(self, axis: str) -> None:
         self.axes, self.chose_axes = [a for a in AXES if (a in self.axes) != (a == axis)] or [axis], True
@@ -274,7 +277,9 @@ class ComparePanel:
         if self.against == "averaging":
             what = "Allan deviation of what is left over"
             return plots.curves(p, view.allan, self.axes, what, "", "noise model", x_name)
-        return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes)
+        about_means = self.place is not None and self.place.view == self.against and self.place.about_means
+        shown = [i for i, _ in self._runs()]
+        return plots.folded(p, traces.points, PANELS[self.against], shown, self.axes, about_means=about_means)
 
     def _seen_part(self) -> tuple[float, float] | None:
         """The part of a spectrum around the finding that is shown."""
@@ -305,17 +310,20 @@ class ComparePanel:
 
 def _figures(view: ModelView, tone: str) -> None:
     """rms, floor and excess of all axes as ``gyrocal compare`` gives them, and the excess of each axis."""
-    *axes, (_, rms, floor, excess, *_) = view.rows
+    *axes, (_, rms, floor, excess, excess_se, *_) = view.rows
+    unit = view.unit
+    sure = "" if excess_se == UNKNOWN else f" ± {excess_se}"
     with ui.element("div").style("margin-left: auto"):
         with ui.element("div").classes("figures").style("justify-content: flex-end"):
             for name, value, kind in (
-                (f"error, {view.unit} rms", rms, ""), ("noise floor", floor, ""), ("excess", excess, f"excess {tone}"),
+                (f"error, {unit} rms", rms, ""), (f"noise floor, {unit}", floor, ""),
+                (f"excess{sure}, {unit}", excess, f"excess {tone}"),
             ):  # fmt: skip
                 with ui.element("div").classes(f"figure {kind}"):
                     ui.html(f"<b>{'–' if value == UNKNOWN else value}</b>", sanitize=False)
                     ui.label(name)
         known = [f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN]
-        told = f"excess by axis: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
+        told = f"excess by axis, {unit}: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
         ui.label(told).classes("dim small per-axis")
 
 

@@ -12,13 +12,15 @@ from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
 from gyrocal.web import charts, warned
+from gyrocal.web.fall_chart import waterfall
 from gyrocal.web.held import parameters
 from gyrocal.web.hero_view import HeroView
 from gyrocal.web.models import Step
 from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
+from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, DiagnosisView, Picture
-from gyrocal.web.words import evidence, not_yet
+from gyrocal.web.words import evidence, not_yet, symbols
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -176,6 +178,8 @@ class DiagnosePanel:
                     button.props("unelevated no-caps" if passed else "outline no-caps").classes("primary" if passed else "")
                     self.acts.append(button)
                 ui.label(card.equation).classes("equation")
+            if symbols(card.equation):
+                ui.label(symbols(card.equation)).classes("dim small")
 
     def _thumbnail(self, card: Card, shown: Picture) -> None:
         """The picture of the effect in small. A press shows it in full."""
@@ -334,12 +338,15 @@ class DiagnosePanel:
                     ui.label(told).classes(f"badge {tone}")
                 if found.part is not None:
                     ui.label(found.part_told).classes("dim small")
+                bar = ui.element("div").classes("tools")
             ui.label(f"excess, {found.counted}").classes("dim small")
             if found.in_all:
                 ui.label(found.in_all).classes("dim small")
             figures = " ".join(found.told(b.after) for b in found.bars)
-            chart = ui.echart(charts.waterfall(self.tab.palette, found.bars, found.unit)).classes("chart grow")
+            chart = ui.echart(waterfall(self.tab.palette, found.bars, found.unit)).classes("chart grow")
             chart.props(f'role="img" aria-label="excess error, {found.unit.name}: {figures}"')
+            with bar:
+                tools(chart, lambda: named(self.bench, "excess"))
 
     def _calibration(self) -> None:
         self.calibration.clear()
@@ -348,17 +355,19 @@ class DiagnosePanel:
         tall = found is not None and bool(found.errors)
         self.calibration.classes(add="" if tall else "short", remove="short" if tall else "")
         with self.calibration:
-            with ui.row():
+            with ui.row().classes("tight"):
                 ui.html("<h2>Calibration error</h2>", sanitize=False)
                 ui.label("difference between the first 2, 4 and 6 s and the whole recording").classes("dim small")
+                bar = ui.element("div").classes("tools")
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
             elif not found.errors:
                 ui.label(found.note).classes("dim")
             else:
-                ui.echart(charts.calibration(self.tab.palette, found.errors)).classes("chart grow").props(
-                    'role="img" aria-label="calibration error against seconds"'
-                )
+                chart = ui.echart(charts.calibration(self.tab.palette, found.errors)).classes("chart grow")
+                chart.props('role="img" aria-label="calibration error against seconds"')
+                with bar:
+                    tools(chart, lambda: named(self.bench, "calibration_error"))
 
 
 def _titles() -> dict[str, str]:

@@ -11,6 +11,7 @@ from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
 from gyrocal.web.state import Topic
+from gyrocal.web.strips import strips
 from gyrocal.web.tables import number, plain, rate
 from gyrocal.web.words import unseen
 
@@ -27,8 +28,8 @@ def show(tab: Tab) -> Callable[[Topic], None]:
     with ui.element("div").classes("column"):
         warned.show(view.compared["warnings"])
         _verdict(view)
-        with ui.element("section").classes("face preview"):
-            ui.html(f'<img src="{view.picture}" alt="rates and accelerations, rests shaded">', sanitize=False)
+        with ui.element("section").classes("face"):
+            drawn = strips(tab, view.recorded, "The readings; rests are shaded")
         with ui.element("div").classes("two importing"):
             with ui.element("div").classes("column"):
                 _levels(view)
@@ -39,7 +40,7 @@ def show(tab: Tab) -> Callable[[Topic], None]:
                 _listed("Rests", ("file:", "from, s", "length, s", "acceleration x, y, z, g"), view.rests)
                 columns = ("file:", "from, s", "mainly about:", "gyroscope, deg", "model, deg", "left over, deg")
                 _listed("Movements between them", columns, view.movements)
-    return lambda topic: None
+    return lambda topic: drawn() if topic == "scheme" else None
 
 
 def _verdict(view: GravityView) -> None:

@@ -14,6 +14,7 @@ from gyrocal.errors import InputError
 from gyrocal.web import warned
 from gyrocal.web.intake import KINDS, Asked, Looked
 from gyrocal.web.state import Topic
+from gyrocal.web.strips import strips
 from gyrocal.web.tables import plain
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ class ImportPanel:
         self.tab, self.bench = tab, tab.bench
         self.file: Path | None = None
         self.looked: Looked | None = None
+        self.draw: Callable[[], None] = lambda: None
+        """Draws the preview in the colours of the page."""
         with ui.element("div").classes("two importing"):
             with ui.element("div").classes("column"):
                 self._source()
@@ -158,7 +161,8 @@ class ImportPanel:
                 return
             ui.label(looked.told).props('role="status"')
             warned.show(looked.warnings)
-            ui.html(f'<img src="{looked.picture}" alt="preview: every column over time">', sanitize=False).classes("preview")
+            assert looked.recorded is not None
+            self.draw = strips(self.tab, looked.recorded, "Every column over time")
             with ui.row().classes("tight"):
                 name = ui.input("folder of the new session", value=self.bench.places.free(self.file.name.split(".")[0]).name)
                 name.props("outlined dense")
@@ -187,5 +191,5 @@ def _on_page(problem: str) -> str:
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:
-    ImportPanel(tab)
-    return lambda topic: None
+    panel = ImportPanel(tab)
+    return lambda topic: panel.draw() if topic == "scheme" else None

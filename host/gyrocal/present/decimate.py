@@ -92,7 +92,7 @@ class Pyramid:
 
 
 def means(values: Array, starts: Any) -> Array:
-    """Means over intervals of the last axis that begin at ``starts``; NaN where an interval holds no finite value."""
+    """Means of ``values`` [..., n] over intervals that begin at ``starts`` [k]; NaN where an interval holds no finite value."""
     there = np.isfinite(values)
     total = np.add.reduceat(np.where(there, values, 0.0), starts, axis=-1, dtype=float)
     count = np.add.reduceat(there, starts, axis=-1, dtype=float)
@@ -104,23 +104,26 @@ ONE_VALUE = 0.01
 
 
 class Binned(NamedTuple):
-    """Centres of bins [k], and the means in them with their standard errors [k]."""
+    """Means of x and y in bins [k], the standard errors of those of y [k], and the ends of the bins [k]."""
 
     centre: Array
     mean: Array
     se: Array
+    low: Array
+    high: Array
 
 
-def binned(x: Array, y: Array, bins: int) -> Binned:
+def binned(x: Array, y: Array, bins: int, ends: tuple[float, float] | None = None) -> Binned:
     """Means of ``y`` [n] in equal bins of ``x`` [n], without empty bins. Values that are not finite are left out.
 
-    A bin that holds one value of ``x`` alone, as a face or a direction, has its centre there.
+    The bins reach from the lowest to the highest value of ``x``, or over ``ends``, outside which no value may lie. A bin that
+    holds one value of ``x`` alone, as a face or a direction, has it in its middle.
     """
     use = np.isfinite(x) & np.isfinite(y)
     x, y = np.asarray(x[use], dtype=float), np.asarray(y[use], dtype=float)
     if x.size == 0:
-        return Binned(np.zeros(0), np.zeros(0), np.zeros(0))
-    low, high = float(x.min()), float(x.max())
+        return Binned(*np.zeros((5, 0)))
+    low, high = ends or (float(x.min()), float(x.max()))
     width = (high - low) / bins or 1.0
     place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)
     count = np.bincount(place, minlength=bins)
@@ -133,8 +136,9 @@ def binned(x: Array, y: Array, bins: int) -> Binned:
     np.minimum.at(first, place, x)
     np.maximum.at(last, place, x)
     first, last = first[kept], last[kept]
-    middle = low + (np.flatnonzero(kept) + 0.5) * width
-    return Binned(np.where(last - first < ONE_VALUE * width, (first + last) / 2, middle), mean, error)
+    centre = np.bincount(place, x, bins)[kept] / n
+    middle = np.where(last - first < ONE_VALUE * width, centre, low + (np.flatnonzero(kept) + 0.5) * width)
+    return Binned(centre, mean, error, middle - width / 2, middle + width / 2)
 
 
 def by_octave(x: Array, y: Array, stretches: int) -> tuple[Array, Stretches]:

@@ -1,8 +1,9 @@
-"""Spectra of the residual as they are drawn: from the lowest frequency that a run holds, and over the table's angle."""
+"""Spectra of the residual as they are drawn, over time and over the table's angle, from one period in the longest run on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,28 @@ from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.levels import noise_beside
 from gyrocal.effects.order_tone import turned_turn
 from gyrocal.noise.orders import order_spectrum
+from gyrocal.present.decimate import Stretches, by_octave
 from gyrocal.recording.session import Array, Run
-from gyrocal.web.decimate import Stretches, by_octave
-from gyrocal.web.views import Curve
 
 STRETCHES = 600
 TAPER = 0.25
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A measured curve and what noise alone is expected to give.
+
+    ``low`` and ``high`` are the extremes of the intervals ``first`` to ``last`` whose mean is ``y``; empty if every point is
+    drawn.
+    """
+
+    x: list[float]
+    y: list[float]
+    expected: list[float]
+    first: list[float] = field(default_factory=list)
+    last: list[float] = field(default_factory=list)
+    low: list[float] = field(default_factory=list)
+    high: list[float] = field(default_factory=list)
 
 
 def density(residuals: Sequence[Array], rate_hz: float) -> tuple[Array, Array]:
@@ -63,7 +80,7 @@ def against_order(found: Comparison, axis: str, residuals: Mapping[int, Array]) 
     """The amplitude in deg/s at each number of periods per turn of the table; None if the table hardly turns."""
     runs: dict[int, Run] = {b.run.index: b.run.about(axis) for b in found.fit.blocks}
     turning = [i for i in residuals if not runs[i].rate_is_mean and bool(np.any(runs[i].rate_dps))]
-    lines = order_spectrum([residuals[i] for i in turning], [turned_turn(runs[i]) for i in turning])
+    lines = order_spectrum([residuals[i] for i in turning], [turned_turn(runs[i]) for i in turning], whole=True)
     if not lines.order.size:
         return None
     x, s = by_octave(lines.order, np.sqrt(lines.power), STRETCHES)

@@ -1,0 +1,107 @@
+"""Slips in a recording with a measured orientation, and in one that is said to be at rest: the cause is told, and it alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gyrocal.errors import InputError
+from gyrocal.plausibility import check
+from gyrocal.recording.header import Reference
+from gyrocal.recording.session import Session
+from make_runs import make_run, make_session
+
+Array = NDArray[np.float64]
+RATE_HZ = 50.0
+T_S = np.arange(1000) / RATE_HZ
+MIXED = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
+"""The tracker's axes against the sensor's."""
+
+
+def motion(sizes: tuple[float, float, float]) -> Array:
+    """Body rates [n, 3], deg/s: sums of sines below 1.2 Hz of the given sizes."""
+    rng = np.random.default_rng(4)
+    f, p, a = rng.uniform(0.1, 1.2, (6, 3)), rng.uniform(0, 7, (6, 3)), rng.normal(0, 20, (6, 3))
+    return np.asarray(np.sum(a * np.sin(2 * np.pi * f * T_S[:, None, None] + p), axis=1) * sizes)
+
+
+def tracked(gyro_dps: Array, true_dps: Array, t_s: Array = T_S) -> Session:
+    """Readings [n, 3] with the orientation whose rates are ``true_dps`` [n, 3] at :data:`T_S`, in the tracker's axes."""
+    body = true_dps @ MIXED
+    steps = Rotation.from_rotvec(np.deg2rad((body[1:] + body[:-1]) / 2) / RATE_HZ)
+    at = [Rotation.identity()]
+    for step in steps:
+        at.append(at[-1] * step)
+    q = Rotation.concatenate(at).as_quat()
+    columns = dict(zip(("ref_qx", "ref_qy", "ref_qz", "ref_qw"), q.T, strict=True))
+    noisy = gyro_dps + np.random.default_rng(2).normal(0, 0.05, gyro_dps.shape)
+    run = replace(make_run(t_s, noisy, table_rate_dps=None, **columns), reference=Reference())
+    return make_session(run, reference=Reference())
+
+
+def told(session: Session) -> set[tuple[str, str | None]]:
+    return {(w.code, w.axis) for w in check(session) if w.code not in ("hardly_turned", "noise_unknown")}
+
+
+@pytest.mark.parametrize("sizes", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.4)])
+@pytest.mark.parametrize(("factor", "says"), [(np.pi / 180, "the readings are in rad/s"), (180 / np.pi, "in deg/s already")])
+def test_readings_in_another_unit_are_told_as_that_on_each_axis(
+    sizes: tuple[float, float, float], factor: float, says: str
+) -> None:
+    true_dps = motion(sizes)
+    session = tracked(true_dps, true_dps)
+    assert told(session) == set()
+    wrong = session.with_runs(
+        replace(r, frame=r.table.with_columns(**{f"g{a}_dps": r.table[f"g{a}_dps"] * factor for a in "xyz"}))
+        for r in session.runs
+    )
+    assert told(wrong) == {("unit_rad_s", axis) for axis in "xyz"}
+    assert all(says in w.text for w in check(wrong) if w.code == "unit_rad_s")
+
+
+@pytest.mark.parametrize(("factor", "says"), [(1000.0, "Is t_s in ms?"), (1e-3, "Was t_s taken for ms or us?")])
+def test_times_in_another_unit_are_told_beside_an_orientation(factor: float, says: str) -> None:
+    true_dps = motion((1.0, 1.0, 1.0))
+    found = check(tracked(true_dps, true_dps, T_S * factor))
+    assert next(w.text for w in found if w.code == "sample_rate").startswith(says)
+    assert all("t_s" in w.text for w in found if w.code == "scale_implausible")
+
+
+@pytest.mark.parametrize("change", [np.diag([-1.0, 1.0, 1.0]), np.eye(3)[[1, 0, 2]]])
+def test_a_mirrored_reference_is_told_and_no_slope_against_it(change: Array) -> None:
+    true_dps = motion((1.0, 1.0, 1.0))
+    assert told(tracked(true_dps @ change.T, true_dps)) == {("sign_flipped", None)}
+
+
+def test_a_recording_that_is_too_short_for_its_reference_is_not_called_apart_from_it() -> None:
+    true_dps = motion((1.0, 1.0, 1.0))
+    session = tracked(true_dps, true_dps)
+    with pytest.raises(InputError, match="record longer"):
+        check(session.with_runs(replace(r, frame=r.table[:20]) for r in session.runs))
+
+
+def test_a_rest_in_which_the_sensor_turns_is_told_without_an_accelerometer_and_its_motion_is_no_noise() -> None:
+    rng = np.random.default_rng(1)
+    t_s = np.arange(3000) / 100.0
+    swing = 30.0 * np.sin(2 * np.pi * t_s / 7.3)[:, None] * (0.2, 1.0, 0.0)
+    run = make_run(t_s, swing + rng.normal(0, 0.1, (t_s.size, 3)), table_rate_dps=0.0)
+    assert told(make_session(run)) == {("not_at_rest", "x"), ("not_at_rest", "y")}
+
+
+@pytest.mark.parametrize("kind", ["noisy", "drifting", "jump", "knock", "vibrating"])
+def test_a_rest_that_is_one_is_left_in_peace(kind: str) -> None:
+    rng = np.random.default_rng(1)
+    t_s = np.arange(6000) / 100.0
+    noise = rng.normal(0, 8.0 if kind == "noisy" else 0.1, (t_s.size, 3))
+    moves = {
+        "drifting": 3.0 * t_s / t_s[-1],
+        "jump": np.where(t_s > 20.0, 5.0, 0.0),
+        "knock": 40.0 * np.exp(-(((t_s - 30.0) / 0.3) ** 2)),
+        "vibrating": 20.0 * np.sin(2 * np.pi * 17.3 * t_s),
+    }.get(kind, np.zeros_like(t_s))
+    run = make_run(t_s, noise + moves[:, None], table_rate_dps=0.0)
+    assert "not_at_rest" not in {w.code for w in check(make_session(run))}
