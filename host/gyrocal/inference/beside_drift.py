@@ -55,7 +55,8 @@ def _drifts(current: AxisFit) -> list[tuple[Noise, float]]:
 
     def beside(growth: float, rate: float) -> Noise:
         """The noise with a drift whose growth ``sd^2 / tau`` and rate ``1 / tau`` are other ones, by logarithms of ratios."""
-        return Noise(noise.white_sd_dps, noise.ou_sd_dps * float(np.exp((growth - rate) / 2)), noise.ou_tau_s / float(np.exp(rate)))
+        sd_dps, tau_s = noise.ou_sd_dps * float(np.exp((growth - rate) / 2)), noise.ou_tau_s * float(np.exp(-rate))
+        return Noise(noise.white_sd_dps, sd_dps, tau_s)
 
     places = [(KNOWN * place, weight) for place, weight in HERMITE.items()]
     return [(beside(growth, rate), of_growth * of_rate) for growth, of_growth in places for rate, of_rate in places]
