@@ -3,7 +3,8 @@
 Each session is short, has one effect planted besides scale, bias, turn-on bias, drift and white noise, and is fitted with the
 model that has this effect. Sizes are a third of the typical size, the typical size (the geometric mean of the effect's typical
 range) and three times that. Truth is what the session contains: of a wave whose phase differs from run to run, the root mean
-square of its amplitudes over the runs.
+square of its amplitudes over the runs. Intervals of spreads over power cycles and of nonlinear parameters (time constants,
+frequencies, widths) are symmetric in the logarithm: from ``value * exp(-k se / value)`` to ``value * exp(k se / value)``.
 
     gyrocal benchmark coverage
     python benchmarks/coverage.py [--fits 300] [--effects warmup,drift] [--workers 2] [--out build/coverage.jsonl] [--page FILE]
@@ -222,15 +223,15 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """A line for each effect, size and parameter: coverage at both levels with its band, mean and spread of z."""
     from scipy.stats import binom
 
-    grouped: dict[tuple[str, str, str], list[tuple[float | None, float | None, float]]] = {}
+    grouped: dict[tuple[str, str, str], list[float]] = {}
     for row in rows:
         for name, numbers in row["found"].items():
             size = "all" if tuple(name.split(".")) in INHERENT else row["size"]
-            grouped.setdefault((row["effect"], size, name), []).append(tuple(numbers))
+            grouped.setdefault((row["effect"], size, name), []).append(_z(*numbers, in_logarithm(row["effect"], name)))
     chance = (1 - FAMILY_WISE) / max(1, len(grouped) * len(LEVELS))
     lines = []
     for (effect_id, size, name), estimates in grouped.items():
-        z = np.array([_z(*e) for e in estimates])
+        z = np.array(estimates)
         line: dict[str, Any] = {"effect": effect_id, "size": size, "parameter": name, "fits": z.size}
         there = z[np.isfinite(z)]
         line |= {"without": int(z.size - there.size), "outside": []}
@@ -246,9 +247,16 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {"family_wise": FAMILY_WISE, "left_out": LEFT_OUT, "rows": lines}
 
 
-def _z(value: float | None, se: float | None, truth: float) -> float:
+def in_logarithm(effect_id: str, name: str) -> bool:
+    """True if an interval is ``value * exp(+-k se / value)``: of a spread over power cycles, and of a nonlinear parameter."""
+    return name == "turn_on_bias.sd_dps" or (effect_id in effects() and name in effect(effect_id).nonlinear)
+
+
+def _z(value: float | None, se: float | None, truth: float, logarithm: bool = False) -> float:
     """Error over standard error; NaN, which no interval covers, if the fit has no value or no error."""
-    return float("nan") if value is None or not se else (value - truth) / se
+    if value is None or not se:
+        return float("nan")
+    return float(np.log(value / truth)) * value / se if logarithm and value > 0 else (value - truth) / se
 
 
 def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:

@@ -22,7 +22,8 @@ def test_they_are_those_of_scipy_stats() -> None:
     np.testing.assert_allclose(tails.chi_square_value(1e-6, 1), stats.chi2.isf(1e-6, 1), **close)
     np.testing.assert_allclose(tails.f_ratio(X, 4, 7.5), stats.f.sf(X, 4, 7.5), **close)
     np.testing.assert_allclose(tails.student(X, 3), stats.t.sf(X, 3), **close)
-    np.testing.assert_allclose(tails.student_density(X, 3), stats.t.pdf(X, 3), **close)
+    np.testing.assert_allclose(tails.student_value([1e-6, 0.25], 3), stats.t.isf([1e-6, 0.25], 3), rtol=1e-9)
+    np.testing.assert_allclose(tails.student_log_density(X, 3), stats.t.logpdf(X, 3), **close)
 
 
 @pytest.mark.parametrize("least", [-2, 0, 1, 4, 20, 21])

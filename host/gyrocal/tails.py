@@ -67,9 +67,16 @@ def student(value: Any, freedom: Any) -> Any:
     return stdtr(freedom, -np.asarray(value))
 
 
-def student_density(value: Any, freedom: float) -> Any:
-    """Density of Student's t with ``freedom`` degrees of freedom."""
+def student_value(chance: Any, freedom: Any) -> Any:
+    """The value that Student's t with ``freedom`` degrees of freedom exceeds with a probability."""
+    from scipy.special import stdtrit
+
+    return -stdtrit(freedom, chance)
+
+
+def student_log_density(value: Any, freedom: float) -> Any:
+    """Logarithm of the density of Student's t with ``freedom`` degrees of freedom."""
     from scipy.special import gammaln
 
     norm = gammaln((freedom + 1) / 2) - gammaln(freedom / 2) - 0.5 * np.log(freedom * np.pi)
-    return np.exp(norm - (freedom + 1) / 2 * np.log1p(np.square(value) / freedom))
+    return norm - (freedom + 1) / 2 * np.log1p(np.square(value) / freedom)

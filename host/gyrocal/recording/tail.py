@@ -79,7 +79,7 @@ def _of_deviations() -> tuple[Array, Array]:
     x = step * np.arange(-GRID, GRID + 1)
     cdfs, units = [], []
     for freedom in FREEDOMS:
-        one = tails.student_density(x, freedom)
+        one = np.exp(tails.student_log_density(x, freedom))
         mean = 2 * step * convolved(np.pad(one, 2 * GRID), one)[::2]  # at 2x = a + b the mean of two is x
         below = np.clip((np.cumsum(mean) - mean / 2) * step, 0.0, 1.0)
         median = 6 * mean * below * (1 - below)

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gyrocal import tails
 from gyrocal.recording.session import Array
 
 MEMORY = 4
@@ -56,11 +57,9 @@ class _Noise:
     @classmethod
     def of(cls, errors: Sequence[Array]) -> _Noise:
         """The errors of runs with the likeliest tail, at the level that their medians in windows show."""
-        from scipy.stats import t
-
         error, size = np.concatenate(errors), np.concatenate([_sizes(e) for e in errors])
-        noises = [cls(error, size / float(t.ppf(0.75, freedom)), freedom) for freedom in FREEDOMS]
-        return max(noises, key=lambda n: float(np.sum(t.logpdf(error, n.freedom, scale=n.level))))
+        noises = [cls(error, size / float(tails.student_value(0.25, freedom)), freedom) for freedom in FREEDOMS]
+        return max(noises, key=lambda n: float(np.sum(tails.student_log_density(error / n.level, n.freedom) - np.log(n.level))))
 
     def of_rows(self, rows: NDArray[np.bool_] | slice) -> _Noise:
         """The noise of some of the readings."""
