@@ -180,3 +180,16 @@ def test_a_drift_within_each_run_excludes_a_leak_of_the_rate() -> None:
     best = found.best
     assert best is not None
     assert (best.axis, best.group) == ("x", ("drift",))
+
+
+def test_what_a_better_one_explains_is_not_named_beside_it() -> None:
+    """The error |rate| contains a square of the rate. The candidate with the largest gain, a tone, says nothing of either."""
+    rng = np.random.default_rng(21)
+    t_s, runs = np.arange(round(8 * RATE_HZ)) / RATE_HZ, []
+    for cycle, rate in enumerate([-150.0, -78.0, -30.0, 0.0, 30.0, 78.0, 150.0] * 2):
+        gyro = rng.normal(0, 0.03, (t_s.size, 3))
+        tone = 0.1 * np.cos(2 * np.pi * 17 * t_s + rng.uniform(0, 6))
+        gyro[:, 2] += 1.002 * rate + 0.001 * abs(rate) + tone
+        runs.append(make_run(t_s, gyro, table_rate_dps=rate, scenario=f"s{cycle}", day=1 + cycle % 3, rate_hz=RATE_HZ))
+    named = {c.effect.id for c in diagnose(make_session(*runs)).candidates if c.decision == "add"}
+    assert named == {"vibration_tone", "scale_asymmetry"}

@@ -1,8 +1,8 @@
 """The candidates of an axis, judged beside each other.
 
 Each candidate is judged beside the model alone. The signal of a strong cause can raise others that have nothing to do with
-it: a dead band makes jumps, and a lost carry makes wide waves. Beside the first candidate of an axis, another one keeps the
-decision ``add`` only if it still gains with the first one in the model.
+it: a dead band makes jumps, a lost carry makes wide waves, and a scale that differs with the direction makes the square of the
+rate. A candidate keeps the decision ``add`` only if it still gains with the better ones of its axis in the model.
 
 Slow effects can also hide each other: a curve over temperature hides a hysteresis, and alone neither predicts held-out data.
 Where no candidate of an axis passes, those that were suggested are compared as sets. Effects of time hide each other most: if a
@@ -31,23 +31,30 @@ from gyrocal.policy import POLICY
 from gyrocal.threads import each
 
 
-def beside_first(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
-    """The candidates; those with decision ``add`` that do not gain beside the first one of their axis have ``suggest``.
+def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
+    """The candidates; those with decision ``add`` that do not gain beside the better ones of their axis have ``suggest``.
 
-    Rivals of the first one stay, because the session cannot tell which of them acts.
+    Rivals of a better one stay, because the session cannot tell which of them acts.
     """
     tested = sum(c.decision != "not_measurable" for c in candidates)
-    passed = [c for c in candidates if c.decision == "add"]
-    first = {c.axis: c for c in sorted(passed, key=lambda c: c.gain or 0.0)}
-    others = [c for c in passed if c is not first[c.axis] and c.effect.id not in first[c.axis].group]
-    axes = {c.axis for c in others}
-    richer = {axis: Current.of(comparison, axis).with_effect(first[axis].effect, first[axis].values) for axis in axes}
+    passed = sorted((c for c in candidates if c.decision == "add"), key=lambda c: -(c.gain or 0.0))
 
-    def still(c: Candidate) -> bool:
-        return _gains(judge(richer[c.axis], c.effect), first[c.axis], tested)
+    def unproven(axis: str) -> list[Candidate]:
+        first, *others = (c for c in passed if c.axis == axis)
+        kept, out = [first], list[Candidate]()
+        current, added = Current.of(comparison, axis), 0
+        for c in others:
+            if any(c.effect.id in better.group for better in kept):
+                continue
+            for better in kept[added:]:
+                current = current.with_effect(better.effect, better.values)
+            added = len(kept)
+            (kept if _gains(judge(current, c.effect), kept, tested) else out).append(c)
+        return out
 
-    kept = dict(zip(map(id, others), each(still, others, comparison.fit.session.rows), strict=True))
-    return [c if kept.get(id(c), True) else replace(c, decision="suggest", group=()) for c in candidates]
+    axes = sorted({c.axis for c in passed})
+    out = {id(c) for of_axis in each(unproven, axes, comparison.fit.session.rows) for c in of_axis}
+    return [replace(c, decision="suggest", group=()) if id(c) in out else c for c in candidates]
 
 
 def excludes(c: Candidate, rival: Candidate, comparison: Comparison) -> bool:
@@ -64,12 +71,12 @@ def excludes(c: Candidate, rival: Candidate, comparison: Comparison) -> bool:
     return chance_beside(rival, c) < POLICY.needed and chance_beside(c, rival) > POLICY.needless
 
 
-def _gains(again: Candidate, first: Candidate, tested: int) -> bool:
-    """True if a candidate is proven beside the first one.
+def _gains(again: Candidate, better: Sequence[Candidate], tested: int) -> bool:
+    """True if a candidate is proven beside the better ones.
 
     Two faults of the reading are found in the same codes, so that a second one must also improve the prediction.
     """
-    same_codes = first.effect.fault_of(first.values) is not None or first.effect.fault is not None
+    same_codes = any(c.effect.fault_of(c.values) is not None or c.effect.fault is not None for c in better)
     if same_codes and again.effect.fault_of(again.values) is not None and not sure_gain(again):
         return False
     return bool(again.values) and proven(again, tested) and in_range(again)

@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 
 from gyrocal import tails
-from gyrocal.diagnosis.beside import as_sets, beside_first, excludes
+from gyrocal.diagnosis.beside import as_sets, beside_better, excludes
 from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
@@ -40,7 +40,7 @@ def candidates(
     judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
     decided = decide(with_q_values(judged), comparison)
     grouped = with_groups(decided, lambda c, rival: excludes(c, rival, comparison))
-    judged = as_sets(beside_first(grouped, comparison), comparison)
+    judged = as_sets(beside_better(grouped, comparison), comparison)
     unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
     return sorted(with_suggested_groups(judged, unnamed), key=best_first)
 
