@@ -1,5 +1,7 @@
 """Runs known by their net angle alone (the sensor turned by hand, once about), among runs at rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
-from gyrocal.recording.session import Session
+from gyrocal.recording.session import Run, Session
 from make_runs import make_run, make_session
 
 RATE_HZ, WHITE_DPS, TURN_DEG = 104.0, 0.04, 360.0
@@ -52,3 +54,53 @@ def test_each_power_cycle_is_calibrated(by_hand: Session) -> None:
     assert len(estimates) == 6
     for e in estimates:
         assert abs(e.scale - SCALE) < 4 * e.scale_se
+
+
+T_S = np.arange(1200) / 100
+
+
+def by_eye(seed: int, *errors_deg: float, **known: float) -> Session:
+    """Two rests, and a turn about z for each of ``errors_deg``, by which it misses 360 degrees."""
+    rng = np.random.default_rng(seed)
+
+    def run(turned_deg: float) -> Run:
+        gyro = rng.normal(BIAS_DPS, 0.05, (T_S.size, 3))
+        gyro[:, 2] += (1 + SCALE) * np.where((T_S >= 2) & (T_S < 10), turned_deg / 8, 0.0)
+        run = make_run(T_S, gyro, table_rate_dps=0.0, turn_deg=TURN_DEG if turned_deg else None, scenario="s0")
+        return replace(run, **known) if turned_deg else run
+
+    return make_session(run(0.0), run(0.0), *(run(TURN_DEG + error_deg) for error_deg in errors_deg))
+
+
+def found(session: Session) -> tuple[float, float, float, float]:
+    """Scale and bias of z, each with its standard error."""
+    terms = fit(session, Model.open("default"), axes="z").axes["z"].terms
+    return tuple(of[name] for t, name in zip(terms, ("scale", "bias_dps"), strict=True) for of in (t.values, t.se))  # type: ignore[return-value]
+
+
+def test_the_scatter_of_turns_is_in_the_error_of_the_scale() -> None:
+    pulls = []
+    for seed in range(10):
+        errors_deg = np.random.default_rng(100 + seed).normal(0, 10, 6)
+        scale, scale_se, bias, bias_se = found(by_eye(seed, *errors_deg))
+        assert scale == pytest.approx(SCALE + float(np.mean(errors_deg)) / TURN_DEG * (1 + SCALE), abs=3e-4)
+        # the error of the mean of six, in which Student's t of five degrees of freedom replaces the normal distribution
+        assert scale_se == pytest.approx(np.std(errors_deg, ddof=1) / np.sqrt(6) / TURN_DEG * 2.571 / 1.96, rel=0.1)
+        pulls.append((scale - SCALE) / scale_se)
+        assert abs(bias - BIAS_DPS) < 4 * bias_se < 0.03  # the rests know the bias, and no drift is made of the scatter
+    assert max(map(abs, pulls)) < 3
+
+
+def test_two_turns_that_differ_give_a_wide_error_and_two_that_agree_a_small_one() -> None:
+    scale, scale_se, *_ = found(by_eye(0, 8.0, -12.0))
+    assert abs(scale - SCALE) < scale_se
+    assert scale_se > 0.03
+    scale, scale_se, *_ = found(by_eye(0, 0.0, 0.0))
+    assert abs(scale - SCALE) < 4 * scale_se < 4e-4
+
+
+def test_the_stated_error_of_a_single_turn_is_that_of_its_scale() -> None:
+    scale, scale_se, bias, bias_se = found(by_eye(0, 5.0, turn_se_deg=5.0))
+    assert scale_se == pytest.approx(5 / TURN_DEG, rel=0.02)
+    assert abs(scale - SCALE) < 2 * scale_se
+    assert abs(bias - BIAS_DPS) < 4 * bias_se < 0.03

@@ -13,6 +13,7 @@ import numpy as np
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise, white_start, with_noise
+from gyrocal.inference.turns import with_errors_of_turns
 from gyrocal.noise.color import WHITE, Color
 from gyrocal.noise.steady import relative_levels
 from gyrocal.policy import POLICY
@@ -38,10 +39,10 @@ def shaped(current: AxisFit) -> AxisFit:
     if of_angle(current):
         return _better(current, _with_noise_of_angle(current))
     color = _color(current)
-    if not color:
-        return current
-    colored = _refitted(current, Color(color))
-    return _better(current, colored) if _shown_by_samples(colored) else current
+    if color:
+        colored = _refitted(current, Color(color))
+        current = _better(current, colored) if _shown_by_samples(colored) else current
+    return with_errors_of_turns(current)
 
 
 def reshaped(current: AxisFit, blocks: Sequence[Blocks]) -> AxisFit:

@@ -14,6 +14,7 @@ from gyrocal.inference.few_cycles import widening
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.joint import Joint, errors_of, joint
 from gyrocal.inference.spread_errors import settled, spread_errors
+from gyrocal.inference.turns import widening_by_turns
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.drift import Drift
 from gyrocal.noise.power_cycles import TurnOnBias, TurnOnScale
@@ -33,7 +34,7 @@ def finish(current: AxisFit, reported: bool = False, misfit: bool = False) -> Ax
     run_se, scenario_se = spread_errors(current)
     if reported:
         scenario_se = spread_errors_beside_drift(current, scenario_se)
-    factor = widening(current)
+    factor = widening(current) * widening_by_turns(current)
     if misfit:
         factor = factor * misfit_factor(current)
     together = joint(current).widened(factor)

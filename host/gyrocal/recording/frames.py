@@ -53,7 +53,8 @@ def _run(index: int, entry: RunEntry, header: SessionFile, table: pl.DataFrame) 
     return Run(
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
         entry.day, entry.power_on_s, header.sample_rate_hz, frame=table, lsb_dps=header.lsb_dps,
-        latitude_deg=header.latitude_deg, table_rate_se_dps=entry.table_rate_se_dps, reference=header.reference,
+        latitude_deg=header.latitude_deg, table_rate_se_dps=entry.table_rate_se_dps, turn_se_deg=entry.turn_se_deg,
+        reference=header.reference,
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ class RunEntry(BaseModel):
     table_rate_dps: float | None = None
     table_rate_se_dps: float | None = Field(default=None, ge=0)
     turn_deg: float | None = None
+    turn_se_deg: float | None = Field(default=None, ge=0)
     day: int | None = None
     power_on_s: float | None = Field(default=None, ge=0)
 

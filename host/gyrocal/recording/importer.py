@@ -279,7 +279,7 @@ def _run(
         meta.get("table_rate_dps"), meta.get("turn_deg"), meta.get("day"), meta.get("power_on_s"),
         rate_hz or _nominal_rate_hz(columns["t_s"]),
         frame=check_table(_frame(columns), f"{source.label}: run {cut.name}"), table_rate_se_dps=meta.get("table_rate_se_dps"),
-        reference=reference,
+        turn_se_deg=meta.get("turn_se_deg"), reference=reference,
     )  # fmt: skip
 
 

@@ -63,6 +63,8 @@ class Run:
     """Keys of the run's entry in session.toml that no command reads."""
     table_rate_se_dps: float | None = None
     """Standard error of ``table_rate_dps``."""
+    turn_se_deg: float | None = None
+    """Standard error of ``turn_deg``."""
     reference: Reference = field(default_factory=Reference)
     """The session's description of its references."""
     smooth: bool = True
@@ -326,8 +328,8 @@ class Run:
             self.index, self.file, self.scenario, self.face, self.axis, self.table_rate_dps,
             self.turn_deg if whole else None, self.day, power_on_s, self.sample_rate_hz,
             frame=self.table.slice(start, stop - start), lsb_dps=self.lsb_dps, latitude_deg=self.latitude_deg,
-            table_rate_se_dps=self.table_rate_se_dps, reference=self.reference, smooth=self.smooth,
-            registration=self.registration.from_later(float(self.sample_s[start] - self.sample_s[0])),
+            table_rate_se_dps=self.table_rate_se_dps, turn_se_deg=self.turn_se_deg, reference=self.reference,
+            smooth=self.smooth, registration=self.registration.from_later(float(self.sample_s[start] - self.sample_s[0])),
             lost=None if self.lost is None else self.lost[start:stop],
         )  # fmt: skip
 

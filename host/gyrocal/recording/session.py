@@ -153,7 +153,7 @@ def run_entry(run: Run, file: str, session_axis: str) -> dict[str, Any]:
     return {
         "file": file, "scenario": run.scenario, "face": run.face, "table_rate_dps": run.table_rate_dps,
         "table_rate_se_dps": run.table_rate_se_dps, "axis": None if run.axis == session_axis else run.axis,
-        "turn_deg": run.turn_deg, "day": run.day, "power_on_s": run.power_on_s,
+        "turn_deg": run.turn_deg, "turn_se_deg": run.turn_se_deg, "day": run.day, "power_on_s": run.power_on_s,
     }  # fmt: skip
 
 
@@ -162,7 +162,7 @@ def _run(index: int, entry: RunEntry, header: SessionFile, folder: Path) -> Run:
         index, entry.file, entry.scenario, entry.face, entry.axis or header.axis, entry.table_rate_dps, entry.turn_deg,
         entry.day, entry.power_on_s, header.sample_rate_hz, path=folder / entry.file,
         lsb_dps=header.lsb_dps, latitude_deg=header.latitude_deg, unread=tuple(entry.model_extra or ()),
-        table_rate_se_dps=entry.table_rate_se_dps, reference=header.reference,
+        table_rate_se_dps=entry.table_rate_se_dps, turn_se_deg=entry.turn_se_deg, reference=header.reference,
     )  # fmt: skip
 
 
