@@ -15,6 +15,10 @@ from gyrocal.errors import InputError, first_line
 
 UNREADABLE = (OSError, ValueError, OverflowError, RecursionError)
 """What reading and parsing a text file raises; the errors of tomllib and json are ValueErrors."""
+LONGEST_LINE = 1 << 16
+"""The bytes of a line that is surely no row of a table."""
+LARGEST_TOML_BYTES, LARGEST_JSON_BYTES = 2 << 20, 32 << 20
+"""The most bytes of a file that are parsed; either takes about a second."""
 
 
 def why_unreadable(error: BaseException) -> str:
@@ -74,13 +78,36 @@ def _allowed(mode: int) -> int:
     return mode & ~mask
 
 
+def long_line(data: bytes, end: int | None = None) -> int | None:
+    """The number, from 1, of a line of more than twice ``LONGEST_LINE`` bytes in ``data[:end]``; some shorter ones count."""
+    for start in range(0, (len(data) if end is None else end) - LONGEST_LINE, LONGEST_LINE):
+        if data.find(b"\n", start, start + LONGEST_LINE) < 0:
+            return data.count(b"\n", 0, start) + 1
+    return None
+
+
+def check_not_endless(path: Path) -> None:
+    """Raise InputError for a pipe or a device, from which reading may never end."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise InputError(f"{path}: a pipe or a device, and not a file; save what it gives in a file")
+
+
+def read_small_text(path: Path, largest_bytes: int) -> str:
+    """The text of a file. Raises InputError if it is a pipe, a device or larger, and else one of ``UNREADABLE``."""
+    check_not_endless(path)
+    size = path.stat().st_size
+    if size > largest_bytes:
+        raise InputError(f"{path}: {size} bytes, and at most {largest_bytes} are read; is it the right file?")
+    return path.read_text(encoding="utf-8")
+
+
 def read_toml(path: Path, missing: str, expected: str) -> dict[str, Any]:
     """A TOML file as a dictionary.
 
     Raises InputError if it cannot be read; ``missing`` is said of an absent file, ``expected`` of one that is no TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_small_text(path, LARGEST_TOML_BYTES))
     except FileNotFoundError:
         raise InputError(f"{path}: {missing}") from None
     except UNREADABLE as error:

@@ -206,7 +206,7 @@ def test_what_was_received_survives_a_kill(tmp_path: Path) -> None:
         with subprocess.Popen([sys.executable, "-m", "gyrocal", "record", str(out), *options]) as process:
             deadline = time.monotonic() + 20
             while time.monotonic() < deadline:
-                if (out / "000_up.csv").exists() and len((out / "000_up.csv").read_text().splitlines()) == 31:
+                if (out / "session.toml").exists() and len((out / "000_up.csv").read_text().splitlines()) == 31:
                     break
                 time.sleep(0.02)
             os.kill(process.pid, signal.SIGKILL)

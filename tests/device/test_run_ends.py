@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from gyrocal.cli import main
 from gyrocal.device.port import Link
 from gyrocal.device.record import Recorder, Report, Wanted
 from gyrocal.device.rows import rows_file
@@ -70,6 +71,36 @@ def test_a_sensor_that_is_turned_over_unheard_loses_no_sample_of_the_count(
     samples = sum(line.startswith(b"$RAW") and line.split(b",")[4] != b"-1" for line in lines)
     assert len(report.runs) == 3
     assert sum(r.samples + r.lost for r in report.runs) == samples
+
+
+@pytest.mark.parametrize("joined_at", [0, 137])
+@pytest.mark.parametrize("end_comes", [True, False])
+def test_a_run_that_is_joined_says_what_it_lacks_and_what_is_unknown(
+    joined_at: int, end_comes: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`record --follow` meets a run in progress; the device goes away at its end or before it is told."""
+    settings = {"face": "up", "axis": "z", "table_dps": 78.0, "turn_deg": 0.0}
+
+    class Going(FakeDevice):
+        def _obey(self, text: str) -> None:
+            super()._obey(text)
+            if text == "status" and self.commands.count("status") == 1:
+                for n in range(joined_at, 300):
+                    self.sample(n)
+                    if n == joined_at:
+                        self.say("STA", {"state": "recording", "n": n + 1, **settings})
+                if end_comes:
+                    self.say("RUN", {"state": "end", **settings, "n": 310})
+                self.unplug()
+
+    with Going() as fake:
+        code = main(["record", str(tmp_path / "out"), "--port", fake.port, "--follow"])
+    told = capsys.readouterr().out
+    assert code == (0 if end_comes else 3)
+    lost = "10 lost on the way" if end_comes else "at least 0 lost on the way (how many at its end is unknown)"
+    before = f", {joined_at} before the recording joined it" if joined_at else ""
+    assert f" {300 - joined_at} samples, {lost}{before}, 0 missed" in told, told.splitlines()[0][-200:]
+    assert "(run_unannounced)" in told
 
 
 def test_a_wanted_run_whose_end_never_comes_does_not_wait_for_ever(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ import polars as pl
 from gyrocal.error_model.correction import RATES, bias_at_rest_dps, correct, run_of
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
-from gyrocal.files import UNREADABLE, replacing, why_unreadable
+from gyrocal.files import LARGEST_JSON_BYTES, UNREADABLE, read_small_text, replacing, why_unreadable
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.recording.table import read_table, write_table
 
@@ -124,7 +124,7 @@ def _from_calibration(path: Path) -> tuple[dict[str, dict[str, float]], dict[str
     Of several estimates of one axis, trusted ones count, and of these the one with the smallest standard error.
     """
     try:
-        estimates = json.loads(path.read_text(encoding="utf-8"))["estimates"]
+        estimates = json.loads(read_small_text(path, LARGEST_JSON_BYTES))["estimates"]
         usable = [e for e in estimates if e.get("bias_dps") is not None and e.get("trusted")]
         usable = [{**e, "bias_dps": float(e["bias_dps"]), "bias_se_dps": float(e.get("bias_se_dps") or "inf")} for e in usable]
         known = all(isinstance(e["scenario"], str) and e["axis"] in AXES and isfinite(e["bias_dps"]) for e in usable)

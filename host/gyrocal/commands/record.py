@@ -136,7 +136,7 @@ def _show(report: "Report", as_json: bool) -> None:
         output.emit(report.to_json())
         return
     for r in report.runs:
-        what = f"{r.samples} samples, {r.lost} lost on the way, {r.missed} missed by the device"
+        what = f"{r.samples} samples, {r.losses}"
         print(f"{report.session}/{r.file}: power cycle {r.scenario}, face {r.face}, axis {r.axis}, {r.seconds:.3f} s, {what}")
     if isinstance(report, HandsReport):
         print_aims(report)

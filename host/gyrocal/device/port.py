@@ -258,7 +258,7 @@ class Link:
         self._write(text.encode("ascii") + b"\n")
 
     def command(self, text: str, timeout_s: float = ANSWER_S) -> Sentence:
-        """Send one command and return its ``$ACK``. Other sentences are kept for :meth:`receive`.
+        """Send one command and return its ``$ACK``. This and all others are kept for :meth:`receive`, so that none seems lost.
 
         Raises:
             DeviceError: the device refused, with its own advice in the message, or it did not answer.
@@ -273,7 +273,7 @@ class Link:
                 fresh = self._read()
                 for i, sentence in enumerate(fresh):
                     if sentence.tag == "ACK" and sentence.fields.get("cmd") == word:
-                        kept += fresh[i + 1 :]
+                        kept += fresh[i:]
                         return sentence
                     kept.append(sentence)
                     if sentence.tag != "ERR":

@@ -69,15 +69,16 @@ class HeardRun:
 
     ``setting`` is None until a sentence gives the face. ``start`` is its ``$RUN state=start``, or None if that did not come.
     ``from_number`` is the number of the first sample that was sent to this host. ``sent`` counts the samples that the device
-    reported. ``repeated`` counts samples that came again. ``ending`` is None while the run goes on. ``is_over`` is True once a
-    sample outside a run has shown that it no longer does, although its end did not come. ``settings`` holds axis,
-    table_dps and turn_deg as the device last reported them, or None if they have changed since.
+    reported; they are all of the run's if ``is_length_known``. ``repeated`` counts samples that came again. ``ending`` is None
+    while the run goes on. ``is_over`` is True once a sample outside a run has shown that it no longer does, although its end
+    did not come. ``settings`` holds axis, table_dps and turn_deg as the device last said them, or None if they have changed.
     """
 
     setting: Setting | None = None
     start: Sentence | None = None
     from_number: int = 0
     sent: int = 0
+    is_length_known: bool = False
     repeated: int = 0
     face: str = ""
     settings: dict[str, str] | None = None
@@ -295,7 +296,7 @@ class RunStream:
                 self._begin(HeardRun(from_number=sent - min(sent, self._missing)))
             run = self.run
             assert run is not None
-            run.sent, run.face = max(run.sent, sent), face
+            run.sent, run.face, run.is_length_known = max(run.sent, sent), face, True
             run.setting = run.setting or Setting.of(fields, face)
             self._end(Ending.SAID)
             self._missing = 0
@@ -321,7 +322,7 @@ class RunStream:
         run = self.run
         told = {"first": fields.get("run_first", ""), "n": fields.get("run_n", "")}
         if run is not None and told["first"] and run.may_be_told_by({**told, "face": run.face}, self._unheard):
-            run.sent = max(run.sent, _count(told) or 0)
+            run.sent, run.is_length_known = max(run.sent, _count(told) or 0), _count(told) is not None
         self._end(Ending.UNHEARD)
 
     def _learn(self, sentence: Sentence) -> None:

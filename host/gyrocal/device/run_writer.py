@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.device.run_stream import GRAVITY_MIN_G, HeardRun, Setting
+from gyrocal.device.run_stream import GRAVITY_MIN_G, Ending, HeardRun, Setting
 from gyrocal.device.wire import Sentence, raw_table
 from gyrocal.errors import DeviceError, InputError
 from gyrocal.recording.header import FORMAT, read_header, write_header
@@ -32,7 +32,8 @@ class Recorded:
     """One recorded run. ``face`` and ``axis`` are empty until they are known.
 
     ``lost`` counts samples that the device sent and that did not arrive, ``missed`` those that it never took (by the times of
-    their neighbours), ``repeated`` those that came again.
+    their neighbours), ``repeated`` those that came again. ``before`` counts samples from before the recording, which joined the
+    run. More than ``lost`` may be lost if not ``end_known``.
     """
 
     file: str
@@ -46,6 +47,16 @@ class Recorded:
     missed: int = 0
     repeated: int = 0
     seconds: float = 0.0
+    before: int = 0
+    end_known: bool = True
+
+    @property
+    def losses(self) -> str:
+        """What is missing, in words."""
+        at_least = "" if self.end_known else "at least "
+        unknown = "" if self.end_known else " (how many at its end is unknown)"
+        before = f", {self.before} before the recording joined it" if self.before else ""
+        return f"{at_least}{self.lost} lost on the way{unknown}{before}, {self.missed} missed by the device"
 
 
 def _write_whole(file: FileIO, text: str) -> None:
@@ -224,7 +235,8 @@ class RunWriter:
         A file of fewer than two samples is removed.
         """
         run, heard = self.run, self.heard
-        run.repeated = heard.repeated
+        run.repeated, run.before = heard.repeated, heard.from_number
+        run.end_known = cut or heard.is_length_known or heard.ending not in (Ending.UNHEARD, Ending.RESTART)
         if not run.samples:
             run.lost = max(heard.sent - heard.from_number, 0)
         elif not cut:

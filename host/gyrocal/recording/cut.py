@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gyrocal.errors import InputError
-from gyrocal.files import UNREADABLE, why_unreadable
+from gyrocal.files import LARGEST_JSON_BYTES, UNREADABLE, read_small_text, why_unreadable
 from gyrocal.recording.header import RunEntry, must_be
 
 _META_NAMES = {"rate": "table_rate_dps", "turn": "turn_deg"}
@@ -107,7 +107,7 @@ def check_names_differ(cuts: Sequence[Cut]) -> None:
 def read_sections(path: Path) -> list[Cut]:
     """Cuts from JSON, ``{"name": {"start": row, "end": row}, ...}``; the end is the first row not taken."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_small_text(path, LARGEST_JSON_BYTES))
     except UNREADABLE as error:
         raise InputError(f"{path}: {why_unreadable(error)}") from None
     if not isinstance(content, dict) or not content:

@@ -11,7 +11,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gyrocal.errors import InputError
-from gyrocal.files import read_toml, replace_text
+from gyrocal.files import UNREADABLE, read_toml, replace_text
 
 FORMAT = "gyrocal-session/1"
 Axis = Literal["x", "y", "z"]
@@ -105,6 +105,16 @@ def read_header(folder: Path) -> SessionFile:
         return SessionFile.model_validate(raw, strict=True)  # a number in quotes is none
     except ValidationError as error:
         raise InputError(f"{path}: {describe(error)}") from None
+
+
+def check_inside(folder: Path, file: str) -> None:
+    """Raise InputError if a run's file, with its links resolved, is not in the session's folder or below it."""
+    try:
+        inside = folder.resolve() in (folder / file).resolve().parents
+    except UNREADABLE:
+        return  # no file has such a name
+    if not inside:
+        raise InputError(f"{folder / 'session.toml'}: run file {file!r} lies outside the session's folder; copy it there")
 
 
 def describe(error: ValidationError, run: str = "[[run]]") -> str:

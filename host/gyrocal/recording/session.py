@@ -10,7 +10,7 @@ from typing import Any
 
 from gyrocal.errors import InputError
 from gyrocal.files import new_folder
-from gyrocal.recording.header import FORMAT, Axis, Reference, RunEntry, SessionFile, read_header, write_header
+from gyrocal.recording.header import FORMAT, Axis, Reference, RunEntry, SessionFile, check_inside, read_header, write_header
 from gyrocal.recording.registration import ReferenceParameter, RegistrationFit
 from gyrocal.recording.run import AXES, GAP_PERIODS, Array, Run
 from gyrocal.recording.table import write_table
@@ -68,7 +68,8 @@ class Session(Shown):
             made_on=None if header.made_on is None else str(header.made_on),
         )
         for run in session.runs:
-            if run.path is not None and not os.path.isfile(run.path):  # False too for a name that no file can have
+            check_inside(folder, run.file)
+            if not os.path.isfile(folder / run.file):  # False too for a name that no file can have
                 raise InputError(f"{folder / run.file}: no such file (named by {folder / 'session.toml'})")
             if check:
                 _check_rate_known(run)

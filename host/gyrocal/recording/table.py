@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.files import LONGEST_LINE, long_line
 from gyrocal.recording.parquet_pages import read_parquet
 from gyrocal.recording.stamps import step_range_s
 
@@ -48,6 +49,8 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
     try:
         content = path.read_bytes()
         first, _, body = content.partition(b"\n")
+        if row := long_line(content):
+            raise InputError(f"{label}: row {row}: more than {LONGEST_LINE} bytes in one line; is the file a table?")
         header = [name.strip() for name in first.decode("utf-8-sig").strip().split(",")]
     except UnicodeDecodeError:
         raise InputError(f"{label}: row 1: not text in UTF-8; save the table as CSV in UTF-8") from None

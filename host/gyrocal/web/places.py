@@ -60,12 +60,11 @@ class Places:
 
     def session(self, path: str | Path) -> Path:
         """Check a session's folder: all of its tables must lie within it."""
-        from gyrocal.recording.header import read_header
+        from gyrocal.recording.header import check_inside, read_header
 
         folder = self.inside(path)
         for entry in read_header(folder).run:
-            if folder not in (folder / entry.file).resolve().parents:
-                raise InputError(f"{folder / 'session.toml'}: run file {entry.file!r} lies outside the session's folder")
+            check_inside(folder, entry.file)
         return folder
 
     def new(self, name: str) -> Path:

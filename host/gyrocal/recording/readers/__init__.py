@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.files import check_not_endless
 from gyrocal.recording.source import Source
 
 LFS_POINTER = b"version https://git-lfs"
@@ -38,6 +39,7 @@ def read(
             return rosbag.read(path, topic)
         raise InputError(f"{path}: a folder without metadata.yaml, which a ROS 2 bag has; give the file itself")
     try:
+        check_not_endless(path)
         with path.open("rb") as handle:
             head = handle.read(HEAD_BYTES)
         if head.startswith(LFS_POINTER):

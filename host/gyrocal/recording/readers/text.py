@@ -11,6 +11,7 @@ from pathlib import Path
 import polars as pl
 
 from gyrocal.errors import InputError, first_line
+from gyrocal.files import LONGEST_LINE, long_line
 from gyrocal.recording.source import TOO_LONG, Source
 
 HEADER_SEARCH_LINES = 200
@@ -45,6 +46,9 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
         raise InputError(f"{path}: the file is empty")
     if b"\0" in data[:HEAD_BYTES]:
         raise InputError(f"{path}: not a text, and of no known format; docs/importing.md lists them")
+    if row := long_line(data, end):
+        why = _why_no_table([data[:HEAD_BYTES].decode("utf-8", errors="replace")])
+        raise InputError(f"{path}: row {row}: more than {LONGEST_LINE} bytes in one line ({why})")
     starts, lines = _first_lines(data, end, HEADER_SEARCH_LINES + (skip or 0) + 3)
     if columns is None:
         header, separator = _find_header(path, lines, names, skip) if names else _find_any_header(path, lines, skip)
