@@ -54,6 +54,28 @@ def test_columns_and_units(table: pl.DataFrame, units: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("start", "step", "moved_degc", "unit"),
+    [
+        (2.565e14, 505_403, 60.0, "us"),  # a chamber read twice a second; in ns the temperature would move in 0.2 s
+        (2.565e14, 505_403, 0.5, "ns"),
+        (1.7e12, 500, 0.0, "ms"),  # milliseconds since 1970
+        (0, 10_000, 60.0, "us"),  # 4 s: a temperature too fast for any unit that makes a usual rate
+        (0, 6_900, 3.0, "us"),
+    ],
+)  # fmt: skip
+def test_unit_of_integer_time_stamps(start: float, step: int, moved_degc: float, unit: str) -> None:
+    """The steps alone took a chamber's microseconds for nanoseconds: 71 min became 4 s."""
+    rng = np.random.default_rng(4)
+    table = pl.DataFrame({
+        "timestamp": (start + step * np.arange(N)).astype(np.int64), **{f"gyro_{axis}": rng.normal(size=N) for axis in "xyz"},
+        "temperature": 20 + np.linspace(0, moved_degc, N),
+    })  # fmt: skip
+    found = next(g for g in guess(Source("a.csv", table), Scaling()) if g.map.startswith("t_s"))
+    assert found.map == f"t_s=timestamp:{unit}"
+    assert ("is possible too" in found.why) == (unit == "ns")
+
+
+@pytest.mark.parametrize(
     ("name", "expected"),
     [
         ("stage_rad_s", "rate_ref_dps=stage_rad_s:rad/s"),

@@ -112,7 +112,7 @@ def test_a_finding_of_another_size_in_each_run_is_drawn_about_the_means_of_the_r
     y = np.where(run == 0, 0.3, -0.3) + 0.01 * np.exp(-t_s / 4)
     of = {"time": t_s, "run": run, "z": y}
     time = next(p for p in panels() if p.name == "time")
-    drawn = plots.folded(charts.LIGHT, of, time, [0, 1], ["z"], about_means=True)
+    drawn = plots.folded(charts.LIGHT, of, time, [0, 1], ["z"], plots.By(about_means=True))
     means = [v for series in drawn["series"] if series["name"] == "each recording" for _, v in series["data"] if v is not None]
     assert np.ptp(means) == pytest.approx(10.0, rel=0.01)  # mdps
     assert "about its own mean" in drawn["title"][0]["text"]

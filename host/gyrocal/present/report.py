@@ -214,11 +214,20 @@ def unproven(d: Diagnosis) -> list[Candidate]:
     return [c for c in found if c.effect.fast or slow_hz <= 0.5 / BLOCK_S]
 
 
+WHOLE = {
+    ("jumps a run", 1.0): "1 jump a run", ("poles", 0.0): "a pure delay", ("poles", 1.0): "a first-order low-pass",
+} | {("jumps a run", float(n)): f"{n} jumps a run" for n in range(2, 10)}  # fmt: skip
+"""Words for whole numbers among the parameters, by unit and value."""
+
+
 def sizes(c: Candidate, fraction: str = "") -> str:
     """A candidate's parameters with their standard errors, as text; ``fraction`` is the word for the unit of a pure number."""
     units = {p.name: p.unit for p in c.effect.parameters}
     parts = []
     for name, value in c.values.items():
+        if (whole := WHOLE.get((units.get(name, ""), value))) is not None:
+            parts.append(whole)
+            continue
         unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
         unit = fraction if unit == "fraction" else unit
         parts.append(f"{name} {plus_minus(value, c.se.get(name), unit)}")

@@ -52,6 +52,14 @@ TICK_S = 5e-4
 """Counts of an Xsens clock that would be shorter steps than this as microseconds are of 0.1 ms."""
 RATES_HZ = (5.0, 20_000.0)
 """Sample rates that gyroscopes are read at."""
+SLOW_HZ = 0.2
+"""Slow logs, as of a thermal chamber, have this rate at least. They are taken for such only where nothing else is left."""
+DATES_S = (9.5e8, 4.1e9)
+"""The years 2000 to 2100 in seconds since 1970."""
+FASTEST_DEGC_S = 2.0
+"""No gyroscope's temperature moves faster than this over a whole recording, degC/s."""
+LEAST_DEGC = 5.0
+"""A temperature that moves by less than this says nothing of the time that passed."""
 BACK = 0.1
 """Steps back of a time, as a part of its steps forward."""
 PHONE = "phones write rad/s"
@@ -202,10 +210,41 @@ def _time(source: Source) -> Guess | None:
         step = period_s(np.maximum.accumulate(t_s[:2000]))
         if bare == "sampletimefine" and step * 1e-4 >= 1 / RATES_HZ[1] and step * 1e-6 < TICK_S:
             return Guess(f"t_s={name}*0.0001", "counts of 0.1 ms, as Xsens writes them")
-        for unit, size in TIME_UNITS:
-            if step > 0 and RATES_HZ[0] <= 1 / (step * size) <= RATES_HZ[1]:
-                return Guess(f"t_s={name}:{unit}", f"its steps make {1 / (step * size):.4g} samples a second")
+        if step > 0 and (guessed := _unit_of_time(source, name, t_s, step)) is not None:
+            return guessed
     return None
+
+
+def _unit_of_time(source: Source, name: str, t_s: Array, step: float) -> Guess | None:
+    """The unit of time stamps [n] without a stated one, from their steps, from the date and from the temperature's speed."""
+    start = source.start_s(ColumnMap("t_s", name))
+    rates_hz = [(unit, size, 1 / (step * size)) for unit, size in TIME_UNITS]
+    slow = [(unit, size, hz) for unit, size, hz in rates_hz if SLOW_HZ <= hz <= RATES_HZ[1]]
+    usual = [(unit, size, hz) for unit, size, hz in slow if hz >= RATES_HZ[0]]
+    for unit, size, hz in slow:
+        if DATES_S[0] < start * size < DATES_S[1]:
+            return Guess(f"t_s={name}:{unit}", f"dates since 1970; its steps make {hz:.4g} samples a second")
+    if not usual:
+        return None
+    (unit, size, hz), (longer, _, slow_hz) = usual[0], slow[0]
+    duration_s = float(np.ptp(t_s)) * size
+    if longer == unit:
+        return Guess(f"t_s={name}:{unit}", f"its steps make {hz:.4g} samples a second")
+    if _too_fast(source, duration_s):
+        why = f"in {unit} the temperature would move too fast, over {duration_s:.3g} s"
+        return Guess(f"t_s={name}:{longer}", f"its steps make {slow_hz:.3g} samples a second; {why}")
+    why = f"{longer} is possible too, with {slow_hz:.3g} a second"
+    return Guess(f"t_s={name}:{unit}", f"its steps make {hz:.4g} samples a second; {why}")
+
+
+def _too_fast(source: Source, duration_s: float) -> bool:
+    """True if the temperature moves faster than a sensor's can, over a recording of this length."""
+    temperature = _temperature(source)
+    if temperature is None:
+        return False
+    values = _values(source, temperature.map.partition("=")[2].rpartition(":")[0])
+    moved = float(np.ptp([part.mean() for part in np.array_split(values, 16)])) if values.size >= 16 else 0.0
+    return moved > LEAST_DEGC and moved > FASTEST_DEGC_S * duration_s
 
 
 def _runs_forward(t_s: Array) -> bool:

@@ -12,8 +12,9 @@ import numpy as np
 from gyrocal.diagnosis import rate_unit
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.present.decimate import Pyramid, binned
+from gyrocal.variables.rate import Rate
 from gyrocal.web import charts
-from gyrocal.web.against import Panel
+from gyrocal.web.against import Panel, panels
 from gyrocal.web.charts import Options, Palette
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, RunView
@@ -190,15 +191,34 @@ def _rows(*columns: Any) -> list[list[float]]:
     return np.column_stack(columns).round(6).tolist()
 
 
-def folded(
-    p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str], *, about_means: bool = False
-) -> Options:
-    """Means of the residual against a variable: a thin line for each recording, a thick line with twice its error for all.
+@dataclass(frozen=True)
+class By:
+    """How the residual is drawn: each recording about its own mean, or times the sign of the rate."""
 
-    ``about_means`` draws each recording about its own mean.
-    """
-    if about_means:
-        points = points | {axis: _about_means(points[axis], points["run"]) for axis in axes}
+    about_means: bool = False
+    signed: bool = False
+
+    @property
+    def words(self) -> str:
+        """What a title says of it."""
+        about = ", each recording about its own mean" if self.about_means else ""
+        return f"{about}, times the sign of the rate" if self.signed else about
+
+    def drawn(self, points: dict[str, Any], axis: str) -> Any:
+        """The residual of an axis [blocks]."""
+        rate = next(panel for panel in panels() if panel.name == Rate.name)
+        y = points[axis] * np.sign(points[rate.key(axis)]) if self.signed else points[axis]
+        return _about_means(y, points["run"]) if self.about_means else y
+
+
+AS_IS = By()
+
+
+def folded(
+    p: Palette, points: dict[str, Any], panel: Panel, runs: Sequence[int], axes: Sequence[str], by: By = AS_IS
+) -> Options:
+    """Means of the residual against a variable: a thin line for each recording, a thick line with twice its error for all."""
+    points = points | {axis: by.drawn(points, axis) for axis in axes}
     shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
     mine = np.isin(points["run"], runs)
     found = {axis: binned(points[panel.key(axis)][mine], points[axis][mine], BINS) for axis in axes}
@@ -230,8 +250,7 @@ def folded(
     entries = [charts.entry("mean of all", "line"), charts.entry(WITHIN, "band", 0.3)]
     entries += [charts.entry("each recording", "line", 0.35)] if shown else []
     grids = [charts.grid() for _ in axes]
-    about = ", each recording about its own mean" if about_means else ""
-    titles = [charts.title(p, f"{axis}: left over{about}, means, {unit.name}", 0) for axis in axes]
+    titles = [charts.title(p, f"{axis}: left over{by.words}, means, {unit.name}", 0) for axis in axes]
     return charts.base(
         p, grid=grids, title=titles, xAxis=xs, yAxis=ys, series=series, dataZoom=_zoom(len(axes)), toolbox=charts.BOX,
         units=[unit.name for _ in axes],

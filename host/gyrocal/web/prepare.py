@@ -20,7 +20,7 @@ from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.shapes import ShapeOfEachRun, TableWave
+from gyrocal.variables.shapes import ShapeOfEachRun, Steps, TableWave
 from gyrocal.web.against import opened_by, panels
 from gyrocal.web.views import Place
 
@@ -99,10 +99,11 @@ def place(finding: Finding, of: dict[str, Any]) -> Place:
     kind = variables()[finding.against]
     own = [p for p in panels() if p.variable is kind]
     apart = isinstance(finding.shape, ShapeOfEachRun)
+    signed = isinstance(finding.shape, Steps) and finding.shape.times_rate
     if len(own) < 2:
-        return Place(opened_by(finding.against), about_means=apart)
+        return Place(opened_by(finding.against), about_means=apart, signed=signed)
     best = max(own, key=lambda p: _visible(of[p.key(finding.axis)], of[finding.axis]))
-    return Place(best.name, about_means=apart)
+    return Place(best.name, about_means=apart, signed=signed)
 
 
 def _named_hz(note: str) -> tuple[float | None, float | None]:

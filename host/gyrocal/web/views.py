@@ -60,12 +60,14 @@ class Place:
     """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names.
 
     ``about_means`` is True for a finding of another size in each run: each run is then drawn about its own mean.
+    ``signed`` is True for a finding in proportion to the rate: the residual then has the sign of the rate taken out.
     """
 
     view: str
     low: float | None = None
     high: float | None = None
     about_means: bool = False
+    signed: bool = False
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gyrocal.present.output import plus_minus
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
     from gyrocal.web.state import Workbench
 
 TINY_Q = 1e-9
+RMS = re.compile(r"rms ([\d.]+) (m?dps)")
+"""The size of a finding in its words, where it is an rms."""
 SYMBOLS = {
     "w": "w is the true rate, deg/s", "th": "th is the table's angle", "t": "t is the time in the run, s",
     "p": "p is the time since power-on, s", "T": "T is the temperature, °C",
@@ -51,6 +54,29 @@ def evidence(card: Card) -> list[tuple[str, str]]:
     elif judged["decision"] == "suggest" and judged["next_measurement"]:
         rows.append(("to be sure", judged["next_measurement"]))
     return rows
+
+
+def no_picture(equation: str) -> str:
+    """Why the card of an effect of this equation has no picture, or where it is."""
+    if "f_hz" in equation:
+        return "Its picture is the spectrum of Compare."
+    return "It has no picture: it changes single readings, and no curve over a variable describes it."
+
+
+def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapping[str, Any]]) -> str:
+    """The sentence that findings need of which one has a larger rms than the excess error of its axis; empty if none has.
+
+    ``where`` and ``per_axis`` are those of ``gyrocal compare --json``.
+    """
+    found = [(f["axis"], RMS.search(f["note"])) for f in where]
+    rms_dps = [(axis, float(told[1]) * (1e-3 if told[2] == "mdps" else 1.0)) for axis, told in found if told]
+    excess = {axis: level["excess_dps"] for axis, level in per_axis.items()}
+    if not any(excess.get(axis) is not None and size > excess[axis] for axis, size in rms_dps):
+        return ""
+    return (
+        "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
+        "cycles, and the excess is only what lies beyond it."
+    )
 
 
 CALIBRATION_ERROR = (

@@ -19,6 +19,7 @@ from gyrocal.web.strip import REFOCUS, strip
 from gyrocal.web.tools import named, tool, tools
 from gyrocal.web.traces import Traces
 from gyrocal.web.views import AXES, ModelView, Place, RunView
+from gyrocal.web.words import above_excess
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -40,6 +41,8 @@ SPECTRA = {
 AROUND = 4.0
 """Factor by which the part of a spectrum around a finding is wider than the finding on both sides."""
 ALL = (0.0, 100.0)
+MOST_NAMED = 3
+"""Findings that are buttons."""
 UNKNOWN = "-"
 """A figure that the command line does not know."""
 MOVES = (
@@ -151,14 +154,14 @@ class ComparePanel:
                 why = why if judged else "A warning stands against it: mend the session, or accept the warning."
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
-                    for finding, place in list(zip(view.compared["where"], view.places, strict=True))[:3]:
+                    for finding, place in list(zip(view.compared["where"], view.places, strict=True))[:MOST_NAMED]:
                         against = variables()[finding["against"]].quantity
                         ui.button(
                             f"{finding['axis']}, against {against}: {finding['note']}",
                             on_click=lambda f=finding, p=place: self._look_at(f["axis"], p),
                             color=None,
                         ).props("flat dense no-caps").classes("finding")
-            _figures(view, tone)
+            _figures(view, tone, above_excess(view.compared["where"][:MOST_NAMED], view.compared["per_axis"]))
             if not fits and judged:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
                 button.props("unelevated no-caps").classes("primary")
@@ -278,9 +281,9 @@ class ComparePanel:
         if self.against == "averaging":
             what = "Allan deviation of what is left over"
             return plots.curves(p, view.allan, self.axes, what, "", "noise model", x_name)
-        about_means = self.place is not None and self.place.view == self.against and self.place.about_means
-        shown = [i for i, _ in self._runs()]
-        return plots.folded(p, traces.points, PANELS[self.against], shown, self.axes, about_means=about_means)
+        place = self.place if self.place is not None and self.place.view == self.against else Place(self.against)
+        drawn = plots.By(place.about_means, place.signed)
+        return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes, drawn)
 
     def _seen_part(self) -> tuple[float, float] | None:
         """The part of a spectrum around the finding that is shown."""
@@ -309,7 +312,7 @@ class ComparePanel:
         self.chart.run_chart_method("setOption", {"series": seen})
 
 
-def _figures(view: ModelView, tone: str) -> None:
+def _figures(view: ModelView, tone: str, above: str) -> None:
     """rms, floor and excess of all axes as ``gyrocal compare`` gives them, and the excess of each axis."""
     *axes, (_, rms, floor, excess, excess_se, *_) = view.rows
     unit = view.unit
@@ -326,6 +329,8 @@ def _figures(view: ModelView, tone: str) -> None:
         known = [f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN]
         told = f"excess by axis, {unit}: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
         ui.label(told).classes("dim small per-axis")
+        if above:
+            ui.label(above).classes("dim small per-axis above")
 
 
 def show(tab: Tab) -> Callable[[Topic], None]:

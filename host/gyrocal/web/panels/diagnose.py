@@ -21,7 +21,7 @@ from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, DiagnosisView, Picture
-from gyrocal.web.words import CALIBRATION_ERROR, evidence, not_yet, symbols
+from gyrocal.web.words import CALIBRATION_ERROR, evidence, no_picture, not_yet, symbols
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -168,6 +168,8 @@ class DiagnosePanel:
                 ui.label(card.cause).classes("small")
                 if card.picture is not None:
                     self._thumbnail(card, card.picture)
+            if card.picture is None:
+                ui.label(no_picture(card.equation)).classes("dim small")
             with ui.element("dl").classes("evidence").style("margin: 0"):
                 for name, text in evidence(card):
                     ui.html(f"<dt>{html.escape(name)}</dt>", sanitize=False)
@@ -326,7 +328,10 @@ class DiagnosePanel:
             if self.bench.step is not None and found is None:
                 why = "This recording is too short to hold out a part, so the excess error is unknown."
                 if self.bench.step.view.compared["residual"] == "angle":
-                    why = "This session is judged by angle, which only the command line shows: gyrocal compare."
+                    why = (
+                        "This session is judged by the angles of its runs, so no excess of a rate stands here; "
+                        "the command line tells the angles: gyrocal compare."
+                    )
                 ui.label(why).classes("dim")
             if found is None:
                 return

@@ -56,6 +56,7 @@ def _open(tab: Tab) -> None:
         ui.button("Open", icon="folder_open", on_click=typed, color=None).props("unelevated no-caps").classes("primary")
     found = bench.places.listed()
     if found:
+        ui.label(f"{len(found)} sessions, newest first" if len(found) > 1 else "1 session").classes("dim small")
         with ui.element("div").classes("scroll sessions").props('role="region" aria-label="sessions" tabindex="0"'):
             for one in found:
                 with ui.button(on_click=lambda f=one.path: opened(f), color=None).props("flat no-caps align=left dense"):

@@ -1,0 +1,67 @@
+"""Sentences of the page that need no browser, and the picture of a finding in proportion to the rate."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.rate_unit import rate_text
+from gyrocal.effects.bias_jumps import BiasJumps
+from gyrocal.effects.lag import Lag
+from gyrocal.effects.saturation import Saturation
+from gyrocal.effects.vibration_tone import VibrationTone
+from gyrocal.present.report import sizes
+from gyrocal.variables.shapes import Steps
+from gyrocal.web import charts, plots, prepare
+from gyrocal.web.against import panels
+from gyrocal.web.words import above_excess, no_picture
+
+SCALE = 1e-4
+"""The planted error of the rate's scale."""
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value", "words"),
+    [(BiasJumps, "n", 1.0, "1 jump a run"), (BiasJumps, "n", 3.0, "3 jumps a run"), (Lag, "order", 0.0, "a pure delay"),
+     (Lag, "order", 1.0, "a first-order low-pass")],
+)  # fmt: skip
+def test_whole_numbers_are_told_in_words(effect: Any, name: str, value: float, words: str) -> None:
+    """They read "n 1 jumps a run" and "order 0 poles"."""
+    found: Any = SimpleNamespace(effect=effect, values={name: value}, se={})
+    assert sizes(found) == words
+
+
+def test_a_finding_above_the_excess_says_why_it_can_be() -> None:
+    where = [{"axis": "y", "note": f"rms {rate_text(0.142)}, in the shape of: hysteresis"}]
+    assert "the floor holds" in above_excess(where, {"y": {"excess_dps": 0.062}})
+    assert above_excess(where, {"y": {"excess_dps": 0.2}}) == above_excess([], {}) == ""
+    wave = [{"axis": "y", "note": "142 mdps once per turn, of the same phase in each run"}]  # an amplitude
+    assert above_excess(wave, {"y": {"excess_dps": 0.1}}) == ""
+    assert above_excess(where, {"y": {"excess_dps": None}}) == ""
+
+
+def test_a_card_without_a_picture_says_why() -> None:
+    assert "spectrum of Compare" in no_picture(VibrationTone.equation)
+    assert "single readings" in no_picture(Saturation.equation)
+
+
+def test_a_finding_in_proportion_to_the_rate_is_drawn_with_its_sign_taken_out() -> None:
+    """Both directions cancelled in the mean of all, so that "+60.9 ppm of the rate" opened a line at zero."""
+    t_s = np.tile(np.linspace(0.05, 9.95, 100), 4)
+    run = np.repeat(np.arange(4), 100)
+    rate = np.array([78.0, -78.0, 78.0, -78.0])[run]
+    points = {"run": run, "time": t_s, "z": SCALE * rate}
+    points |= {panel.key("z"): rate for panel in panels() if panel.name == "rate"}
+    panel = next(panel for panel in panels() if panel.name == "time")
+    points[panel.key("z")] = t_s
+    finding = Finding("z", "time", 9.0, 1e-9, SCALE * 78, "", Steps(lambda _: None, np.array([0.0, 5.0, 10.0]), True))
+    place = prepare.place(finding, points)
+    assert place.signed
+    drawn = plots.folded(charts.LIGHT, points, panel, range(4), ["z"], plots.By(place.about_means, place.signed))
+    mean = next(s for s in drawn["series"] if s["name"] == "mean of all")
+    assert [y for _, y in mean["data"] if y is not None] == pytest.approx([1e3 * SCALE * 78] * 48, abs=1e-6)
+    assert "sign of the rate" in str(drawn)
