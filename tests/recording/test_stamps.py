@@ -153,6 +153,19 @@ def test_rows_that_were_written_twice_count_once(part: float, tmp_path: Path) ->
     assert len(read_recording(tmp_path / "log.csv", cut).session.runs[0]) == n
 
 
+def test_a_copy_in_the_place_of_a_sample_stays(tmp_path: Path) -> None:
+    """The logger took the old reading with its stamp, and the next one after two intervals: no sample is left over."""
+    rng = np.random.default_rng(3)
+    table = np.column_stack([np.arange(2000) / 100.0, rng.normal(0, 1, (2000, 3))])
+    late = np.arange(50, 2000, 97)
+    table[late] = table[late - 1]
+    pl.DataFrame(table, schema=["t_s", "gx_dps", "gy_dps", "gz_dps"]).write_csv(tmp_path / "log.csv")
+    found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
+    assert "twice" not in found.repaired
+    assert len(found.session.runs[0]) == 2000
+    assert found.session.runs[0].sample_rate_hz == pytest.approx(100.0, rel=1e-3)
+
+
 @pytest.mark.parametrize("coarse", [False, True])
 def test_samples_that_share_the_stamp_of_their_arrival_stay(coarse: bool, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)

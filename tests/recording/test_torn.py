@@ -74,6 +74,15 @@ def test_noise_is_not_torn(noise: Callable[[Random], Array], seed: int) -> None:
     assert found is None or found.gain < 8
 
 
+def test_an_offset_that_moves_over_a_border_is_not_torn() -> None:
+    """A temperature moved the offset by two spreads in hours, and single readings kept to one side of a border."""
+    random, samples = np.random.default_rng(5), 60_000
+    offset = -1040 + 5 * np.cos(np.arange(samples) * np.pi / samples)
+    codes = [np.rint(offset + 5 * random.standard_normal(samples)).astype(np.int64) for _ in range(2)]
+    found = torn(codes, [c - c.mean() for c in codes])
+    assert found is None or found.gain < 8
+
+
 @pytest.mark.parametrize("noise", [_white, _low_pass, _heavy, _swing])
 @pytest.mark.parametrize(("bit", "share"), [(4, 0.05), (5, 0.03), (4, 0.2)])
 def test_torn_readings_are_found_at_their_bit(noise: Callable[[Random], Array], bit: int, share: float) -> None:

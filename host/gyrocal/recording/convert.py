@@ -25,6 +25,8 @@ LONGEST_S = 1e9
 """Times that span more than this, thirty years, are no times of one recording."""
 TWICE = 0.9
 """Part of the rows with the time of the row before that repeat it as a whole, where rows were written twice."""
+LONGER = 1.5
+"""Part of the usual interval above which that after a row and its copy is two intervals."""
 SELDOM = 0.01
 """Part of the other rows whose readings may be those of the row before."""
 ANGLE_SMOOTHING = 16.0
@@ -113,7 +115,8 @@ def _finished(table: Converted, rate_hz: float | None) -> Converted:
 def _written_once(table: Converted) -> Converted:
     """The table without rows that repeat the row before, time and all.
 
-    Samples that share the stamp of their arrival differ in their readings, unless the readings hardly ever change.
+    Samples that share the stamp of their arrival differ in their readings, unless the readings hardly ever change. If the next
+    row comes after two intervals, the copy stands in the place of a sample of its own, and stays.
     """
     t_s = table.columns.get("t_s")
     if t_s is None or t_s.size < 2 or step_range_s(t_s)[0] > 0:
@@ -126,6 +129,9 @@ def _written_once(table: Converted) -> Converted:
         return table
     kept = np.concatenate([[True], ~twice])
     if kept.sum() < 2:
+        return table
+    steps_s, copied = np.diff(t_s[kept]), np.append(twice, False)[kept][:-1]
+    if not copied.all() and np.median(steps_s[copied]) > LONGER * np.median(steps_s[~copied]):
         return table
     rows = np.delete(np.arange(table.height), table.gaps)
     columns = {name: column[kept] for name, column in table.columns.items()}

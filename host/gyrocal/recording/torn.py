@@ -7,8 +7,8 @@ readings and parts that meet at the value s, the probability of the code that wa
     (1 - f)·p(c) + f·sum over k of p(c + k·s)    if its upper part is that of the reading before,
     (1 - f)·p(c)                                 otherwise.
 
-p is the density of Student's t about the prediction from the readings before, at the level of its surroundings. The
-log-likelihood of f is compared with that of f = 0, and with those of parts that meet at other values, where no driver joins
+p is the density of Student's t about the prediction from the readings before, at the offset and the level of its surroundings.
+The log-likelihood of f is compared with that of f = 0, and with those of parts that meet at other values, where no driver joins
 them: noise with a heavy tail, repeated readings and coarse counts raise these as much.
 """
 
@@ -38,6 +38,8 @@ FREEDOMS = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 30.0, 1e4)
 """Degrees of freedom of the noise that are tried."""
 WINDOW = 64
 """Number of readings over which the level of the noise is constant."""
+SLOW = 8 * WINDOW + 1
+"""Number of readings over which an offset that the model lacks is constant."""
 LEAST_GAIN = 5.0
 """Gain in log-likelihood below which a bit is not examined further."""
 MOST_PAIRS = 40_000
@@ -126,8 +128,14 @@ def expected_shift(codes: Codes, rest: Array, bit: int, share: float) -> Array:
 
 
 def _errors(rest: Sequence[Array]) -> list[Array]:
-    """Readings minus their prediction from the ``MEMORY`` readings before, of each run [n - MEMORY]."""
-    centred = [r - r.mean() for r in rest]
+    """Readings minus their prediction from the ``MEMORY`` readings before, of each run [n - MEMORY].
+
+    Both are taken about the mean of their surroundings: beside an offset that moves slowly over the borders, the parts of a
+    reading would say on which side of the prediction it lies.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    centred = [r - uniform_filter1d(r, SLOW) for r in rest]
     earlier = [np.column_stack([r[MEMORY - j - 1 : -j - 1] for j in range(MEMORY)]) for r in centred]
     memory = np.linalg.lstsq(np.concatenate(earlier), np.concatenate([r[MEMORY:] for r in centred]), rcond=None)[0]
     return [r[MEMORY:] - e @ memory for r, e in zip(centred, earlier, strict=True)]
