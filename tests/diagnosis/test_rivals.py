@@ -1,5 +1,6 @@
 """Which candidates stay in a group with the first one."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -38,6 +39,15 @@ def test_a_simpler_rival_that_passes_is_preferred() -> None:
     line = candidate("drift", "add", [4.9, 6.1, 5.3], 1)
     judged = with_groups([curve, line])
     assert [c.decision for c in judged] == ["suggest", "add"]
+
+
+def test_a_rival_of_a_size_that_no_sensor_has_is_not_shown() -> None:
+    line = candidate("drift", "add", [5.0, 6.0, 5.5], 1)
+    for size, group in ((0.4, ("drift", "thermal_lag")), (-157.0, ("drift",))):
+        slope = replace(candidate("thermal_lag", "suggest", [4.9, 6.1, 5.3], 1), values={"k_dps_s_per_c": size})
+        assert with_groups([line, slope])[0].group == group
+        suggested = with_suggested_groups([replace(line, decision="suggest"), slope], ["z"])
+        assert any(c.group == group for c in suggested) is (len(group) > 1)
 
 
 def test_a_richer_rival_of_the_same_shape_is_not_shown() -> None:

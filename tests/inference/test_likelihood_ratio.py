@@ -1,11 +1,20 @@
 """The chance that slow noise gains as much as an effect: a line in time under flicker noise, which has no correlation time."""
 
-import numpy as np
+from pathlib import Path
 
+import numpy as np
+import pytest
+
+from gyrocal.benchmark import _module
+from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.evidence import judge
+from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.inference.fit import fit
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.likelihood_ratio import LONG, _ratio, likelihood_ratio
+from gyrocal.recording.session import Session
 from make_runs import make_run, make_session
 
 RATE_HZ, SECONDS, FLICKER_DPS, WHITE_DPS = 5.0, 1000.0, 0.005, 0.01
@@ -48,3 +57,11 @@ def test_a_line_that_noise_does_not_make_is_still_seen() -> None:
         poorer, richer = with_and_without_drift(seed, slope_dps_per_s=1e-4)
         assert poorer.design.extent_s[0] > LONG * richer.noise.ou_tau_s
         assert likelihood_ratio(poorer, richer, 1)[1] < 1e-6
+
+
+@pytest.mark.parametrize(("kind", "seed", "effect_id"), [("clock", 52000, "clock_error"), ("lag_filter", 52001, "lag")])
+def test_noise_does_not_explain_an_error_because_it_is_large(kind: str, seed: int, effect_id: str, tmp_path: Path) -> None:
+    """What the poorer model of two power cycles takes for drift is ten thousand times the noise beside the true cause."""
+    _module("field").write(kind, seed, tmp_path / "s")
+    current = Current.of(measure(Session.open(tmp_path / "s"), None), "z")
+    assert judge(current, effect(effect_id)).chance < 1e-12

@@ -16,6 +16,7 @@ from typing import Any
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
+from gyrocal.diagnosis.decision import in_range
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.evidence import judge
 from gyrocal.diagnosis.sets import choose, overlapping, without
@@ -167,7 +168,7 @@ def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
     nothing_held_out = diagnosis.comparison.held_out == "none"
     named = {c.axis for c in diagnosis.candidates if c.decision == "add"}
     for axis in dict.fromkeys(f.axis for f in diagnosis.comparison.where):
-        suggested = [c for c in diagnosis.candidates if c.axis == axis and c.decision == "suggest"]
+        suggested = [c for c in diagnosis.candidates if c.axis == axis and c.decision == "suggest" and in_range(c)]
         best = min(suggested, key=lambda c: c.chance, default=None)
         if best is None or axis in named:
             continue

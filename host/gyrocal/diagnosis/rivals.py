@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gyrocal.diagnosis.candidate import Candidate
+from gyrocal.diagnosis.decision import in_range
 from gyrocal.diagnosis.gains import total
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
@@ -23,9 +24,9 @@ def with_groups(candidates: Sequence[Candidate], excludes: Excludes | None = Non
     The signals of the members overlap, and their held-out gains do not differ significantly. Of two candidates with the same
     shape, the simpler one is preferred unless the other gains enough for each further parameter. A candidate that reached only
     ``suggest`` is still a rival of one that reached ``add``, also if it is the simpler one. So is an effect that the session
-    cannot measure, if what is known of its course has the same shape.
+    cannot measure, if what is known of its course has the same shape. An effect of a size that no sensor has is no rival.
     """
-    passed = [c for c in candidates if c.decision in ("add", "suggest")]
+    passed = [c for c in candidates if c.decision in ("add", "suggest") and in_range(c)]
 
     def rivals(c: Candidate) -> list[Candidate]:
         return [r for r in passed if r is not c and r.axis == c.axis]
@@ -57,7 +58,7 @@ def with_suggested_groups(candidates: Sequence[Candidate], axes: Iterable[str]) 
     """
     out = list(candidates)
     for axis in axes:
-        suggested = [c for c in candidates if c.axis == axis and c.decision == "suggest" and not c.contradicted]
+        suggested = [c for c in candidates if c.axis == axis and c.decision == "suggest" and not c.contradicted and in_range(c)]
         best = min(suggested, key=lambda c: c.chance, default=None)
         if best is not None:
             others = [c for c in suggested if c is not best and c.effect.id not in best.together]

@@ -17,6 +17,8 @@ from gyrocal.recording.session import AXES, Array, Run
 
 FREE = 1e3
 """Of a spread, or what one power cycle knows of it: wide enough to say nothing."""
+WIDEST = 1e6
+"""Of what one power cycle knows of its offset: in a wider spread, the offset's information is lost in rounding."""
 LEAST_CHANCE = 0.05
 """More is no finding, whatever the test."""
 LONG = 20.0
@@ -73,19 +75,23 @@ def _ratio(current: AxisFit, fitted: AxisFit, parameters: int) -> tuple[float, f
     layout, cycles = current.design.layout, np.unique(current.design.scenarios).size
     if not layout.scenario or chance > LEAST_CHANCE:
         return statistic, chance
-    known = SpreadScale.of(current.design, current.grams).unit[current.spreads.run.size :]
-    free = FREE * np.maximum(current.spreads.scenario, known)
-    within = 2 * (_of_free_cycles(fitted, free) - max(_of_free_cycles(one, free) for one in poorer))
+    within = 2 * (_of_free_cycles(fitted, cycles) - max(_of_free_cycles(one, cycles) for one in poorer))
     left = cycles - len(layout.fixed) - parameters
     ratio = float(np.expm1(min(statistic / cycles, 500.0))) * left / parameters
     between = float(tails.f_ratio(ratio, parameters, left)) if left > 0 else 1.0
     return statistic, max(chance, min(1.0, 2 * min(float(tails.chi_square(within, parameters)), between)))
 
 
-def _of_free_cycles(fitted: AxisFit, scenario_sd: Array) -> float:
-    """Profile log-likelihood with the offset (and scale) of each power cycle free: what runs say by themselves."""
-    free = fitted.equations().solve(Spreads(fitted.spreads.run, scenario_sd))
-    return profile_loglik(replace(fitted, solution=free))
+def _of_free_cycles(fitted: AxisFit, cycles: int) -> float:
+    """Profile log-likelihood with the offset (and scale) of each power cycle free: what runs say by themselves.
+
+    Each fit has spreads that are wide at its own noise, because one of them may explain far more than the other. The density of
+    an offset falls in inverse proportion to its spread, which is taken back, so that the result does not depend on the width.
+    """
+    known = SpreadScale.of(fitted.design, fitted.grams).unit[fitted.spreads.run.size :]
+    wide = np.minimum(FREE * np.maximum(fitted.spreads.scenario, known), WIDEST * known)
+    free = fitted.equations().solve(Spreads(fitted.spreads.run, wide))
+    return profile_loglik(replace(fitted, solution=free)) + cycles * float(np.sum(np.log(wide[wide > 0])))
 
 
 def profile_loglik(fitted: AxisFit) -> float:
