@@ -23,8 +23,9 @@ void FlashStore::forget_older() {
         Preferences older;
         if (older.begin(name, true, PARTITION)) { /* read-only, so that a missing partition is not created */
             older.end();
-            older.begin(name, false, PARTITION);
-            older.clear();
+            if (older.begin(name, false, PARTITION) && !older.clear()) {
+                output_say("%s: records of an earlier version stay in flash, where nothing reads them", name);
+            }
         }
         older.end();
     }
