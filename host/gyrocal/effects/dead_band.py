@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Case, Effect, Parameter, Values, stack
+from gyrocal.effects.base import Case, Effect, Mask, Parameter, Values, stack
 from gyrocal.effects.quantities import rate_about, white_sd_dps
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.outliers import Index, outliers
@@ -101,7 +101,8 @@ def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:
 def _scores(runs: Sequence[Run], axis: int) -> Array:
     """The lost part of the rates below each width divided by its standard error, shape [widths].
 
-    Offset and scale of each run are taken from its larger rates, or from all of them if there are no larger ones.
+    Offset and scale of each run are taken from its larger rates, or from all of them if there are no larger ones. Noise of the
+    true rate is in no reading and looks like a rate that is lost, so that its power is taken off.
     """
     lost, norm = np.zeros(len(WIDTHS_DPS)), np.zeros(len(WIDTHS_DPS))
     for run in runs:
@@ -115,6 +116,12 @@ def _scores(runs: Sequence[Run], axis: int) -> Array:
             known = np.column_stack([np.ones(len(run)), w_dps])
             fit = np.linalg.lstsq(known[~inside], y_dps[~inside], rcond=None)[0]
             residual = y_dps[inside] - known[inside] @ fit
-            lost[k] -= float(w_dps[inside] @ residual)
+            lost[k] -= float(w_dps[inside] @ residual) + np.count_nonzero(inside) * _noise_power(w_dps, inside)
             norm[k] += float(w_dps[inside] @ w_dps[inside])
     return np.asarray(lost / (np.sqrt(np.maximum(norm, 1e-300)) * white_sd_dps(runs, axis)))
+
+
+def _noise_power(w_dps: Array, inside: Mask) -> float:
+    """The mean square of the noise of true rates [n] inside a band, by second differences, which slow turning hardly has."""
+    bends = np.diff(w_dps, 2)[inside[:-2] & inside[1:-1] & inside[2:]]
+    return float(np.mean(bends**2)) / 6 if bends.size else 0.0
