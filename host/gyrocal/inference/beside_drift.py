@@ -1,11 +1,9 @@
-"""Standard errors of the spreads over power cycles beside a drift that is not known either.
+"""What the drift leaves unknown of the spreads over power cycles: a factor on their standard errors.
 
 In a run that is not much longer than the drift's correlation time, a drift moves the mean of the run as the offset of a power
-cycle does. A spread over few power cycles is also no normal variable: for c cycles it is distributed as the root of chi-square
-with c - 1 degrees of freedom, which is nearly symmetric in its logarithm and not in itself. The restricted likelihood is
-therefore averaged over drifts whose growth and rate differ from the fitted ones by a factor of two (one standard deviation),
-and the spread is uniform beforehand in ``log(1 + sd / unit)`` (:mod:`gyrocal.inference.few_cycles`). The error is stated such
-that ``sd * exp(-1.96 se / sd)`` to ``sd * exp(1.96 se / sd)`` holds 95 % of the result.
+cycle does. With the spread's logarithm s and the search coordinates n of the drift (logarithms of its growth and its rate), the
+inverse of the joint information has ``1 / (J_ss - J_sn J_nn^-1 J_ns)`` for s, where the error at the fitted drift is
+``1 / J_ss``. The white level is left out: it is known far better than the others.
 """
 
 from __future__ import annotations
@@ -13,68 +11,49 @@ from __future__ import annotations
 import numpy as np
 
 from gyrocal.inference.fitted import AxisFit
-from gyrocal.inference.reml import Equations, Spreads, SpreadScale
-from gyrocal.noise.whitening import Noise
+from gyrocal.inference.noise_search import NoiseScale
+from gyrocal.inference.reml import Equations
 from gyrocal.recording.session import Array
 
-SPREADS = 60
-"""Points over the spread."""
-KNOWN = float(np.log(2.0))
-"""Standard deviation of the logarithms of the drift's growth and rate."""
-HERMITE = {-(3**0.5): 1 / 6, 0.0: 2 / 3, 3**0.5: 1 / 6}
-"""Places, in standard deviations, and weights of the average over a normal variable."""
-BEYOND = 20.0
-"""Largest spread that is tried, as a multiple of the fitted one."""
-Z95 = 1.959964
+STEP = 0.2
+"""Of the logarithms of growth and rate: about half of their errors."""
+PRIOR = 1 / 9
+"""Information of their prior: growth and rate are known to a factor of 20 beforehand (one standard deviation)."""
+LEAST = 0.04
+"""Of the information of a spread: what the drift leaves at the least. Less is not resolved by differences."""
 
 
-def spread_errors_beside_drift(current: AxisFit, scenario_se: Array) -> Array:
-    """The standard errors [k] of the spreads over power cycles; ``scenario_se`` where a spread vanishes."""
-    out, fitted = scenario_se.copy(), current.spreads
-    unit = SpreadScale.of(current.design, current.grams).unit[fitted.run.size :]
-    free = np.flatnonzero((fitted.scenario > 0) & (unit > 0))
-    if not free.size or np.unique(current.design.scenarios).size < 2:
+def drift_factor(current: AxisFit, scenario_se: Array) -> Array:
+    """The factor [k] on the errors [k] of the spreads over power cycles; 1 where no drift was searched for, or no spread."""
+    sd, out = current.spreads.scenario, np.ones(current.spreads.scenario.size)
+    drift = current.design.noise_model.drift
+    if drift is None or drift.known or current.noise.ou_sd_dps <= 0 or not (sd > 0).any():
         return out
-    drifts = [(_equations(current, noise), weight) for noise, weight in _drifts(current)]
-    for j in free.tolist():
-        trial = unit[j] * np.expm1(np.linspace(0.0, np.log1p(BEYOND * fitted.scenario[j] / unit[j]), SPREADS + 1)[1:])
-        scenario = np.tile(fitted.scenario, (SPREADS, 1))
-        scenario[:, j] = trial
-        spreads = Spreads(np.tile(fitted.run, (SPREADS, 1)), scenario)
-        loglik = np.array([one.logliks(spreads) + np.log(weight) for one, weight in drifts])
-        weight = np.exp(loglik - loglik.max()).sum(axis=0)
-        out[j] = fitted.scenario[j] * _half_of_95(weight / weight.sum(), np.log(trial / fitted.scenario[j])) / Z95
+    scale = NoiseScale.of(current.design)
+    if not scale.drift:
+        return out
+    x = scale.coordinates(current.noise)
+    steps = np.diag([0.0, min(STEP, x[1] / 2), STEP])[1:]
+
+    def at(step: Array) -> tuple[float, Array]:
+        """Log-likelihood, and its derivatives [k] by the logarithms of the spreads."""
+        design = current.design
+        grams, logdet = design.grams(scale.noise(np.clip(x + step, *np.transpose(scale.bounds))))
+        n = int(design.n_blocks.sum())
+        equations = Equations(design.layout, grams, logdet, design.scenarios, n)
+        solution, slopes = equations.solve_with_slopes(current.spreads)
+        return solution.loglik, slopes[current.spreads.run.size :]
+
+    here, size = current.loglik, steps.max(axis=1)
+    ends = [(at(-step), at(step)) for step in steps]
+    own = [(2 * here - below[0] - above[0]) / h**2 for (below, above), h in zip(ends, size, strict=True)]
+    both = sum(at(sign * steps.sum(axis=0))[0] for sign in (-1.0, 1.0))
+    cross = (2 * here - both - own[0] * size[0] ** 2 - own[1] * size[1] ** 2) / (2 * size[0] * size[1])
+    information = np.array([[own[0], cross], [cross, own[1]]])
+    shared = np.array([(below[1] - above[1]) / (2 * h) for (below, above), h in zip(ends, size, strict=True)])  # [2, k]
+    values, vectors = np.linalg.eigh(information)
+    along = vectors.T @ shared
+    taken = (along**2 / (np.maximum(values, 0.0) + PRIOR)[:, None]).sum(axis=0)
+    known = sd > 0
+    out[known] = 1 / np.sqrt(np.maximum(1 - taken[known] * (scenario_se[known] / sd[known]) ** 2, LEAST))
     return out
-
-
-def _drifts(current: AxisFit) -> list[tuple[Noise, float]]:
-    """The noise with drifts about the fitted one, and their weights; the fitted noise alone if no drift is searched for."""
-    noise, drift = current.noise, current.design.noise_model.drift
-    if drift is None or drift.known is not None or noise.ou_sd_dps <= 0:
-        return [(noise, 1.0)]
-
-    def beside(growth: float, rate: float) -> Noise:
-        """The noise with a drift whose growth ``sd^2 / tau`` and rate ``1 / tau`` are other ones, by logarithms of ratios."""
-        sd_dps, tau_s = noise.ou_sd_dps * float(np.exp((growth - rate) / 2)), noise.ou_tau_s * float(np.exp(-rate))
-        return Noise(noise.white_sd_dps, sd_dps, tau_s)
-
-    places = [(KNOWN * place, weight) for place, weight in HERMITE.items()]
-    return [(beside(growth, rate), of_growth * of_rate) for growth, of_growth in places for rate, of_rate in places]
-
-
-def _equations(current: AxisFit, noise: Noise) -> Equations:
-    design = current.design
-    grams, logdet = design.grams(noise)
-    return Equations(design.layout, grams, logdet, design.scenarios, int(design.n_blocks.sum()))
-
-
-def _half_of_95(weight: Array, log_ratio: Array) -> float:
-    """Half of the interval about zero that holds 95 % of weights [n] at ``log_ratio`` [n]; all above where less is below.
-
-    A spread that may as well vanish has an interval with one end: 97.5 % lie below it.
-    """
-    order = np.argsort(np.abs(log_ratio))
-    inside = np.cumsum(weight[order])
-    both = float(np.interp(0.95, inside, np.abs(log_ratio)[order]))
-    above = float(np.interp(0.975, np.cumsum(weight), log_ratio))
-    return both if both <= max(above, 0.0) or log_ratio[0] < -both else above

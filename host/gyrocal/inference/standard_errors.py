@@ -8,7 +8,7 @@ import numpy as np
 
 from gyrocal.effects.base import Role, Values
 from gyrocal.error_model.model import Term
-from gyrocal.inference.beside_drift import spread_errors_beside_drift
+from gyrocal.inference.beside_drift import drift_factor
 from gyrocal.inference.contradictions import misfit_factor
 from gyrocal.inference.few_cycles import widening
 from gyrocal.inference.fitted import AxisFit
@@ -33,7 +33,7 @@ def finish(current: AxisFit, reported: bool = False, misfit: bool = False) -> Ax
     layout, design = current.design.layout, current.design
     run_se, scenario_se = spread_errors(current)
     if reported:
-        scenario_se = spread_errors_beside_drift(current, scenario_se)
+        scenario_se = scenario_se * drift_factor(current, scenario_se)
     factor = widening(current) * widening_by_turns(current)
     if misfit:
         factor = factor * misfit_factor(current)
