@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gyrocal import tails
 from gyrocal.inference.blocks import Blocks
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise
@@ -47,8 +48,6 @@ def with_errors_of_turns(current: AxisFit) -> AxisFit:
 
 def widening_by_turns(current: AxisFit) -> Array:
     """The factor [p] on the standard error of each shared coefficient for a scatter that was found from few turns."""
-    from scipy.stats import t as student
-
     cov = current.solution.cov
     scattered = [i for i, b in _turns(current).items() if b.weight is not None and b.run.turn_se_deg is None]
     free = _free(current, scattered)
@@ -58,7 +57,7 @@ def widening_by_turns(current: AxisFit) -> Array:
     for i in scattered:
         share += (cov @ _column(current, i)) ** 2 / _variance(current, i)
     share = np.clip(share / np.diag(cov), 0.0, 1.0)
-    of_few = float(student.ppf(0.975, max(free, 1.0))) / Z95
+    of_few = float(tails.student_value(0.025, max(free, 1.0))) / Z95
     return np.asarray(np.sqrt(1 + share * (of_few**2 - 1)))
 
 
