@@ -143,7 +143,7 @@ def obeys(page: Any, board: Board) -> None:
     ends = f"[{chart}.getOption().xAxis[0].min, {chart}.getOption().xAxis[0].max]"
     page.wait_for_function(f"() => {{ const e = {ends}; return Math.abs(e[1] - e[0] - 10) < 0.01 && e[1] > 12; }}")
     page.get_by_role("button", name="Pause").click()
-    page.wait_for_timeout(300)
+    page.get_by_role("button", name="Go on").wait_for()  # the server has heard of it, and the frames before it have come
     paused = page.evaluate(ends)
     board.turn("down", 1.0, 6.1)
     page.wait_for_timeout(600)
