@@ -80,6 +80,25 @@ def test_the_screen_shows_state_results_and_losses() -> None:
         assert part in pictures[-1]
 
 
+def test_a_run_that_begins_does_not_have_the_length_of_the_last() -> None:
+    with FakeDevice() as fake, Link(fake.port) as link:
+        monitor, seen = Monitor(link), list[tuple[str, float]]()
+
+        def heard(events: list[Event]) -> None:
+            if fake.answered < 3:
+                return
+            if not seen:
+                fake.run_sentence("start", "up")
+                fake.sample(870)
+                fake.run_sentence("end", "up")
+                fake.run_sentence("start", "down")
+            sensor = monitor.sensors.get(0)
+            seen.append(("", -1.0) if sensor is None else (sensor.state, sensor.run_s()))
+
+        monitor.run(heard, seconds=2.0)
+    assert seen[-1] == ("recording", 0.0)
+
+
 class Deaf:
     """A port to which nobody is connected."""
 

@@ -221,6 +221,8 @@ class Monitor:
             sensor.face = fields.get("face", "")
             sensor.state = "recording" if fields.get("state") == "start" else "idle"
             sensor.waits = ""
+            if sensor.state == "recording":
+                sensor.latest = None  # the last run's sample says nothing of the length of this one
             if sensor.state == "idle":
                 self._tell("status")  # the device may be waiting for a flip, or be done
         elif kind == "result":

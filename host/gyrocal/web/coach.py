@@ -120,7 +120,7 @@ class Coach:
 
     def __init__(self, live: Live) -> None:
         self._live, self._imu = live, 0
-        self._was: Advice | None = None
+        self._told: str | None = None
         self._found: list[Result] | None = None
         with ui.element("section").classes("face coach").props('aria-label="what to do"') as self._section:
             self._ring = ui.html("", sanitize=False).classes("ring")
@@ -140,7 +140,7 @@ class Coach:
 
     def show(self, imu: int) -> None:
         """Show another sensor of the board."""
-        self._imu, self._was, self._found = imu, None, None
+        self._imu, self._told, self._found = imu, None, None
 
     def update(self) -> None:
         """Draw what has changed."""
@@ -156,13 +156,18 @@ class Coach:
         self._section.classes(remove=" ".join(STAGES)).classes(now.stage)
         self._section.set_visibility(bool(sensor.get("hello")) and bool(live.port))
         self._turns.text = self._measured(sensor) if measuring else ""
-        if self._beeps.value and self._was is not None and now.stage != self._was.stage and now.stage in ("flip", "done"):
-            ui.run_javascript(BEEP % (FLIP_HZ if now.stage == "flip" else ANSWER_HZ))
-        self._was = now
+        self._signal(now.stage)
         found = sensor.get("results") or []
         if found != self._found:
             self._found = found
             self._answers(found)
+
+    def _signal(self, stage: str) -> None:
+        """Beep once for each stage of a face: between two sentences of the device, its end may look like a wait."""
+        if stage in ("flip", "done") and self._told not in (None, stage) and self._beeps.value:
+            ui.run_javascript(BEEP % (FLIP_HZ if stage == "flip" else ANSWER_HZ))
+        if stage != "wait" or self._told is None:
+            self._told = stage
 
     def _measured(self, sensor: dict[str, Any]) -> str:
         """The sensor's own reading about the table's axis over the last second, with its scatter."""
