@@ -28,6 +28,10 @@ UNDRAWN = """<script>import("%s").then(({default: chart}) => {
 """NiceGUI's chart is made shortly after its element, and cannot be removed in between without this.
 
 It stands in the head, so that it precedes the page's own import of the chart, and with it every chart."""
+LEAVING = """<script>addEventListener("keyup", event => {
+    if (event.target.closest?.("[class*='-leave-active']")) event.stopPropagation();
+}, true)</script>"""
+"""A list that fades out still hears keys, for which Quasar has no element any more."""
 SCHEME = """matchMedia("(prefers-color-scheme: dark)").addEventListener(
     "change", () => setTimeout(() => emitEvent("scheme"), 50))"""
 """The system has changed between light and dark; the class of the body follows at once."""
@@ -63,7 +67,7 @@ class Tab:
         return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
 
     def build(self) -> None:
-        ui.add_head_html(UNDRAWN % _chart_module())
+        ui.add_head_html(UNDRAWN % _chart_module() + LEAVING)
         self._mode = ui.dark_mode(None)
         with ui.header().classes("top"):
             with ui.link(target="/").classes("brand").props('aria-label="gyrocal workbench, start"'):
