@@ -279,7 +279,10 @@ def _torn(runs: Sequence[Run], axis: int) -> Torn | None:
     for run in steady:
         known = np.column_stack([np.ones(len(run)), rate_about(run, axis)])
         y = run.gyro_dps[:, axis] / count_dps
-        rest.append(y - known @ np.linalg.lstsq(known, y, rcond=None)[0])
+        left = y - known @ np.linalg.lstsq(known, y, rcond=None)[0]
+        if np.median(np.abs(np.diff(left))) > np.median(np.abs(np.diff(y))):
+            return None  # the noise of a coarse encoder is in no reading, and hides what is
+        rest.append(left)
     return torn([_codes(r, axis, count_dps) for r in steady], rest)
 
 
