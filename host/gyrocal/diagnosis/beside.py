@@ -52,7 +52,7 @@ def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> li
             (kept if _gains(judge(current, c.effect), kept, tested) else out).append(c)
         return out
 
-    axes = sorted({c.axis for c in passed})
+    axes = sorted({c.axis for c in passed if sum(other.axis == c.axis for other in passed) > 1})
     out = {id(c) for of_axis in each(unproven, axes, comparison.fit.session.rows) for c in of_axis}
     return [replace(c, decision="suggest", group=()) if id(c) in out else c for c in candidates]
 

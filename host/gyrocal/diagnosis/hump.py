@@ -46,6 +46,7 @@ def hump(fit: AxisFit, axis: str, alarm: float) -> Finding | None:
     block means say.
     """
     from scipy.integrate import trapezoid
+
     cells = _pooled(fit)
     if cells is None or not _white_beyond(fit, cells):
         return None

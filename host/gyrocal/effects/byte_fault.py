@@ -289,9 +289,7 @@ def _torn(runs: Sequence[Run], axis: int) -> Torn | None:
 def _hidden(runs: Sequence[Run], axis: int) -> Detected | None:
     """Torn readings that do not stand out singly."""
     found = _torn(runs, axis)
-    if found is None or lost_carry(runs, axis) is not None:
-        return None
-    if found.gain < LEAST_GAIN:
+    if found is None or found.gain < LEAST_GAIN or lost_carry(runs, axis) is not None:
         return None
     chance = len(BITS) * 0.5 * float(tails.chi_square(2 * found.gain, 1))
     values = {"bit": float(found.bit), "step_dps": 2.0**found.bit * count_dps_of(runs, axis), "fraction": found.share}

@@ -113,9 +113,7 @@ def strongest_orders(residuals: Sequence[Array], angles_turn: Sequence[Array], c
     return [float(order[k]) for k in tops[np.argsort(-power[tops])][:count]]
 
 
-def order_spectrum(
-    residuals: Sequence[Array], angles_turn: Sequence[Array], *, whole: bool = False
-) -> OrderSpectrum:  # fmt: skip
+def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array], *, whole: bool = False) -> OrderSpectrum:
     """Average periodogram of residuals [n] (deg/s) over unwrapped angles [n] (turns), one of each for a run.
 
     Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains. It begins where lines can be
