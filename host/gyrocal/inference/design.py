@@ -197,7 +197,9 @@ class Design:
         order = sorted(range(len(fixed)), key=lambda j: self.terms[fixed[j][0]].effect.role is not Role.BIAS)
         noise = self._noise_in(fixed)
         least = LEAST_DPS**2 * self._samples + noise[:, :, 0].sum(axis=0)
-        kept = self._identified(sum((s.gram.sum(axis=0) for s in summed), np.zeros(())), order, least)
+        gram = sum((s.gram.sum(axis=0) for s in summed), np.zeros(()))
+        kept = self._identified(gram, order, least)
+        self.left_out = self._left_out(gram, fixed, kept, least)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
@@ -303,6 +305,27 @@ class Design:
                 rest = norm - gram[others, 1 + j] @ solved
             keep[j] = rest > UNIDENTIFIED * norm and rest > least[j]
         return keep
+
+    def _left_out(self, gram: Array, fixed: Sequence[tuple[int, int]], kept: Mask, least: Array) -> list[tuple[int, Array]]:
+        """The columns that were left out because those kept can stand for them: the index of each one's term and shifts [p].
+
+        The kept coefficients shift by so much if the parameter left out has its largest typical size. At one true rate, for
+        example, the bias stands for the scale as well.
+        """
+        own = 1 + np.flatnonzero(kept)
+        out = []
+        for j in np.flatnonzero(~kept).tolist():
+            if gram[1 + j, 1 + j] > least[j] and (size := self._typical(*fixed[j])):
+                shift = np.linalg.lstsq(gram[np.ix_(own, own)], gram[own, 1 + j], rcond=None)[0] * size
+                out.append((fixed[j][0], shift))
+        return out
+
+    def _typical(self, t: int, column: int) -> float:
+        """The largest typical size of the linear parameter of a column, 0 if it has none."""
+        effect = self.terms[t].effect
+        names = effect.used(self.terms[t].values) or effect.linear
+        sizes = {p.name: p.typical[1] for p in effect.parameters if np.isfinite(p.typical[1])}
+        return sizes.get(names[column], 0.0) if column < len(names) else 0.0
 
     def _alike(self, like: Design | None) -> list[list[int]]:
         """Groups of indices of runs with the same block times."""

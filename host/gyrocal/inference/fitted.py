@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import polars as pl
 
-from gyrocal.effects.base import Role
+from gyrocal.effects.base import Effect, Role
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
 from gyrocal.inference.blocks import Blocks
@@ -57,6 +57,15 @@ class AxisFit:
             slope[j] += self.design.terms[term].effect.role is Role.SCALE  # the residual holds the reference's noise too
         noise_se = self.design.column_noise[:, :, 1].sum(axis=0) / self.noise.white_sd_dps**2
         return np.asarray(np.abs(slope) * noise_se * np.diag(self.solution.cov))
+
+    @property
+    def stand_ins(self) -> list[tuple[Effect, Effect]]:
+        """Pairs of effects of the model: one that the data do not show, and one whose coefficient would be moved by it."""
+        se, layout = np.sqrt(np.diag(self.solution.cov)), self.design.layout
+        return [
+            (self.terms[term].effect, self.terms[layout.fixed[j][0]].effect)
+            for term, shift in self.design.left_out for j in np.flatnonzero(np.abs(shift) > se)
+        ]  # fmt: skip
 
     def subset(self, runs: Mask, spreads: Spreads | None = None) -> Solution:
         """The solution from the runs with True in ``runs`` [runs]."""

@@ -93,9 +93,9 @@ def _named(term: Term, current: AxisFit, of: Joint, mine: list[int]) -> tuple[Va
         found = kind.named(moved, term.values)
         return np.array([found[n] for n in values])
 
-    # what the noise of measured columns leaves unknown adds to the error of the fit
-    attenuation = errors_of(lambda beta: named(beta, np.zeros(0)), current.solution.beta, np.diag(current.attenuation_se**2))
-    errors = np.hypot(of.errors(named), attenuation)
+    # what the noise of measured columns leaves unknown adds to the error of the fit, and so do the columns that it left out
+    besides = np.diag(current.attenuation_se**2) + sum(np.outer(shift, shift) for _, shift in current.design.left_out)
+    errors = np.hypot(of.errors(named), errors_of(lambda beta: named(beta, np.zeros(0)), current.solution.beta, besides))
     return values, dict(zip(values, map(float, errors), strict=True))
 
 

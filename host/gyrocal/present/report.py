@@ -106,6 +106,7 @@ def print_comparison(c: Comparison) -> None:
         table(title, ANGLES, [*levels, angle_row(everything, c.angles.level())])
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     print_note(reference_words(c))
+    print_note(stand_in_words(c))
     if c.where:
         rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
@@ -119,6 +120,19 @@ def reference_words(c: Comparison) -> str:
     """What the session shows of its reference's frame and clock, with standard errors; empty if it has neither of its own."""
     found = [f"{p.effect} {p.name} {plus_minus(p.value, p.se)}" for p in c.fit.session.registration_parameters]
     return f"reference: {', '.join(found)}" if found else ""
+
+
+def stand_in_words(c: Comparison) -> str:
+    """Which effects of the model the session cannot tell from others, whose values then hold both; empty if there are none."""
+    axes: dict[tuple[str, str], list[str]] = {}
+    for axis, fit in c.fit.axes.items():
+        for left_out, kept in fit.stand_ins:
+            axes.setdefault((left_out.title.lower(), kept.title.lower()), []).append(axis)
+    return "\n".join(
+        f"On {', '.join(on)}, this session does not tell the {left_out} from the {kept}: the {kept} is stated as if there were "
+        f"no {left_out}, and its error allows for one of typical size."
+        for (left_out, kept), on in axes.items()
+    )
 
 
 MOVED = ["parameter:", "axis:", "file", "this session", "moved by", "±", "z", "unit:"]
