@@ -39,6 +39,35 @@ def test_a_larger_effect_is_found_beside_rounding() -> None:
     assert {f.axis for f in found.where} == {"z"}
 
 
+def power_cycles(sd_counts: float, seed: int, wave: float = 0.0) -> Session:
+    """Fourteen power cycles at seven rates with a slow drift of a tenth of a count; ``wave``: ripple of the table."""
+    rng, t_s = np.random.default_rng(seed), np.arange(1500) / 50
+    runs = []
+    for i, rate_dps in enumerate((0, 30, -30, 78, -78, 150, -150) * 2):
+        offset_dps = rng.normal(0, 0.06, 3)
+        drift_dps = np.cumsum(rng.normal(0, 0.1 * COUNT_DPS / np.sqrt(1500), (1500, 3)), axis=0)
+        gyro = offset_dps + drift_dps + rng.normal(0, sd_counts * COUNT_DPS, (1500, 3))
+        gyro[:, 2] += 0.99 * rate_dps * (1 + wave * np.sin(np.deg2rad(rate_dps * t_s)))
+        runs.append(make_run(
+            t_s, np.round(gyro / COUNT_DPS) * COUNT_DPS, scenario=f"s{i}", table_rate_dps=float(rate_dps), lsb_dps=COUNT_DPS,
+            day=1 + i % 3,
+        ))  # fmt: skip
+    return make_session(*runs, lsb_dps=COUNT_DPS)
+
+
+@pytest.mark.parametrize("sd_counts", [0.1, 0.2, 0.3])
+def test_readings_that_stand_at_one_count_are_no_quieter_noise(sd_counts: float) -> None:
+    for seed in range(2):
+        found = compare(power_cycles(sd_counts, seed))
+        assert found.verdict == "adequate", found.where
+
+
+def test_a_ripple_is_found_in_readings_that_stand_at_one_count() -> None:
+    found = compare(power_cycles(0.2, 0, wave=0.002))
+    assert found.verdict == "misfit"
+    assert {f.axis for f in found.where} == {"z"}
+
+
 def test_amplitudes_are_those_of_rounded_normal_noise() -> None:
     at = np.linspace(0, 1, 100, endpoint=False) * COUNT_DPS
     noise = np.random.default_rng(1).normal(0, SD_DPS, (100_000, 1))

@@ -50,7 +50,7 @@ def reading_flags(runs: Sequence[Run], axis: str, full_scale_dps: float | None) 
         white_sd_dps = float(np.sqrt(white_variance(known)[0]))
     for run in runs:
         y = run.gyro_dps[:, column]
-        step_dps = run.lsb_dps or float(run.step_dps[column])
+        step_dps = run.count_dps(column)
         if full_scale_dps and np.abs(y).max() >= whole_steps(full_scale_dps, step_dps) - 0.5 * step_dps:
             flags.add("clipped")
         if (white_sd_dps or EXPECTED_SD_DPS) > 0.5 * step_dps and stands_still(y, run.t_us):
@@ -106,7 +106,7 @@ class Evidence:
             return None
         variance = white_variance(sums)
         w_dps = [float(np.mean(run.rate_dps)) for run in runs]
-        steps_dps = [run.lsb_dps or float(run.step_dps[run.axis_index]) for run in runs]
+        steps_dps = [run.count_dps(run.axis_index) for run in runs]
         faces = [face_posterior(s, variance, w, step) for s, w, step in zip(sums, w_dps, steps_dps, strict=True)]
         return Evidence(runs, faces, w_dps)
 

@@ -18,11 +18,23 @@ from gyrocal import plausibility, tails
 from gyrocal.diagnosis.angles import Angles, by_angle
 from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.levels import Cleaned, Floor, Level, MeanSquares, Remainder, floor_of, noise_beside, pooled, white_power
+from gyrocal.diagnosis.levels import (
+    Cleaned,
+    Floor,
+    Level,
+    MeanSquares,
+    Remainder,
+    floor_of,
+    noise_beside,
+    pooled,
+    spectrum_of,
+    white_power,
+)
 from gyrocal.diagnosis.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.probes import of_session
 from gyrocal.diagnosis.rate_unit import rate_text
+from gyrocal.diagnosis.rounding import rounding_power
 from gyrocal.diagnosis.told import strongest_first, without_echoes
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -30,7 +42,7 @@ from gyrocal.inference import heldout
 from gyrocal.inference.fit import beside_misfit, fit
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_shape import of_slopes
-from gyrocal.noise.spectrum import Spectrum, spectrum
+from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.register import registered
 from gyrocal.recording.session import AXES, Session
@@ -159,7 +171,7 @@ def measure(
 
     def measured(axis: str) -> _Measured:
         cleaned = Cleaned.of(fitted, axis)
-        lines = spectrum(list(cleaned.by_run.values()), session.sample_rate_hz)
+        lines = spectrum_of(fitted, axis, cleaned.by_run)
         squares = MeanSquares.of(heldout.predictions(fitted.on(axis), folds))
         n = float(np.median(np.concatenate([b.n for b in fitted.blocks])))
         tail = cleaned.tail_power * n / max(n - 1, 1.0)  # outliers count in the means of blocks too
@@ -198,7 +210,7 @@ def _with_left_over(
         # the slope of measured angles has noise that no floor of rates describes
         if axis in judged and squares[axis].samples and axis in misfit.nearest and not of_slopes(current):
             excess = of_excess(squares[axis], floors[axis], misfit.nearest[axis])
-            large = excess.amplitude_dps**2 > POLICY.least_excess**2 * floors[axis].within
+            large = excess.amplitude_dps**2 > max(POLICY.least_excess**2 * floors[axis].within, rounding_power(current))
             told = sum(drawn_power(current, f) for f in found)
             if excess.chance < misfit.share and large and told <= POLICY.told * max(excess.amplitude_dps**2, variance(current)):
                 shown = _as_drawn(fitted, excess)

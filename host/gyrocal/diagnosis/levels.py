@@ -7,7 +7,7 @@ fitted noise. The excess is ``sqrt(max(0, rms^2 - floor^2))``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,10 +26,10 @@ from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
-from gyrocal.noise.spectrum import Spectrum
+from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST
-from gyrocal.recording.session import Array
+from gyrocal.recording.session import AXES, Array
 
 
 @dataclass(frozen=True)
@@ -240,6 +240,13 @@ class Remainder:
 
     by_run: dict[int, Array]
     spectrum: Spectrum
+
+
+def spectrum_of(fitted: Fit, axis: str, by_run: Mapping[int, Array]) -> Spectrum:
+    """The spectrum of the residuals [n] of runs by their index."""
+    column = AXES.index(axis)
+    count_dps = max((b.run.count_dps(column) for b in fitted.blocks if b.run.index in by_run), default=0.0)
+    return spectrum(list(by_run.values()), fitted.session.sample_rate_hz, count_dps=count_dps)
 
 
 def white_power(fitted: Fit, axis: str, by_run: dict[int, Array], spectrum: Spectrum) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from gyrocal.diagnosis.angles import measured_angle_noise_deg
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.hump import hump
-from gyrocal.diagnosis.levels import Remainder
+from gyrocal.diagnosis.levels import Remainder, spectrum_of
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
@@ -23,7 +23,7 @@ from gyrocal.effects.byte_fault import ByteFault
 from gyrocal.effects.order_tone import over_turns, told_from_frequency
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
-from gyrocal.noise.spectrum import Peak, Spectrum, spectrum
+from gyrocal.noise.spectrum import Peak, Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
 from gyrocal.threads import each
@@ -83,7 +83,7 @@ def _order(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Findin
     turning = [r for r in runs if not r.rate_is_mean and np.any(r.rate_dps)]
     if not turning:
         return None
-    peaks = over_turns(turning, [remainder.by_run[r.index] for r in turning]).peaks(1)
+    peaks = over_turns(turning, [remainder.by_run[r.index] for r in turning], AXES.index(axis)).peaks(1)
     if not peaks or peaks[0].chance >= alarm:
         return None
     (peak,) = peaks
@@ -152,7 +152,7 @@ def _carry(fitted: Fit, axis: str) -> list[Finding]:
 
 def of_frequency(fitted: Fit, axis: str, by_run: dict[int, Array], share: float) -> list[Finding]:
     """The findings of the tests against the frequency in residuals [n] of runs by their index."""
-    remainder = Remainder(by_run, spectrum(list(by_run.values()), fitted.session.sample_rate_hz))
+    remainder = Remainder(by_run, spectrum_of(fitted, axis, by_run))
     return [f for f in (test(fitted, axis, remainder, share) for test in OF_FREQUENCY) if f is not None]
 
 

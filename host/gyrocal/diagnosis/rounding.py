@@ -14,7 +14,7 @@ from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.recording.session import Array, Run
 from gyrocal.variables.shapes import Columns
 
 LARGEST_NOISE = 0.5
@@ -36,6 +36,17 @@ def amplitudes_dps(count_dps: float, variance: float) -> Array:
     return np.asarray(count_dps * sizes[sizes >= LEAST])
 
 
+def rounding_power(fitted: AxisFit) -> float:
+    """Mean square of the error that rounding can make of levels anywhere between two counts, dps^2."""
+    return float(np.sum(_of_axis(fitted)[1] ** 2)) / 2
+
+
+def _of_axis(fitted: AxisFit) -> tuple[float, Array]:
+    """A count of an axis's readings, deg/s, and the amplitudes [k] of the error of rounding to it."""
+    count_dps = max((b.run.count_dps(fitted.design.axis) for b in fitted.design.blocks), default=0.0)
+    return count_dps, amplitudes_dps(count_dps, fitted.noise.white_sd_dps**2) if count_dps > 0 else np.zeros(0)
+
+
 def beside_rounding(fitted: Fit, axis: str) -> AxisFit:
     """The fit of an axis with the error of rounding beside the model; the fit itself where rounding averages out.
 
@@ -43,10 +54,7 @@ def beside_rounding(fitted: Fit, axis: str) -> AxisFit:
     can do, because the error then has another cause, and where the readings stay too near one level to determine them.
     """
     current = fitted.axes[axis]
-    count_dps = max((float(b.run.lsb_dps or b.run.step_dps[AXES.index(axis)]) for b in current.design.blocks), default=0.0)
-    if count_dps <= 0:
-        return current
-    allowed_dps = amplitudes_dps(count_dps, current.noise.white_sd_dps**2)
+    count_dps, allowed_dps = _of_axis(current)
     if not allowed_dps.size:
         return current
     modelled = {p.run.index: p.modelled_dps for p in heldout.fitted(fitted.on(axis))}

@@ -44,14 +44,15 @@ def turned_turn(run: Run) -> Array:
 def spectrum_over_turns(runs: Sequence[Run], axis: int) -> OrderSpectrum:
     """The spectrum over the table's angle of measured minus true rate on one axis, each run without its slow errors."""
     turning = [r for r in runs if _turns(r)]
-    return over_turns(turning, [_rest_dps(r, axis) for r in turning])
+    return over_turns(turning, [_rest_dps(r, axis) for r in turning], axis)
 
 
-def over_turns(turning: Sequence[Run], residuals: Sequence[Array]) -> OrderSpectrum:
-    """The spectrum over the table's angle of residuals [n] of runs that turn, without the samples at which the table rests."""
+def over_turns(turning: Sequence[Run], residuals: Sequence[Array], axis: int) -> OrderSpectrum:
+    """The spectrum over the table's angle of an axis's residuals [n] in runs that turn, without samples at rest."""
     moves = [np.abs(r.rate_dps) > AT_REST * np.abs(r.rate_dps).max() for r in turning]
     turned = [turned_turn(r)[m] for r, m in zip(turning, moves, strict=True)]
-    return order_spectrum([y[m] for y, m in zip(residuals, moves, strict=True)], turned)
+    count_dps = max((r.count_dps(axis) for r in turning), default=0.0)
+    return order_spectrum([y[m] for y, m in zip(residuals, moves, strict=True)], turned, count_dps=count_dps)
 
 
 def _rest_dps(run: Run, axis: int) -> Array:

@@ -73,13 +73,14 @@ class Saturation(ReadingFault):
         The density of noise near its end is log-concave, so an exponential through two bands below the largest value is an
         upper bound for the count at that value. Slow noise dwells at a value: every dwell counts once.
         """
+        step_dps = float(max(r.step_dps[axis] for r in runs)) or grid_dps([r.gyro_dps[:, axis] for r in runs])
+        half = max(1, round(BELOW * white_sd_dps(runs, axis) / step_dps / 2))  # counts in each of the two bands
         sizes = [np.abs(r.gyro_dps[:, axis]) for r in runs]
-        limit = float(max(size.max() for size in sizes))
+        sizes = [size for size in sizes if np.ptp(size) > (2 * half - 0.5) * step_dps]  # others do not reach below the limit
+        limit = max((float(size.max()) for size in sizes), default=0.0)
         heaped = sum(int(np.count_nonzero(size > limit - ROUNDING_DPS)) for size in sizes)
         if heaped < LEAST_HEAPED or heaped > MOST_HEAPED * sum(size.size for size in sizes):
             return None
-        step_dps = float(max(r.step_dps[axis] for r in runs)) or grid_dps([limit - s for s in sizes])
-        half = max(1, round(BELOW * white_sd_dps(runs, axis) / step_dps / 2))  # counts in each of the two bands
         near, far = (
             sum(_dwells(size, limit - (k + 1) * half * step_dps, limit - k * half * step_dps) for size in sizes)
             for k in range(2)

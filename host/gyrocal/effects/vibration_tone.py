@@ -23,7 +23,8 @@ def _power(runs: Sequence[Run], axis: int) -> tuple[Array, Array]:
 
     steady = [r for r in runs if not r.rate_is_mean]
     residuals = [r.gyro_dps[:, axis] - (r.rate_dps if r.axis_index == axis else 0.0) for r in steady]
-    found = spectrum(residuals, runs[0].sample_rate_hz, LOWEST_HZ)
+    counts_dps = (r.count_dps(axis) for r in steady)
+    found = spectrum(residuals, runs[0].sample_rate_hz, LOWEST_HZ, max(counts_dps, default=0.0))
     return found.frequency_hz, found.ratio
 
 

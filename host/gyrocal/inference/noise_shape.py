@@ -127,7 +127,7 @@ def _weighted(current: AxisFit) -> AxisFit | None:
         rows, apart_dps = b.strays[axis]
         y_dps[rows] -= apart_dps
         residuals.append(y_dps)
-    levels = relative_levels(residuals)
+    levels = relative_levels(residuals, count_dps=max(b.run.count_dps(axis) for b in design.blocks))
     if levels.of_residual is None:
         return None
     power = [b.mean(level[:, None] ** 2)[:, 0] for b, level in zip(design.blocks, levels.of_residual, strict=True)]

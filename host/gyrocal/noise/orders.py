@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyrocal import tails
+from gyrocal.noise.steady import as_many
 from gyrocal.recording.session import Array
 
 HIGHEST = 64.0
@@ -113,11 +114,14 @@ def strongest_orders(residuals: Sequence[Array], angles_turn: Sequence[Array], c
     return [float(order[k]) for k in tops[np.argsort(-power[tops])][:count]]
 
 
-def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array], *, whole: bool = False) -> OrderSpectrum:
+def order_spectrum(
+    residuals: Sequence[Array], angles_turn: Sequence[Array], *, whole: bool = False, count_dps: float = 0.0,
+) -> OrderSpectrum:  # fmt: skip
     """Average periodogram of residuals [n] (deg/s) over unwrapped angles [n] (turns), one of each for a run.
 
     Runs with fewer than ``LEAST_TURNS`` turns are left out. The spectrum is empty if none remains. It begins where lines can be
-    told from slow noise; ``whole`` begins it at one period in the longest run.
+    told from slow noise; ``whole`` begins it at one period in the longest run. ``count_dps`` is a count of the readings, whose
+    rounding is noise too.
     """
     from scipy.ndimage import median_filter
 
@@ -133,16 +137,23 @@ def order_spectrum(residuals: Sequence[Array], angles_turn: Sequence[Array], *, 
     if np.count_nonzero(use) < NEIGHBOURS:
         return NOTHING
     power, even = np.zeros((2, int(np.count_nonzero(use))))
+    parts = []
     for y, angle in pairs:
         inside = angle < turns
         line = _amplitudes(y[inside], angle[inside], length)[use]
-        own = np.abs(2 * line / np.count_nonzero(inside)) ** 2
+        samples = np.count_nonzero(inside)
+        own = np.abs(2 * line / samples) ** 2
         power += own / len(pairs)
-        even += own / max(float(np.median(own)), np.finfo(np.float64).tiny)  # a noisy run counts as much as a quiet one
-    level = median_filter(even, NEIGHBOURS, mode="reflect") / (tails.chi_square_value(0.5, 2 * len(pairs)) / (2 * len(pairs)))
+        # a noisy run counts as much as a quiet one, unless the quiet one stands at one count
+        median = max(float(np.median(own)), np.finfo(np.float64).tiny)
+        usual = max(median, np.log(2) * count_dps**2 / (3 * samples))
+        even += own / usual
+        parts.append(median / usual)
+    looks = as_many(np.array(parts))
+    level = median_filter(even, NEIGHBOURS, mode="reflect") / (tails.chi_square_value(0.5, 2 * looks) / (2 * looks))
     # the level is itself estimated, from the median of that many independent values of the spectrum
-    values = len(pairs) * NEIGHBOURS / PAD * MEDIAN_EFFICIENCY
-    tail = tails.f_ratio(even / np.maximum(level, np.finfo(np.float64).tiny), 2 * len(pairs), 2 * values)
+    values = looks * NEIGHBOURS / PAD * MEDIAN_EFFICIENCY
+    tail = tails.f_ratio(even / np.maximum(level, np.finfo(np.float64).tiny), 2 * looks, 2 * values)
     tail[-NEIGHBOURS // 2 :] = 1.0  # there, half of the neighbours are missing
     shortest = max(LEAST_TURNS, min(turns, *(float(a.max()) for _, a in pairs)))
     return OrderSpectrum(order[use], power, np.asarray(tail), max(turns, shortest))

@@ -9,7 +9,7 @@ import numpy as np
 
 from gyrocal import tails
 from gyrocal.noise.level import smooth_level
-from gyrocal.noise.steady import relative_levels, shrunk
+from gyrocal.noise.steady import as_many, relative_levels, shrunk
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array
 
@@ -128,11 +128,13 @@ class Spectrum:
         return float(np.maximum(self.power[near] - self.level[near], 0).sum() * bin_hz)
 
 
-def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWEST_HZ) -> Spectrum:
+def spectrum(
+    residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWEST_HZ, count_dps: float = 0.0,
+) -> Spectrum:  # fmt: skip
     """Average periodogram of several residuals [n] in deg/s, sampled at ``rate_hz``.
 
     Each residual is cut into segments. The segments are as long as the shortest residual, but at most ``LONGEST_SAMPLES``. The
-    spectrum is empty if the residuals are too short.
+    spectrum is empty if the residuals are too short. ``count_dps`` is a count of the readings, whose rounding is noise too.
     """
     empty = np.zeros(0)
     length = min(min((r.size for r in residuals), default=0), LONGEST_SAMPLES)
@@ -140,7 +142,7 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
         return Spectrum(empty, empty, empty, empty, empty, 0, length)
     frequency = np.fft.rfftfreq(PAD * length, 1 / rate_hz)
     use = (frequency >= lowest_hz) & (frequency < rate_hz / 2)
-    levels = relative_levels(residuals)
+    levels = relative_levels(residuals, count_dps=count_dps)
     power = even = _periodograms(residuals, length, rate_hz)[:, use]
     if levels.change:
         even = _periodograms(levels.steadied(residuals), length, rate_hz)[:, use]
@@ -149,12 +151,15 @@ def spectrum(residuals: Sequence[Array], rate_hz: float, lowest_hz: float = LOWE
         return Spectrum(empty, empty, empty, empty, empty, segments, length)
     frequency_hz: Array = frequency[use].astype(np.float64)
     mean: Array = np.asarray(power.mean(axis=0), dtype=np.float64)
-    pooled: Array = np.asarray((even / _segment_levels(even)[:, None]).mean(axis=0), dtype=np.float64)
-    smooth = smooth_level(frequency_hz, np.maximum(pooled, NO_POWER), float(segments), PAD)
+    rounding = count_dps**2 / (6 * rate_hz)
+    even = even / _segment_levels(even, rounding)[:, None]
+    pooled: Array = np.asarray(even.mean(axis=0), dtype=np.float64)
+    looks = as_many(_geometric_means(even))
+    smooth = smooth_level(frequency_hz, np.maximum(pooled, NO_POWER), looks, PAD)
     ratio = pooled / smooth.level
     scale = float(np.exp(np.median(np.log(np.maximum(mean, NO_POWER)) - np.log(np.maximum(pooled, NO_POWER)))))
     # the level is Gamma-distributed too: of shape 1 / variance
-    tail = np.asarray(tails.f_ratio(ratio, 2 * segments, 2 / np.maximum(smooth.variance, 1e-9)))
+    tail = np.asarray(tails.f_ratio(ratio, 2 * looks, 2 / np.maximum(smooth.variance, 1e-9)))
     return Spectrum(frequency_hz, mean, smooth.level * scale, ratio, tail, segments, length)
 
 
@@ -175,8 +180,16 @@ def _tapered(length: int) -> Array:
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(to_end, 1.0)))
 
 
-def _segment_levels(power: Array) -> Array:
-    """Relative level of each segment [segments] of periodograms [segments, f]: geometric means, shrunk to their own mean."""
-    log_level = np.log(np.maximum(power, np.finfo(np.float64).tiny)).mean(axis=1)
+def _geometric_means(power: Array) -> Array:
+    """Geometric mean [segments] of each of the periodograms [segments, f], which a line hardly changes."""
+    return np.asarray(np.exp(np.log(np.maximum(power, np.finfo(np.float64).tiny)).mean(axis=1)))
+
+
+def _segment_levels(power: Array, least: float) -> Array:
+    """Relative level of each segment [segments] of periodograms [segments, f]: geometric means, shrunk to their own mean.
+
+    ``least`` is the smallest level of a segment, dps^2/Hz.
+    """
+    log_level = np.log(_geometric_means(np.maximum(power, least)))
     known = np.pi**2 / 6 * PAD / power.shape[1]  # variance of the mean logarithm of exponential variables
     return np.asarray(np.exp(shrunk(log_level - log_level.mean(), known)))

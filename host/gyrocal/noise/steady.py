@@ -35,6 +35,11 @@ def shrunk(values: Array, variance: float) -> Array:
     return values * beyond / scatter
 
 
+def as_many(powers: Array) -> float:
+    """The number of equally noisy periodograms whose mean scatters as that of periodograms of these powers [k] does."""
+    return float(powers.sum() ** 2 / max(float(powers @ powers), 1e-300))
+
+
 @dataclass(frozen=True)
 class Levels:
     """Relative level of the noise at every sample of each residual [n]; None if it does not change."""
@@ -53,10 +58,10 @@ class Levels:
         return [r / level for r, level in zip(residuals, self.of_residual, strict=True)]
 
 
-def relative_levels(residuals: Sequence[Array], window: int = WINDOW) -> Levels:
+def relative_levels(residuals: Sequence[Array], window: int = WINDOW, count_dps: float = 0.0) -> Levels:
     """The relative level of the noise of residuals [n] over time, from the differences of neighbours in windows.
 
-    Its geometric mean is one.
+    Its geometric mean is one. Readings that stand still have at least the variance ``count_dps**2 / 12`` of rounding.
     """
     counts = [max(0, (r.size - 1) // window) for r in residuals]
     if sum(counts) < LEAST_WINDOWS:
@@ -65,7 +70,7 @@ def relative_levels(residuals: Sequence[Array], window: int = WINDOW) -> Levels:
     power = np.concatenate([s.mean(axis=1) for s in squares])
     if not power.any():
         return Levels(None)
-    log_power = np.log(np.maximum(power, 0.01 * float(power.mean())))
+    log_power = np.log(np.maximum(power, max(0.01 * float(power.mean()), count_dps**2 / 6)))
     known = _variance(residuals, window)
     log_power -= log_power.mean()
     own = shrunk(log_power, known)

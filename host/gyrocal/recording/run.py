@@ -139,6 +139,10 @@ class Run:
         least = np.min(steps, axis=0, where=steps > 0, initial=np.inf)
         return np.where(np.isfinite(least), least, 0.0)
 
+    def count_dps(self, axis: int) -> float:
+        """One count of an axis's readings, deg/s: the stated one, else their smallest step; 0 if there is neither."""
+        return float(self.lsb_dps or self.step_dps[axis])
+
     def column(self, name: str) -> Array | None:
         """An optional column, shape [n]; missing cells are NaN. None if the file lacks it or has no value in it."""
         if name not in self.table.columns or self.table[name].null_count() == self.table.height:
