@@ -95,3 +95,19 @@ def test_starts_and_stops_of_a_turn_by_hand_are_no_noise(rate_hz):
     found = smoothed(hand + rng.normal(0, 0.01, t_s.size))
     assert found.noise.sd == pytest.approx(0.01, rel=0.5)
     assert np.std(found.values - hand) < 0.012
+
+
+@pytest.mark.parametrize("count_dps", [0.02, 0.05])
+@pytest.mark.parametrize("sd_dps", [0.02, 0.03, 0.05])
+def test_the_noise_of_coarse_counts_beside_ramps_is_no_whole_count(sd_dps, count_dps):
+    """A median of coarse differences is a whole count: noise of 0.03 dps was taken for 0.017 dps, and moved the rests."""
+    rng = np.random.default_rng(6)
+    goal = np.repeat([0.0, 15.0, 30.0, 60.0, 30.0, 15.0] * 6, 300)
+    rate_dps = goal.copy()
+    for k in range(1, goal.size):
+        rate_dps[k] = rate_dps[k - 1] + np.clip(goal[k] - rate_dps[k - 1], -2.0, 2.0)
+    measured_dps = np.round((rate_dps + rng.normal(0, sd_dps, goal.size)) / count_dps) * count_dps
+    found = smoothed(measured_dps)
+    assert found.noise.sd == pytest.approx(np.std(measured_dps - rate_dps), rel=0.2)
+    rest = rate_dps == 0
+    assert np.mean(found.at_rest().values[rest] == 0) > 0.97

@@ -15,7 +15,7 @@ from gyrocal.diagnosis.levels import Remainder, spectrum_of
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
-from gyrocal.diagnosis.rounding import beside_rounding
+from gyrocal.diagnosis.rounding import beside_rounding, rounding_power
 from gyrocal.diagnosis.told import strongest_first, told_once, without_echoes
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.effects.base import is_left_of_a_line
@@ -29,6 +29,7 @@ from gyrocal.recording.session import AXES, Array
 from gyrocal.threads import each
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
+from gyrocal.variables.reading import Reading
 from gyrocal.variables.shapes import TableWave
 
 Progress = Callable[[str], None]
@@ -192,6 +193,9 @@ def find_misfit(
                 probed.append(finding)
         beyond = [test(fitted, axis, remainders[axis], share) for test in BEYOND_NOISE]
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
+        if current is fitted.axes[axis]:  # where rounding could not be fitted, it may be all of what is smaller
+            rounding = rounding_power(current)
+            found = [f for f in found if f.against == Reading.name or f.amplitude_dps**2 / 2 > rounding]
         found = told_once(found, [b.run.about(axis) for b in fitted.blocks], block_s)
         return without_echoes(fitted, axis, found, share, of_frequency), min(probed, key=lambda f: f.chance, default=None)
 

@@ -14,8 +14,8 @@ from gyrocal.inference import heldout
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import Array, Run
-from gyrocal.variables.shapes import Columns
+from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.variables.shapes import Columns, Index
 
 LARGEST_NOISE = 0.5
 """Noise in counts above which rounding averages out to less than 0.3 % of a count."""
@@ -51,34 +51,69 @@ def beside_rounding(fitted: Fit, axis: str) -> AxisFit:
     """The fit of an axis with the error of rounding beside the model; the fit itself where rounding averages out.
 
     Amplitudes are free because the noise is known only roughly. The fit is returned as it is where they exceed what rounding
-    can do, because the error then has another cause, and where the readings stay too near one level to determine them.
+    can do, because the error then has another cause, and where the readings stay too near one level to determine the first.
     """
     current = fitted.axes[axis]
     count_dps, allowed_dps = _of_axis(current)
     if not allowed_dps.size:
         return current
-    modelled = {p.run.index: p.modelled_dps for p in heldout.fitted(fitted.on(axis))}
+    rounded, shape, again = current, Columns(lambda run: np.zeros((len(run), 0)), 0), True
+    while allowed_dps.size:
+        shape = _waves(_levels(fitted.on(axis, rounded), axis, shape), count_dps, allowed_dps.size)
+        term = Term("rounding", axis, dict.fromkeys(shape.linear, 0.0), own=shape)
+        design = current.design.changed([*current.design.terms, term])
+        rounded = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
+        known = _determined(rounded, allowed_dps)
+        if known == allowed_dps.size and not again:
+            return rounded if _plausible(rounded, allowed_dps) else current
+        again = known < allowed_dps.size  # the rounding error moves bias and scale, and with them the level
+        allowed_dps = allowed_dps[:known]
+    return current
 
-    def waves(run: Run) -> Array:
-        if run.index not in modelled:
-            return np.zeros((len(run), 2 * allowed_dps.size))
-        turn = 2 * np.pi * modelled[run.index][:, None] / count_dps * np.arange(1, allowed_dps.size + 1)
+
+def _waves(levels_dps: dict[int, Array], count_dps: float, harmonics: int) -> Columns:
+    """Cosines and sines of the level [n] of each run's readings before rounding."""
+
+    def of(run: Run) -> Array:
+        if run.index not in levels_dps:
+            return np.zeros((len(run), 2 * harmonics))
+        turn = 2 * np.pi * levels_dps[run.index][:, None] / count_dps * np.arange(1, harmonics + 1)
         return np.hstack([np.cos(turn), np.sin(turn)])
 
-    shape = Columns(waves, 2 * allowed_dps.size)
-    term = Term("rounding", axis, dict.fromkeys(shape.linear, 0.0), own=shape)
-    design = current.design.changed([*current.design.terms, term])
-    rounded = fit_noise(design, start=with_noise(design, current.noise, carry_spreads(current, design)))
-    return rounded if _plausible(rounded, allowed_dps) else current
+    return Columns(of, 2 * harmonics)
+
+
+def _levels(fitted: Fit, axis: str, shape: Columns) -> dict[int, Array]:
+    """The modelled reading [n] of each run, deg/s, with what its power cycle adds and without a term of this ``shape``."""
+    current = fitted.axes[axis]
+    of_run = {b.run.index: i for i, b in enumerate(fitted.blocks)}
+    size = np.zeros(len(shape.linear))
+    for (i, j), value in zip(current.design.layout.fixed, current.solution.beta, strict=True):
+        if current.design.terms[i].own is shape:
+            size[j] = value
+    return {
+        p.run.index: p.modelled_dps + current.of_cycle(of_run[p.run.index]) - shape.columns(p.run, AXES.index(axis), {}) @ size
+        for p in heldout.fitted(fitted)
+    }
+
+
+def _determined(rounded: AxisFit, allowed_dps: Array) -> int:
+    """How many harmonics, from the first one, have smaller errors than what rounding can do. The others cannot be seen."""
+    harmonic, _, errors = _amplitudes(rounded, allowed_dps)
+    unseen = harmonic[errors >= allowed_dps[harmonic]]
+    return int(unseen.min(initial=allowed_dps.size)) if harmonic.size else 0
 
 
 def _plausible(rounded: AxisFit, allowed_dps: Array) -> bool:
-    """True if the amplitudes of the last term are determined, and none is surely more than rounding can do."""
+    """True if no amplitude of the last term is surely more than rounding can do."""
+    harmonic, sizes, errors = _amplitudes(rounded, allowed_dps)
+    return bool(np.all(sizes < POLICY.rounding_size * allowed_dps[harmonic] + POLICY.rounding_errors * errors))
+
+
+def _amplitudes(rounded: AxisFit, allowed_dps: Array) -> tuple[Index, Array, Array]:
+    """Of each coefficient [k] of the last term that is fitted: its harmonic from 0, size and standard error, deg/s."""
     last = len(rounded.design.terms) - 1
-    harmonic = [j % allowed_dps.size for i, j in rounded.design.layout.fixed if i == last]
     mine = [n for n, (i, _) in enumerate(rounded.design.layout.fixed) if i == last]
-    sizes = np.abs(rounded.solution.beta[mine])
-    errors = np.sqrt(np.diag(rounded.solution.cov)[mine])
-    allowed = allowed_dps[harmonic]
-    largest = POLICY.rounding_size * allowed + POLICY.rounding_errors * errors
-    return bool(mine and np.all(errors < allowed) and np.all(sizes < largest))
+    harmonic = [rounded.design.layout.fixed[n][1] % allowed_dps.size for n in mine]
+    cov = np.diag(rounded.solution.cov)
+    return np.array(harmonic, dtype=np.intp), np.abs(rounded.solution.beta[mine]), np.sqrt(cov[mine])

@@ -100,11 +100,31 @@ class AxisFit:
         u = sd * np.linalg.solve(m, sd * (gram[random] @ residual))
         return np.asarray(u[: len(layout.run)])
 
+    def cycle_coefficients(self, run: int) -> Array:
+        """Posterior mean of the random coefficients [k] of a run's power cycle, from all runs of that cycle."""
+        layout, beta = self.design.layout, self.solution.beta
+        own, sd = layout.random[len(layout.run) :], self.spreads.scenario
+        m, right = np.eye(own.size), np.zeros(own.size)
+        for i in map(int, np.flatnonzero(self.design.scenarios == self.design.scenarios[run])):
+            u = self.run_coefficients(i, beta, self.spreads)
+            m += sd[:, None] * self.grams[i][np.ix_(own, own)] * sd
+            right += sd * (self.grams[i][own] @ np.concatenate([[1.0], -beta, -u]))
+        return np.asarray(sd * np.linalg.solve(m, right))
+
     def block_residuals(self, run: int) -> Array:
         """Block means of a run without the terms that the fit found, shape [m], deg/s; drift and power cycle remain."""
         columns, p = self.design.columns(run), len(self.design.layout.fixed)
         u = self.run_coefficients(run, self.solution.beta, self.spreads)
         return np.asarray(columns[0] - self.solution.beta @ columns[1 : 1 + p] - u @ columns[1 + p :])
+
+    def of_cycle(self, run: int) -> Array:
+        """What a run's power cycle adds to the modelled rate at every sample, shape [n], deg/s."""
+        columns = self.design.sample_columns(self.design.blocks[run])
+        own = [self.design.layout.fixed[k] for k in self.design.layout.scenario]
+        out = np.zeros(len(self.design.blocks[run].run))
+        for (i, j), u in zip(own, self.cycle_coefficients(run), strict=True):
+            out += u * columns[i][:, j]
+        return out
 
     def predict(self, run: int, beta: Array, u: Array) -> Array:
         """Modelled minus true rate at every sample of a run, shape [n], deg/s."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from gyrocal.policy import POLICY
 from gyrocal.recording.orientation import jumps
-from gyrocal.recording.smoothing import MEDIAN_OF_NORMAL, NoiseLevel, Smoothed, steadier_slope
+from gyrocal.recording.smoothing import NoiseLevel, Smoothed, steadier_slope
 from gyrocal.recording.timing import best_width, noise_sd, smooth_by
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -33,6 +33,8 @@ RISES = 4.0
 """Below that octave, the level of a tracker's noise rises by up to this factor. The motion then rises by more."""
 OF_MOTION = 0.1
 """Noise is below this part of the motion. A motion whose spectrum is flat up to some frequency exceeds it."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the absolute value of a standard normal variable."""
 NEIGHBOURS = 24
 """Samples over which the noise of angles is compared."""
 STEADIER_SE = 0.5

@@ -44,8 +44,12 @@ SLOPE_OF_SPLINE = 0.174
 LONGEST_LINE_S = 1.0
 DIRECT = 129
 """Values of a window up to which a direct convolution is faster than a Fourier transform."""
-MEDIAN_OF_NORMAL = 0.6745
-"""Median of the absolute value of a standard normal variable."""
+STRETCH = 32
+"""Third differences of a stretch whose mean square is taken between the starts and stops of a motion."""
+THIRDS_ALIKE = 2.31
+"""Sum of the squared autocorrelations of third differences of white noise: so many make one independent value."""
+MEDIAN_SPREAD = 1.2533
+"""Standard error of a median over that of a mean."""
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
 """A taper whose leakage is 92 dB down: a swing of 50 deg/s leaks less than 2 mdps."""
 
@@ -174,12 +178,17 @@ def noise_level(values: Array) -> NoiseLevel:
 
 
 def _between_starts(values: Array) -> NoiseLevel:
-    """The white noise from the median third difference of readings [n], which a few samples of faster motion do not raise.
+    """The white noise of readings [n] from the third differences of short stretches, most of which hold no faster motion.
 
-    A turn by hand starts and stops with a kink, whose spectrum reaches through the band in every segment that holds one.
+    A turn by hand starts and stops with a kink, whose spectrum reaches through the band in every segment that holds one. The
+    median is that of the stretches' mean squares: that of single differences of coarse counts would be a whole count.
     """
-    third = np.abs(np.diff(values, 3))
-    return NoiseLevel(float(np.median(third)) / (MEDIAN_OF_NORMAL * 20**0.5), float(3 / third.size**0.5))
+    third = np.diff(values, 3)
+    count = third.size // STRETCH
+    power = np.mean(third[: count * STRETCH].reshape(count, STRETCH) ** 2, axis=1)
+    freedom = STRETCH / THIRDS_ALIKE
+    level = float(np.median(power)) / (1 - 2 / (9 * freedom)) ** 3 / 20
+    return NoiseLevel(level**0.5, float(MEDIAN_SPREAD * np.sqrt(2 / freedom / count)))
 
 
 def steadier_slope(t_s: Array, values: Array, sd: float, slope: Array, width: float) -> tuple[Array, Array]:
