@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.rate_unit import percent
 from gyrocal.present.budget import shown
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.budget import Budget, Line, of_answers
@@ -22,7 +23,7 @@ def test_every_source_of_the_command_line_is_shown_with_its_size_and_advice() ->
     told = budget.table()
     for row in best.budget:
         assert row.advice.replace("'", "&#x27;") in told
-        assert "–" in told if row.scale is None else f"<td>{100 * row.scale:.4f}</td>" in told
+        assert "<td>-</td>" in told if row.scale is None else f"<td>{percent(row.scale, row.scale)[0]}</td>" in told
     assert of_answers([replace(e, budget=()) for e in found]) is None
 
 

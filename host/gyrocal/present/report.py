@@ -13,7 +13,7 @@ from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
-from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
@@ -70,27 +70,28 @@ def level_unit(c: Comparison) -> RateUnit:
 def level_rows(c: Comparison) -> list[list[str]]:
     """Axis, rms, floor, excess, its standard error and the excess within power cycles; the last row is all axes.
 
-    They are in the unit that :func:`level_unit` gives.
+    They are in the unit that :func:`level_unit` gives, to the second digit of the excess's standard error.
     """
     names, everything = axis_names(c)
     unit = level_unit(c)
     return [
-        [name, *(unit.text(x, 2) for x in (v.rms_dps, v.floor_dps, v.excess_dps, v.excess_se_dps, v.excess_within_dps))]
+        [name, *(unit.text(x, 2, v.excess_se_dps) for x in told)]
         for name, v in (*((names[axis], v) for axis, v in c.per_axis.items()), (everything, c.pooled))
+        for told in [(v.rms_dps, v.floor_dps, v.excess_dps, v.excess_se_dps, v.excess_within_dps)]
     ]
 
 
 ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
 
 
-def deg(value: float | None) -> str:
-    """An angle in deg with four decimals, ``-`` for None."""
-    return "-" if value is None else f"{value:.4f}"
+def deg(value: float | None, error: float | None = None) -> str:
+    """An angle in deg to the second digit of its error, or with four decimals; ``-`` for None."""
+    return rounded(value, error, 4)
 
 
 def angle_row(name: str, v: angles.Level) -> list[str]:
     """The level of net angles or of movements, in deg."""
-    return [name, deg(v.rms_deg), deg(v.floor_deg), deg(v.excess_deg), deg(v.excess_se_deg)]
+    return [name, *(deg(x, v.excess_se_deg) for x in (v.rms_deg, v.floor_deg, v.excess_deg, v.excess_se_deg))]
 
 
 def print_comparison(c: Comparison) -> None:
@@ -277,6 +278,11 @@ def write_page(path: Path, c: Comparison) -> None:
     page.write(path, text)
 
 
+def parameter(value: float, se: float | None) -> tuple[str, str]:
+    """A parameter to the second digit of its standard error, and that error; five digits and a dash without one."""
+    return pair(value, se, 1.0, 0) if places(se, -1) >= 0 else (f"{value:.5g}", UNKNOWN)
+
+
 def parameter_rows(c: Comparison) -> list[list[Any]]:
     """Rows of effect, axis, parameter, value, standard error and unit."""
     rows = []
@@ -285,5 +291,5 @@ def parameter_rows(c: Comparison) -> list[list[Any]]:
         for name, value in listed.values.items():
             se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-            rows.append([listed.id, listed.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
+            rows.append([listed.id, listed.axis, name, *parameter(value, se), unit])
     return rows

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
+from gyrocal.diagnosis.rate_unit import UNKNOWN
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
@@ -43,8 +44,6 @@ AROUND = 4.0
 ALL = (0.0, 100.0)
 MOST_NAMED = 3
 """Findings that are buttons."""
-UNKNOWN = "-"
-"""A figure that the command line does not know."""
 MOVES = (
     ("zoom_in", "zoom in", 0.25, -0.25), ("zoom_out", "zoom out", -0.5, 0.5),
     ("chevron_left", "earlier", -0.5, -0.5), ("chevron_right", "later", 0.5, 0.5),

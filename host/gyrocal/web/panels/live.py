@@ -109,7 +109,7 @@ class LivePanel:
         """The name and the settings of the part; empty before its hello came."""
         hello = self.live.sensor(self.imu).get("hello") or {}
         sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
-        return f"{sensor}, {rate} Hz, ±{scale} deg/s" if hello else ""
+        return f"{sensor}, {rate} Hz, ±{scale} dps" if hello else ""
 
     def _complaint(self) -> str:
         """The device's latest error. A misfit is not one; it is shown with the results."""
@@ -260,7 +260,7 @@ class LivePanel:
                 button.props("unelevated no-caps").classes("primary")
                 self._by_hand(name)
                 return
-            rate = ui.number("table rate, deg/s", value=_number(hello.get("table_dps"), 78.0)).props("outlined dense")
+            rate = ui.number("table rate, dps", value=_number(hello.get("table_dps"), 78.0)).props("outlined dense")
             seconds = ui.number("seconds", value=30, min=1).props("outlined dense")
             with ui.row().classes("tight"):
                 for face in ("up", "down"):
