@@ -22,8 +22,10 @@ def test_every_source_of_the_command_line_is_shown_with_its_size_and_advice() ->
     assert {(line.source, line.scale, line.advice) for line in budget.lines} == expected
     told = budget.table()
     for row in best.budget:
-        assert row.advice.replace("'", "&#x27;") in told
-        assert "<td>-</td>" in told if row.scale is None else f"<td>{percent(row.scale, row.scale)[0]}</td>" in told
+        share = row.scale != 0 or row.bias_dps != 0
+        assert (row.advice.replace("'", "&#x27;") in told) == share  # nothing has to be lowered below nothing
+        shown_as = "0" if row.scale == 0 else percent(row.scale, row.scale)[0]
+        assert f"<td>{shown_as}</td>" in told
     assert of_answers([replace(e, budget=()) for e in found]) is None
 
 
