@@ -71,6 +71,15 @@ def unit_of(values_dps: Iterable[float | None]) -> RateUnit:
     return DPS if any(v is not None and abs(v) >= LARGE_DPS for v in values_dps) else MDPS
 
 
+PPM, PERCENT = RateUnit("ppm of the rate", 1e6, 0), RateUnit("% of the rate", 1e2, 2)
+"""Units of parts of the rate: what each multiplies a fraction by."""
+
+
+def part_unit(note: str) -> RateUnit:
+    """The unit in which the words of a finding, by :func:`part_text`, tell a part of the rate."""
+    return PERCENT if "% of the rate" in note else PPM
+
+
 def rate_text(value_dps: float, sign: str = "") -> str:
     """A rate in three digits with its unit; a ``sign`` of "+" shows that of a positive value too."""
     unit = unit_of([value_dps])

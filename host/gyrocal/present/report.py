@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
+from gyrocal.effects.base import Effect
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
@@ -216,23 +217,27 @@ def unproven(d: Diagnosis) -> list[Candidate]:
 
 
 WHOLE = {
-    ("jumps a run", 1.0): "1 jump a run", ("poles", 0.0): "a pure delay", ("poles", 1.0): "a first-order low-pass",
-} | {("jumps a run", float(n)): f"{n} jumps a run" for n in range(2, 10)}  # fmt: skip
+    ("poles", 0.0): "a pure delay", ("poles", 1.0): "a first-order low-pass",
+}  # fmt: skip
 """Words for whole numbers among the parameters, by unit and value."""
 
 
-def sizes(c: Candidate, fraction: str = "") -> str:
-    """A candidate's parameters with their standard errors, as text; ``fraction`` is the word for the unit of a pure number."""
-    units = {p.name: p.unit for p in c.effect.parameters}
-    parts = []
-    for name, value in c.values.items():
-        if (whole := WHOLE.get((units.get(name, ""), value))) is not None:
-            parts.append(whole)
-            continue
-        unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-        unit = fraction if unit == "fraction" else unit
-        parts.append(f"{name} {plus_minus(value, c.se.get(name), unit)}")
-    return ", ".join(parts)
+def sizes(c: Candidate) -> str:
+    """A candidate's parameters with their standard errors, as text."""
+    return sized(c.effect, c.values, c.se)
+
+
+def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) -> str:
+    """The values of an effect's parameters, as text; a fraction is told in percent."""
+    units = {p.name: p.unit for p in effect.parameters}
+    shown: dict[str, str] = {}
+    for name, value in values.items():
+        unit, error = units.get(name, units.get(name.removesuffix("_sd"), "")), se.get(name)
+        if unit.startswith("fraction"):
+            unit, value, error = unit.replace("fraction", "%", 1), 100 * value, None if error is None else 100 * error
+        shown[name] = plus_minus(value, error, unit)
+    named = (WHOLE.get((units.get(name, ""), values[name]), f"{name} {text}") for name, text in shown.items())
+    return effect.told(values, shown) or ", ".join(named)
 
 
 def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:

@@ -281,7 +281,7 @@ class ComparePanel:
             what = "Allan deviation of what is left over"
             return plots.curves(p, view.allan, self.axes, what, "", "noise model", x_name)
         place = self.place if self.place is not None and self.place.view == self.against else Place(self.against)
-        drawn = plots.By(place.about_means, place.signed)
+        drawn = plots.By(place.about_means, place.part)
         return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes, drawn)
 
     def _seen_part(self) -> tuple[float, float] | None:
