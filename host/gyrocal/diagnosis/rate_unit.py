@@ -71,8 +71,9 @@ def unit_of(values_dps: Iterable[float | None]) -> RateUnit:
     return DPS if any(v is not None and abs(v) >= LARGE_DPS for v in values_dps) else MDPS
 
 
-PPM, PERCENT = RateUnit("ppm of the rate", 1e6, 0), RateUnit("% of the rate", 1e2, 2)
-"""Units of parts of the rate: what each multiplies a fraction by."""
+PPM = RateUnit("ppm of the rate", 1e6, 0)
+"""A unit of parts of the rate, as is the next; each multiplies a fraction."""
+PERCENT = RateUnit("% of the rate", 1e2, 2)
 
 
 def part_unit(note: str) -> RateUnit:

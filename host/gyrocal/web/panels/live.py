@@ -195,7 +195,7 @@ class LivePanel:
             sensor = self.live.sensor(self.imu)
             missed = f", {sensor['missed']} not read in time" if sensor.get("missed") else ""
             rate = f"{sensor.get('rate_hz', 0.0):.0f} samples a second"
-            self.counts.text = f"{rate}, {lost} lost, {bad} bad, {status['restarts']} restarts{missed}"
+            self.counts.text = f"{rate}, {lost} lost, {bad} damaged, {status['restarts']} restarts{missed}"
             going = status.get("recording") or {}
             if going.get("going"):
                 self._tell_progress(going, sensor)
@@ -239,8 +239,9 @@ class LivePanel:
         self.recording.clear()
         status, hello = self.live.status, self.live.sensor(self.imu).get("hello")
         going = status.get("recording") or {}
-        self.recording.set_visibility(bool(hello))
-        if not hello:
+        shown = bool(hello) and (bool(going) or not self.live.ended)
+        self.recording.set_visibility(shown)
+        if not shown:
             return
         with self.recording:
             of = f" of sensor {self.imu}" if len(self.chips) > 1 else ""
