@@ -111,7 +111,7 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     page.get_by_text(re.compile(r"\d recordings?, \d+ s, (is|are) in recorded")).wait_for()
     down_dps = means_dps(simulated_scenario([], seed=0))[1]
     assert abs(rates(page)[2] - down_dps) < 1.0
-    assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
+    assert "0 lost, 0 damaged, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
 
     page.reload()  # the device has stopped: nothing comes any more, and what came stays
     page.wait_for_function(f"() => {CHART}.getOption().series[2].data.length > 10")

@@ -38,6 +38,18 @@ def test_a_tab_whose_session_was_replaced_says_so_and_returns(served: Any, look:
     assert not second.locator(OTHER).is_visible()
 
 
+def test_a_session_that_is_opened_from_the_list_is_the_tabs_own(served: Any, look: Callable[..., Any]) -> None:
+    """The button that opens it is gone before the session is read."""
+    other = look(f"{served.url}compare?session=mine")
+    other.locator(".figure b").first.wait_for()
+    page = look(f"{served.url}start")
+    page.get_by_role("button", name="yours", exact=False).first.click()
+    page.wait_for_url("**/compare?session=yours")
+    page.locator(".figure b").first.wait_for()
+    assert not page.locator(OTHER).is_visible()
+    other.get_by_text("Another tab has opened yours.").wait_for()
+
+
 def test_an_unknown_session_in_the_address_is_no_other_tabs_doing(served: Any, look: Callable[..., Any]) -> None:
     page = look(f"{served.url}compare?session=nowhere")
     page.get_by_role("button", name="Open", exact=False).first.wait_for()

@@ -45,7 +45,8 @@ _actor: list[str] = [""]
 def tell(topic: Topic) -> None:
     """Tell all tabs what has changed. Within an event of a tab, its person is the one who acted."""
     if ui.context.slot_stack:
-        _actor[0] = ui.context.client.id
+        with contextlib.suppress(RuntimeError):  # the button that was pressed is gone; its tab has navigated, which counted
+            _actor[0] = ui.context.client.id
     changed.emit(topic)
 
 
@@ -115,6 +116,7 @@ class Tab:
         """Show a panel."""
         self.view = view
         if push:
+            _actor[0] = self._client
             ui.navigate.history.push(address(view) + self._query())
         for name, button in self._buttons.items():
             button.classes(add="on", remove="") if name == view else button.classes(remove="on")
