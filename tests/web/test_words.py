@@ -49,6 +49,7 @@ def test_the_size_of_jumps_says_what_it_means(values: dict[str, float], words: s
     told = sizes(found)
     assert told.startswith(words.replace("0.0004", "0.00040").replace("0.0500", "0.05000"))
     assert told.endswith("(root mean square)")
+    assert sizes(SimpleNamespace(effect=BiasJumps(), values={}, se={})) == ""  # type: ignore[arg-type]
 
 
 def test_a_finding_above_the_excess_says_why_it_can_be() -> None:

@@ -132,6 +132,8 @@ class BiasJumps(OfEachRun):
     shown_against = "time"
 
     def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
+        if "n" not in values or "size_dps" not in values:  # nothing was found
+            return ""
         size = shown["size_dps"].removeprefix("-")
         if self.fault_of(values):
             return f"{shown['outliers']} are single readings that are off, by {size} (root mean square)"
