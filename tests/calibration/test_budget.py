@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gyrocal.calibration.budget import BudgetRow, largest
+from gyrocal.calibration.budget import BudgetRow, beside, largest
 from gyrocal.calibration.calibrate import Estimate, calibrate
 from gyrocal.cli import main
 from gyrocal.recording.session import AXES, Run, Session
@@ -155,6 +155,25 @@ def test_temperature_is_its_spread_times_the_datasheets_slopes() -> None:
     found = rows(at_6_s(session(temp_c=(24.0, 28.0))))["temperature"]
     assert (found.scale, found.bias_dps, found.in_se) == (pytest.approx(4 * 7e-5), pytest.approx(4 * 0.01), False)
     assert rows(at_6_s(session()))["temperature"].scale is None
+
+
+def test_the_advice_asks_for_nothing_that_was_recorded() -> None:
+    """"Record temp_c" was the advice of a session with temp_c, where the lack of two effects in the model makes the row."""
+    known = session(temp_c=(24.0, 28.0), tilt_deg=1.0)
+    warm, tilted = (rows(at_6_s(known))[name].advice for name in ("temperature", "tilt"))
+    assert "record" not in warm
+    assert "scale over temperature and bias over temperature" in warm
+    assert "4 degC" in warm
+    assert "record" not in tilted
+    bare = rows(at_6_s(session()))
+    assert "record temp_c" in bare["temperature"].advice
+    assert "record the accelerometer" in bare["tilt"].advice
+    runs = known.runs
+    (only,) = (r for r in beside(runs, "z", 4.0, ["scale_temperature"]) if r.source == "temperature")
+    assert (only.scale, only.bias_dps) == (0.0, pytest.approx(0.04))
+    assert "by a model with bias over temperature:" in only.advice
+    stated = rows(at_6_s(session(table_rate_se_dps=0.01)))["table rate"]
+    assert "smaller table_rate_se_dps" in stated.advice
 
 
 def test_the_clock_counts_where_the_rate_comes_from_an_angle() -> None:

@@ -1,10 +1,10 @@
-"""Rates are told in mdps, and from one degree per second on in dps."""
+"""Rates are told in mdps, and from one degree per second on in dps; numbers have the digits that their errors allow."""
 
 from __future__ import annotations
 
 import pytest
 
-from gyrocal.diagnosis.rate_unit import DPS, MDPS, part_text, rate_text, unit_of
+from gyrocal.diagnosis.rate_unit import DPS, MDPS, part_text, percent, rate_text, rounded, unit_of
 
 
 @pytest.mark.parametrize(
@@ -15,12 +15,31 @@ def test_a_rate_has_three_digits_and_never_thousands_of_mdps(value_dps: float, t
     assert rate_text(value_dps) == told
 
 
-def test_figures_that_stand_together_have_one_unit_and_the_same_resolution() -> None:
+def test_figures_that_stand_together_have_one_unit() -> None:
     assert unit_of([0.1, None, -0.9]) is MDPS
     assert unit_of([0.1, None, -9.1254]) is DPS
-    for unit, told in ((MDPS, "-9125.4"), (DPS, "-9.1254")):
+    for unit, told in ((MDPS, "-9125.4"), (DPS, "-9.13")):
         assert unit.text(-9.1254, 1) == told
         assert unit.text(None) == "-"
+
+
+@pytest.mark.parametrize(
+    ("value_dps", "se_dps", "told"),
+    [
+        (23.22671, 0.0040, ("23.2267", "0.0040")), (2.6271234, 0.0016, ("2.6271", "0.0016")), (-1.5, 0.25, ("-1.50", "0.25")),
+        (1234.5, 56.7, ("1234", "57")), (-0.0001, 0.02, ("0.000", "0.020")), (1.5, None, ("1.50", "-")),
+    ],
+)  # fmt: skip
+def test_a_value_ends_at_the_second_digit_of_its_error(
+    value_dps: float, se_dps: float | None, told: tuple[str, str]
+) -> None:
+    assert DPS.pair(value_dps, se_dps) == told
+
+
+def test_the_same_holds_for_percents_and_for_small_parameters() -> None:
+    assert percent(0.0245678, 0.000123) == ("2.457", "0.012")
+    assert rounded(1.234e-9, 2.3e-11, 4) == "1.234e-09"
+    assert rounded(0.0015983, 0.0000035, 4) == "0.0015983"
 
 
 def test_the_sign_of_a_positive_value_is_shown_if_asked_for() -> None:

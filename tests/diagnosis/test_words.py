@@ -204,7 +204,7 @@ def test_a_difference_between_rates(seed: int) -> None:
     made = recorded(rng, lambda r: size * (r.rate_dps / 90) ** 2, (0.0, 40.0, -60.0, 90.0, -90.0), runs=15)
     first = first_on_z(made)
     assert first.against == "rate"
-    check_window(made, first, made.rate_dps, "deg/s")
+    check_window(made, first, made.rate_dps, "dps")
 
 
 @pytest.mark.parametrize("effect", ["once per turn", "transient"])
@@ -383,7 +383,7 @@ def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> No
     moved = Moved(rate_dps, missing, noise(rng), [{"rate_ref_dps": r} for r in rate_dps])
     first = measure(moved.session()).where[0]
     assert (first.axis, first.against) == ("z", "level"), first.note
-    low, high = window(first.note, "deg/s")
+    low, high = window(first.note, "dps")
     inside = (np.abs(rate_dps) >= low) & (np.abs(rate_dps) < high)
     drawn = moved.drawn_dps()
     of_rate = float(drawn[inside] @ rate_dps[inside] / (rate_dps[inside] @ rate_dps[inside]))

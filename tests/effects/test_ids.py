@@ -36,7 +36,7 @@ ALLOWED = {
     ("host/gyrocal/device/monitor.py", "scale"): "a field of the sentence $CAL",
     **{
         (f"host/gyrocal/web/{name}.py", field): "a field of an answer"
-        for name in ("coach", "scatter") for field in ("scale", "bias")
+        for name, field in (("coach", "scale"), ("scatter", "scale"), ("scatter", "bias"))
     },
 }
 

@@ -48,7 +48,7 @@ def told(session: Session) -> set[tuple[str, str | None]]:
 
 
 @pytest.mark.parametrize("sizes", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.4)])
-@pytest.mark.parametrize(("factor", "says"), [(np.pi / 180, "the readings are in rad/s"), (180 / np.pi, "in deg/s already")])
+@pytest.mark.parametrize(("factor", "says"), [(np.pi / 180, "the readings are in rad/s"), (180 / np.pi, "in dps already")])
 def test_readings_in_another_unit_are_told_as_that_on_each_axis(
     sizes: tuple[float, float, float], factor: float, says: str
 ) -> None:

@@ -19,7 +19,7 @@ NO_THRESHOLDS = {
     "SHEPPARD",  # variance of rounding
     "HARMONICS", "LEAST", "LARGEST_NOISE",  # terms of the error of rounding that are small enough to be left out
     "RATE_UNIT_DPS",  # a unit
-    "STANDARD_GRAVITY", "DEG", "MDPS", "DPS", "LARGE_DPS", "LARGE_PART",  # units
+    "STANDARD_GRAVITY", "DEG", "MDPS", "DPS", "LARGE_DPS", "LARGE_PART", "PPM", "PERCENT", "MOST_PLACES",  # units
     "ROUNDING_DPS",  # of the numbers' own digits
     "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S",  # parts of a run by which noise is estimated
     "MOST_POINTS",  # limits the time of a search

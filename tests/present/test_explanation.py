@@ -38,7 +38,7 @@ def test_a_step_is_drawn_against_what_it_removed_also_if_its_delay_moves_the_blo
     assert finding.amplitude_dps == pytest.approx(60 * 2 * np.pi * 0.6 * 0.03, rel=0.2)
     figure = evidence(step)
     assert figure is not None
-    assert figure.axes[0].get_xlabel() == "change of the rate, deg/s²"
+    assert figure.axes[0].get_xlabel() == "change of the rate, dps/s"
 
 
 def test_a_page_says_over_which_floor_its_errors_are_counted() -> None:

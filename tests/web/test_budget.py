@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.rate_unit import percent
 from gyrocal.present.budget import shown
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.budget import Budget, Line, of_answers
@@ -21,8 +22,10 @@ def test_every_source_of_the_command_line_is_shown_with_its_size_and_advice() ->
     assert {(line.source, line.scale, line.advice) for line in budget.lines} == expected
     told = budget.table()
     for row in best.budget:
-        assert row.advice.replace("'", "&#x27;") in told
-        assert "–" in told if row.scale is None else f"<td>{100 * row.scale:.4f}</td>" in told
+        share = row.scale != 0 or row.bias_dps != 0
+        assert (row.advice.replace("'", "&#x27;") in told) == share  # nothing has to be lowered below nothing
+        shown_as = "0" if row.scale == 0 else percent(row.scale, row.scale)[0]
+        assert f"<td>{shown_as}</td>" in told
     assert of_answers([replace(e, budget=()) for e in found]) is None
 
 

@@ -82,7 +82,7 @@ def test_a_session_by_gravity_is_drawn_with_its_rests_and_zooms_as_one(served: A
     canvas = page.locator(".nicegui-echart canvas").first.bounding_box()
     x, y = canvas["x"] + 0.3 * canvas["width"], canvas["y"] + 60
     page.mouse.move(x, y)
-    page.wait_for_function("() => /gz_dps[^]*deg.s[^]*az_g[^]* g/.test(document.querySelector('.nicegui-echart').innerText)")
+    page.wait_for_function("() => /gz_dps[^]*dps[^]*az_g[^]* g/.test(document.querySelector('.nicegui-echart').innerText)")
     zooms = f"{strips}.getOption().dataZoom.filter(z => z.xAxisIndex !== undefined).map(z => z.end - z.start)"
     page.get_by_role("button", name="box zoom").click()
     page.mouse.move(x, y)
@@ -93,7 +93,7 @@ def test_a_session_by_gravity_is_drawn_with_its_rests_and_zooms_as_one(served: A
     page.get_by_role("button", name="reset zoom").click()
     page.wait_for_function(f"() => Math.min(...{zooms}) === 100")
     rows = list(csv.DictReader(downloaded(page, page, "save as CSV").decode().splitlines()))
-    assert {row["unit"] for row in rows} == {"deg/s", "g", "°C"}
+    assert {row["unit"] for row in rows} == {"dps", "g", "°C"}
 
 
 def test_ticks_are_plain_numbers(served: Any, look: Callable[..., Any]) -> None:

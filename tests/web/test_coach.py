@@ -28,7 +28,7 @@ def sensor(state: str, **more: Any) -> dict[str, Any]:
     ("status", "stage", "said"),
     [
         (sensor("idle", waits="sensor"), "wait", "The sensor does not answer."),
-        (sensor("idle", waits="start"), "wait", "face up and turn the table at 78 deg/s"),
+        (sensor("idle", waits="start"), "wait", "face up and turn the table at 78 dps"),
         (sensor("idle", waits="unsteady"), "wait", "Stop the table for a moment."),
         (sensor("recording", run_s=3.0, face="up"), "turn", "Keep the table turning."),
         (sensor("recording", run_s=6.0, face="up", waits="unsteady"), "flip", "Flip now"),
@@ -127,7 +127,7 @@ def test_at_a_table_it_counts_to_six_says_flip_and_beeps(
     page.wait_for_function("() => tones.length === 1")
     board.say("RUN", {"state": "end", "face": "up"})
     board.say("STA", {"state": "flip", "face": "up", "waits": "flip"})
-    coach.get_by_text("turn the sensor over, then turn the table at 78 deg/s").wait_for()
+    coach.get_by_text("turn the sensor over, then turn the table at 78 dps").wait_for()
     board.say("RUN", {"state": "start", "face": "down"})
     board.turn("down", 6.1)
     coach.get_by_text("Enough: the answer is complete.").wait_for()
@@ -158,7 +158,7 @@ def obeys(page: Any, board: Board) -> None:
     page.get_by_role("option", name="5 s", exact=True).click()
     page.wait_for_function(f"() => {{ const e = {ends}; return Math.abs(e[1] - e[0] - 5) < 0.01; }}")
     page.get_by_role("checkbox", name="mean and scatter of the window").click()
-    page.locator(".reading", has_text="z, deg/s").get_by_text(re.compile(r"scatter 0\.014\d")).wait_for()
+    page.locator(".reading", has_text="z, dps").get_by_text(re.compile(r"scatter 0\.014\d")).wait_for()
     assert page.locator(".reading b").nth(2).inner_text() == "-78.000"
     page.get_by_text("vertical range").click()
     page.get_by_role("spinbutton", name="from").fill("-90")

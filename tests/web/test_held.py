@@ -30,7 +30,7 @@ def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., A
     value.fill("20")
     page.get_by_role("button", name=re.compile("^hold tau_s")).click()
     page.locator("summary", has_text="Parameters, 1 of 1 held").click()
-    page.get_by_text(re.compile(r"tau_s of .* on z: 20 held s")).wait_for()
+    page.get_by_text(re.compile(r"tau_s of .* on z: 20 s, held")).wait_for()
     page.get_by_text("not proven", exact=False).first.wait_for()  # holding a parameter proves nothing
     label = page.locator('[aria-label^="excess error, mdps:"]')
     assert len(str(label.get_attribute("aria-label")).split(": ")[1].split()) == 3

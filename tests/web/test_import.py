@@ -69,10 +69,10 @@ def test_the_wizard_writes_the_session_that_was_shown(
     assert "--" not in becomes.inner_text()  # the page has fields, not options
     page.get_by_role("radio", name="by hand between rests").click()
     becomes.get_by_text("1 run, 2,000 samples at 100 Hz, 20.0 s").wait_for()
-    assert not page.get_by_label("table rate, deg/s").is_visible()
+    assert not page.get_by_label("table rate, dps").is_visible()
     page.get_by_role("radio", name="on a table, or with").click()
     becomes.get_by_text("its true rate is not known").wait_for()
-    page.get_by_label("table rate, deg/s").fill(str(RATE_DPS))
+    page.get_by_label("table rate, dps").fill(str(RATE_DPS))
     page.get_by_role("button", name="Look again").click()
     becomes.get_by_text("1 run, 2,000 samples at 100 Hz, 20.0 s").wait_for()
     able(page, 1)

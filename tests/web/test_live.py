@@ -67,6 +67,18 @@ def test_a_port_opens_live_and_the_chart_begins_with_the_first_sample(
         assert told[1] == ["a x", "a y", "a z"]
 
 
+def test_all_strips_are_in_sight_beside_an_answer(served: Any, look: Callable[..., Any], scenario: Session) -> None:
+    """At 1280 x 720 the temperature lay below the edge as soon as there was an answer."""
+    link = served.folder / "board"
+    with SimulatedDevice(scenario, 20.0, symlink=link):
+        page = look(f"{served.url}live")
+        page.locator(".results .figure").first.wait_for()
+        page.wait_for_timeout(500)
+        bottom = "e => e.getBoundingClientRect().bottom"
+        assert page.locator(".strips canvas").evaluate(bottom) <= 720
+        assert page.locator(".strips canvas").bounding_box()["height"] > 250
+
+
 def test_unplugged_and_plugged_in_again(served: Any, look: Callable[..., Any], scenario: Session) -> None:
     link = served.folder / "board"
     with SimulatedDevice(scenario, 1.0, symlink=link):
@@ -99,7 +111,7 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     page.get_by_text(re.compile(r"\d recordings?, \d+ s, (is|are) in recorded")).wait_for()
     down_dps = means_dps(simulated_scenario([], seed=0))[1]
     assert abs(rates(page)[2] - down_dps) < 1.0
-    assert "0 lost, 0 bad, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
+    assert "0 lost, 0 damaged, 0 restarts" in page.locator("[aria-label=connection]").inner_text()
 
     page.reload()  # the device has stopped: nothing comes any more, and what came stays
     page.wait_for_function(f"() => {CHART}.getOption().series[2].data.length > 10")

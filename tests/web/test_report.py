@@ -18,6 +18,7 @@ import pytest
 
 from gyrocal.api import Model, fit
 from gyrocal.cli import main
+from gyrocal.present.output import plus_minus
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.models import Recipe, Step
 from gyrocal.web.report import correlated
@@ -133,7 +134,9 @@ def test_its_commands_repeat_it(reports: tuple[str, str], folder: Path) -> None:
         assert main([*commands[2][1:], "--json"]) == 0
     added = json.loads(out.getvalue())
     for parameter in added["after"]["parameters"]:
-        assert f"<td>{parameter['value']:.5g}</td>" in reports[1]
+        if parameter["se"]:
+            value, error = plus_minus(parameter["value"], parameter["se"]).split(" ± ")
+            assert f"<td>{value}</td><td>{error}</td>" in reports[1]
     assert (folder / "model.toml").read_text() in html.unescape(reports[1])
 
 

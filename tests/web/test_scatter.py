@@ -38,7 +38,7 @@ def test_biases_within_their_errors_are_not_said_to_scatter() -> None:
     rng = np.random.default_rng(2)
     told = sentences(estimates((-100 + rng.normal(0, 2.0, 9)).tolist(), 2.0), "z")
     assert len(told) == 1
-    assert "the scale scatters by 0 % about 1.0000 %, own error 0.01 %." in told[0]
+    assert "the scale scatters by 0 % about 1.000 %, own error 0.010 %." in told[0]
 
 
 def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:

@@ -111,7 +111,7 @@ def test_the_truth_says_whether_the_model_has_it(tmp_path: Path, has: bool, said
     assert hunt.secret is not None
     assert hunt.secret.told
     truth = hunt.truth()
-    assert truth.startswith("Hidden was: Ripple of the table's speed on z (amplitude_1 = 0.002")
+    assert truth.startswith("Hidden was: Ripple of the table's speed on z (amplitude_1 0.2 %)")
     assert truth.endswith(said)
 
 

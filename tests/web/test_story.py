@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gyrocal.cli import main
-from gyrocal.present.output import mdps
+from gyrocal.present.output import mdps, plus_minus
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web import charts
 from gyrocal.web.words import method
@@ -63,16 +63,17 @@ MOST = f"Math.max(...{CHART}.getOption().series.map(s => s.data.filter(p => p[1]
 
 def calibration_row(estimate: dict[str, Any], large: bool) -> list[str]:
     """An estimate of the command line as the page's table shows it. ``large`` biases of 1 dps and more are told in dps."""
-    factor, digits = (1.0, 4) if large else (1e3, 1)
-
-    def shown(name: str, factor: float, digits: int) -> str:
-        value = estimate[name]
-        return "–" if value is None else f"{factor * value:.{digits}f}"
-
+    factor = 1.0 if large else 1e3
+    scale, bias = (
+        told.split(" ± ")
+        for told in (
+            plus_minus(100 * estimate["scale"], 100 * estimate["scale_se"]),
+            plus_minus(factor * estimate["bias_dps"], factor * estimate["bias_se_dps"]),
+        )
+    )
     return [
-        estimate["scenario"], estimate["axis"], method(estimate["method"]), f"{estimate['seconds']:g}", shown("scale", 100, 4),
-        shown("scale_se", 100, 4), shown("bias_dps", factor, digits), shown("bias_se_dps", factor, digits),
-        shown("misfit", 1, 2), "yes" if estimate["trusted"] else "no: " + ", ".join(estimate["flags"]),
+        estimate["scenario"], estimate["axis"], method(estimate["method"]), f"{estimate['seconds']:g}", *scale, *bias,
+        f"{estimate['misfit']:.2f}", "yes" if estimate["trusted"] else "no: " + ", ".join(estimate["flags"]),
     ]  # fmt: skip
 
 
@@ -120,8 +121,10 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
 def compares(page: Any, compared: dict[str, Any]) -> None:
     """The first page shows the figures of ``compare``, and the residual against the table's angle on request."""
     page.get_by_text("The model does not fit.").wait_for()
-    assert figures(page) == [mdps(compared[name], 2) for name in ("rms_dps", "floor_dps", "excess_dps")]
-    sure = mdps(compared["excess_se_dps"], 2)
+    excess_se = 1e3 * compared["excess_se_dps"]
+    told = [plus_minus(1e3 * compared[name], excess_se) for name in ("rms_dps", "floor_dps", "excess_dps")]
+    assert figures(page) == [text.split(" ± ")[0] for text in told]
+    sure = told[0].split(" ± ")[1]
     names = page.locator(".figure .nicegui-label, .figure div").all_inner_texts()
     assert [n for n in names if "," in n][:3] == ["error, mdps rms", "noise floor, mdps", f"excess ± {sure}, mdps"]
     assert page.locator(".per-axis").inner_text().startswith("excess by axis, mdps: x ")

@@ -145,8 +145,8 @@ def test_every_number_of_a_card_has_its_unit_and_every_symbol_its_meaning(
     ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
 ) -> None:
     card = next(c for c in ripple[3].cards if c.judged["decision"] == "add")
-    assert re.fullmatch(r"amplitude_1 0\.\d+ ± 0\.\d+ fraction", card.size)
-    assert symbols(card.equation) == "w is the true rate, deg/s; th is the table's angle"
+    assert re.fullmatch(r"amplitude_1 0\.\d+ ± 0\.\d+ %", card.size)
+    assert symbols(card.equation) == "w is the true rate, dps; th is the table's angle"
     assert symbols("A_dps·exp(-p/tau_s)") == "p is the time since power-on, s"
     assert symbols("k·w^2, where w is the table's rate about any axis") == ""
     for kind in effects().values():

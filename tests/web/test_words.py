@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from gyrocal.diagnosis.finding import Finding
-from gyrocal.diagnosis.rate_unit import rate_text
+from gyrocal.diagnosis.rate_unit import PERCENT, rate_text
 from gyrocal.effects.bias_jumps import BiasJumps
 from gyrocal.effects.lag import Lag
 from gyrocal.effects.saturation import Saturation
@@ -26,13 +27,29 @@ SCALE = 1e-4
 
 @pytest.mark.parametrize(
     ("effect", "name", "value", "words"),
-    [(BiasJumps, "n", 1.0, "1 jump a run"), (BiasJumps, "n", 3.0, "3 jumps a run"), (Lag, "order", 0.0, "a pure delay"),
-     (Lag, "order", 1.0, "a first-order low-pass")],
+    [(Lag(), "order", 0.0, "a pure delay"), (Lag(), "order", 1.0, "a first-order low-pass")],
 )  # fmt: skip
 def test_whole_numbers_are_told_in_words(effect: Any, name: str, value: float, words: str) -> None:
-    """They read "n 1 jumps a run" and "order 0 poles"."""
+    """They read "order 0 poles"."""
     found: Any = SimpleNamespace(effect=effect, values={name: value}, se={})
     assert sizes(found) == words
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"n": 1.0, "size_dps": 0.05}, "1 jump a run, each up or down by 0.0500 ± 0.0004"),
+        ({"n": 2.5, "size_dps": -0.05}, "2.5 jumps a run, each up or down by 0.0500 ± 0.0004"),
+        ({"n": 2.5, "size_dps": 0.05, "outliers": 5e-4}, "0.05 % of the samples are single readings that are off, by 0.0500"),
+    ],
+)  # fmt: skip
+def test_the_size_of_jumps_says_what_it_means(values: dict[str, float], words: str) -> None:
+    """It was "n 2.5 jumps a run, size_dps 0.05", of single readings that are no jumps too."""
+    found: Any = SimpleNamespace(effect=BiasJumps(), values=values, se={"size_dps": 4.04e-4})
+    told = sizes(found)
+    assert told.startswith(words.replace("0.0004", "0.00040").replace("0.0500", "0.05000"))
+    assert told.endswith("(root mean square)")
+    assert sizes(SimpleNamespace(effect=BiasJumps(), values={}, se={})) == ""  # type: ignore[arg-type]
 
 
 def test_a_finding_above_the_excess_says_why_it_can_be() -> None:
@@ -49,7 +66,7 @@ def test_a_card_without_a_picture_says_why() -> None:
     assert "single readings" in no_picture(Saturation.equation)
 
 
-def test_a_finding_in_proportion_to_the_rate_is_drawn_with_its_sign_taken_out() -> None:
+def test_a_finding_in_proportion_to_the_rate_is_drawn_as_a_part_of_it() -> None:
     """Both directions cancelled in the mean of all, so that "+60.9 ppm of the rate" opened a line at zero."""
     t_s = np.tile(np.linspace(0.05, 9.95, 100), 4)
     run = np.repeat(np.arange(4), 100)
@@ -60,8 +77,10 @@ def test_a_finding_in_proportion_to_the_rate_is_drawn_with_its_sign_taken_out() 
     points[panel.key("z")] = t_s
     finding = Finding("z", "time", 9.0, 1e-9, SCALE * 78, "", Steps(lambda _: None, np.array([0.0, 5.0, 10.0]), True))
     place = prepare.place(finding, points)
-    assert place.signed
-    drawn = plots.folded(charts.LIGHT, points, panel, range(4), ["z"], plots.By(place.about_means, place.signed))
+    assert place.part is not None
+    drawn = plots.folded(charts.LIGHT, points, panel, range(4), ["z"], plots.By(place.about_means, place.part))
     mean = next(s for s in drawn["series"] if s["name"] == "mean of all")
-    assert [y for _, y in mean["data"] if y is not None] == pytest.approx([1e3 * SCALE * 78] * 48, abs=1e-6)
-    assert "sign of the rate" in str(drawn)
+    assert [y for _, y in mean["data"] if y is not None] == pytest.approx([1e6 * SCALE] * 48, abs=1e-3)
+    assert drawn["title"][0]["text"].endswith("ppm of the rate")  # as the words say
+    large = replace(finding, note="rms 780 mdps; most, +1.23% of the rate, from 5 s up")
+    assert prepare.place(large, points).part is PERCENT

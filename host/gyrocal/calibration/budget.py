@@ -51,8 +51,11 @@ ADVICE = {
     TILT: "align the sensor's axis with the table's, and record the accelerometer, which shows the tilt",
     EARTH: "state latitude_deg in session.toml, which corrects a table's known rate, or turn in both directions on each face",
     CLOCK: "compare t_s with a better clock over an hour",
-    TEMPERATURE: "calibrate at the temperature of use, or record temp_c and add the effects of temperature to the model",
+    TEMPERATURE: "calibrate at the temperature of use, or record temp_c, which shows how far the temperature moves",
 }
+ALIGN = "align the sensor's axis with the table's; the accelerometer's own offset hides the last degree"
+BOTH_WAYS = "turn in both directions on each face"
+MORE_TURNS = "measure the table's rate over more turns, and state the smaller table_rate_se_dps"
 
 
 @dataclass(frozen=True)
@@ -66,11 +69,12 @@ class BudgetRow:
     scale: float | None
     bias_dps: float | None
     in_se: bool = True
+    remedy: str = ""
 
     @property
     def advice(self) -> str:
-        """What would lower it."""
-        return ADVICE[self.source]
+        """What would lower it: ``remedy`` if what was recorded allows another one than usual."""
+        return self.remedy or ADVICE[self.source]
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -153,15 +157,29 @@ def beside(runs: Sequence[Run], axis: str, spread_c: float | None, modelled: Seq
     views = [run.about(axis) for run in runs]
     rows = [_of_table(views)]
     if not any(run.three_axes for run in views):
-        rows.append(BudgetRow(TILT, float(1 - np.cos(np.deg2rad(tilt_deg(views)))), 0.0, in_se=False))
+        remedy = "" if any(run.acc_g is None for run in views) else ALIGN
+        rows.append(BudgetRow(TILT, float(1 - np.cos(np.deg2rad(tilt_deg(views)))), 0.0, in_se=False, remedy=remedy))
     in_rate = all(run.latitude_deg is not None and run.reference_dps is None for run in views)  # by in_known_rate
     if EarthRate.id not in modelled and not in_rate:
-        rows.append(BudgetRow(EARTH, *earth_share(views), in_se=False))
+        remedy = "" if views[0].latitude_deg is None else BOTH_WAYS
+        rows.append(BudgetRow(EARTH, *earth_share(views), in_se=False, remedy=remedy))
     by_angle = any(r.rate_is_mean or (r.measured_rates is not None and r.measured_rates.derived) for r in views)
     rows.append(BudgetRow(CLOCK, CLOCK_SE if by_angle else 0.0, 0.0, in_se=False))
-    slopes = [0.0 if e.id in modelled else e.parameters[0].default or 0.0 for e in (ScaleTemperature(), BiasTemperature())]
-    scale, bias_dps = (None if spread_c is None else spread_c * slope for slope in slopes)
-    return [*rows, BudgetRow(TEMPERATURE, scale, bias_dps, in_se=False)]
+    return [*rows, _of_temperature(spread_c, modelled)]
+
+
+def _of_temperature(spread_c: float | None, modelled: Sequence[str]) -> BudgetRow:
+    """The bound of what the temperature changes: typical slopes, of the effects that are not modelled, times the spread."""
+    if spread_c is None:
+        return BudgetRow(TEMPERATURE, None, None, in_se=False)
+    both = ScaleTemperature(), BiasTemperature()
+    scale, bias_dps = (0.0 if e.id in modelled else spread_c * (e.parameters[0].default or 0.0) for e in both)
+    missing = " and ".join(e.title.lower() for e in both if e.id not in modelled)
+    remedy = (
+        f"calibrate at the temperature of use, or by a model with {missing}: without it, typical slopes are assumed over the "
+        f"{spread_c:.2g} degC by which the session's temperature moves"
+    )
+    return BudgetRow(TEMPERATURE, scale, bias_dps, in_se=False, remedy=remedy if missing else "")
 
 
 def largest(rows: Sequence[BudgetRow]) -> BudgetRow | None:
@@ -208,7 +226,7 @@ def _of_table(runs: Sequence[Run]) -> BudgetRow:
     """The error of the true rate, which is in the standard error only if the session states it."""
     relative = max(run.relative_rate_se for run in runs)
     if relative > 0:
-        return BudgetRow(TABLE, relative, 0.0)
+        return BudgetRow(TABLE, relative, 0.0, remedy=MORE_TURNS)
     measured = any(run.reference_dps is not None for run in runs)
     return BudgetRow(REFERENCE if measured else TABLE, None, 0.0, in_se=False)
 

@@ -20,7 +20,7 @@ def run(
     """Estimate scale and bias of each scenario from the first seconds of its runs."""
     from gyrocal.calibration.calibrate import calibrate, unanswered
     from gyrocal.calibration.flags import FLAGS
-    from gyrocal.diagnosis.rate_unit import unit_of
+    from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
     from gyrocal.errors import InputError
     from gyrocal.plausibility import check
     from gyrocal.present.budget import print_budget
@@ -49,8 +49,8 @@ def run(
     print_warnings(warnings)
     unit = unit_of(e.bias_dps for e in found)
     rows = [
-        [e.scenario, e.axis, e.method, f"{e.seconds:g}", _number(e.scale, ".4f", 100), _number(e.scale_se, ".4f", 100),
-         unit.text(e.bias_dps), unit.text(e.bias_se_dps), _number(e.misfit, ".2f"),
+        [e.scenario, e.axis, e.method, f"{e.seconds:g}", *percent(e.scale, e.scale_se),
+         *unit.pair(e.bias_dps, e.bias_se_dps), UNKNOWN if e.misfit is None else f"{e.misfit:.2f}",
          "yes" if e.trusted else "no: " + ", ".join(e.flags)]
         for e in found
     ]  # fmt: skip
@@ -61,7 +61,3 @@ def run(
         if count:
             stdout.print(f"{flag} ({count} of {len(found)}): {meaning}", markup=False)
     print_budget(found)
-
-
-def _number(value: float | None, form: str, factor: float = 1.0) -> str:
-    return "-" if value is None else format(factor * value, form)

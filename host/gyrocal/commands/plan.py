@@ -17,7 +17,7 @@ def run(
         float | None, typer.Option(metavar="T", help="Minutes to record. Left out: the shortest plan that is good enough.")
     ] = None,
     table: Annotated[
-        float | None, typer.Option(metavar="MAX_DPS", help="The table's largest rate, deg/s. Left out: the session's own.")
+        float | None, typer.Option(metavar="MAX_DPS", help="The table's largest rate, dps. Left out: the session's own.")
     ] = None,
     chamber: Annotated[
         str | None, typer.Option(metavar="MIN_C:MAX_C", help="There is a chamber of this range, degC.")

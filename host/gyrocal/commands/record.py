@@ -23,7 +23,7 @@ def run(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The session's folder: new, or one to add a run to.")],
     port: Annotated[str, typer.Option(help="A serial device, a pseudo terminal or socket://host:port.")],
     face: Annotated[str | None, typer.Option(help="up or down.")] = None,
-    rate: Annotated[float | None, typer.Option(help="The table's true rate, deg/s, signed; 0 = at rest.")] = None,
+    rate: Annotated[float | None, typer.Option(help="The table's true rate, dps, signed; 0 = at rest.")] = None,
     seconds: Annotated[float | None, typer.Option(help="How long.")] = None,
     follow: Annotated[
         bool, typer.Option("--follow", help="Every run that the device announces, until it ends.")

@@ -14,6 +14,7 @@ import numpy as np
 
 from gyrocal.device.port import Link, PortGone, describe_error
 from gyrocal.device.wire import Sentence, parse_real, parse_value, raw_table
+from gyrocal.diagnosis.rate_unit import pair
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -265,7 +266,7 @@ class Monitor:
             f"sensor {imu} " if len(self.sensors) > 1 else "",
             (f"{sensor.state} {sensor.face}", "bold"),
             f"  {hello.get('sensor', '?')}, firmware {hello.get('fw', '?')}, {hello.get('rate_hz', '?')} Hz, "
-            f"+-{hello.get('full_scale_dps', '?')} deg/s, {sensor.samples} samples, {sensor.rate_hz():.0f} a second",
+            f"+-{hello.get('full_scale_dps', '?')} dps, {sensor.samples} samples, {sensor.rate_hz():.0f} a second",
         )
         return [state, _sample_line(sensor), _result_table(sensor)]
 
@@ -295,7 +296,7 @@ def _result_table(sensor: Sensor) -> RenderableType:
     from rich.text import Text
 
     table = Table(box=None, padding=(0, 1), header_style="dim")
-    for name in ("axis", "method", "seconds", "scale %", "bias deg/s", "temp degC", "misfit"):
+    for name in ("axis", "method", "seconds", "scale %", "bias dps", "temp degC", "misfit"):
         table.add_column(name, justify="left" if name in ("axis", "method") else "right", no_wrap=True)
     table.add_column("flags", overflow="fold")
     for which, values in sorted(sensor.results.items(), key=lambda item: tuple(map(str, (item[0][0], item[0][2], item[0][1])))):
@@ -313,7 +314,7 @@ def _result_table(sensor: Sensor) -> RenderableType:
     return table
 
 
-UNIT_WORDS = {"dps": "deg/s", "g": "g", "c": "degC"}
+UNIT_WORDS = {"dps": "dps", "g": "g", "c": "degC"}
 
 
 def _number(value: Any, form: str) -> str:
@@ -323,4 +324,5 @@ def _number(value: Any, form: str) -> str:
 def _with_error(value: float | None, error: float | None, factor: float) -> str:
     if value is None:
         return ""
-    return f"{factor * value:.4f}" + ("" if error is None else f" ± {factor * error:.4f}")
+    shown, within = pair(value, error, factor, 4)
+    return shown if error is None else f"{shown} ± {within}"

@@ -385,7 +385,7 @@ def wanted(
     if face not in ("up", "down"):
         raise InputError(f"--face {face}: want up or down" if face else "--face is missing: up or down (or --follow)")
     if (rate is None) == (turn_deg is None):
-        raise InputError("give --rate (the table's true rate, deg/s) or --turn-deg (the run's net angle), one of them")
+        raise InputError("give --rate (the table's true rate, dps) or --turn-deg (the run's net angle), one of them")
     if seconds is None or not 0.0 < seconds < np.inf:
         raise InputError("--seconds: how long to record, a positive number")
     if axis is not None and axis not in AXES:

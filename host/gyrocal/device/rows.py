@@ -36,7 +36,7 @@ def full_scale_for(session: Session) -> float:
     for full_scale, lsb in LSB_DPS.items():
         if full_scale >= wanted and peak <= 32767.5 * lsb:
             return full_scale
-    raise InputError(f"the session reaches {max(peak, wanted):.0f} deg/s; the simulated LSM6DSO measures up to 2000")
+    raise InputError(f"the session reaches {max(peak, wanted):.0f} dps; the simulated LSM6DSO measures up to 2000")
 
 
 def rows_bytes(session: Session) -> bytes:

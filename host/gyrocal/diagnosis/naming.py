@@ -57,6 +57,8 @@ def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Findin
         amplitude = 0.0 if c.signal is None else float(np.sqrt(2 * (c.signal @ c.signal) / blocks))
         note = f"rms {rate_text(amplitude / np.sqrt(2))}, in the shape of: {c.effect.title.lower()}"
         against, shape = (Rate.name, None) if nearest is None else (nearest.against, nearest.shape)
+        if c.effect.shown_against:
+            against, shape = c.effect.shown_against, None
         if c.effect.fault_of(c.values):
             against, shape, note = Reading.name, None, c.effect.title.lower()
         out.append(Finding(c.axis, against, strength, c.chance, amplitude, note, shape))

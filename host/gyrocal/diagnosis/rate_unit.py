@@ -1,12 +1,17 @@
-"""The unit in which rates are told: mdps, and dps for what reaches one degree per second."""
+"""How numbers are told: rates in mdps, or in dps from one degree per second on, and digits as far as the error allows."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 LARGE_DPS = 0.9995
 """From here on three digits of mdps would round to 1000."""
+UNKNOWN = "-"
+"""A number that is not known."""
+MOST_PLACES = 7
+"""Decimals above which a number is told with an exponent."""
 LARGE_PART = 0.01
 """Parts of the rate are told in ppm below this and in percent from here on."""
 
@@ -19,18 +24,61 @@ class RateUnit:
     per_dps: float
     decimals: int
 
-    def text(self, value_dps: float | None, decimals: int = 1) -> str:
-        """A rate in deg/s as a number in this unit; ``decimals`` are those in mdps. A dash for None."""
-        return "-" if value_dps is None else f"{value_dps * self.per_dps:.{decimals + self.decimals}f}"
+    def text(self, value_dps: float | None, decimals: int = 1, error_dps: float | None = None) -> str:
+        """A rate in deg/s as a number in this unit, rounded as :func:`rounded` does; ``decimals`` are those in mdps."""
+        value, error = (None if v is None else v * self.per_dps for v in (value_dps, error_dps))
+        return rounded(value, error, decimals + self.decimals)
+
+    def pair(self, value_dps: float | None, se_dps: float | None) -> tuple[str, str]:
+        """A rate in deg/s and its standard error as numbers in this unit, as :func:`pair` gives them."""
+        return pair(value_dps, se_dps, self.per_dps, 1 + self.decimals)
 
 
 MDPS = RateUnit("mdps", 1e3, 0)
-DPS = RateUnit("dps", 1.0, 3)
+DPS = RateUnit("dps", 1.0, 1)
+
+
+def places(error: float | None, otherwise: int) -> int:
+    """Decimals that show the first two digits of an error; ``otherwise`` without an error."""
+    if error is None or not math.isfinite(error) or error <= 0:
+        return otherwise
+    return max(0, 1 - math.floor(math.log10(error)))
+
+
+def rounded(value: float | None, error: float | None, decimals: int) -> str:
+    """A number to the second digit of its error, or with ``decimals`` where it has none. A dash for None."""
+    if value is None:
+        return UNKNOWN
+    at = places(error, decimals)
+    if at > MOST_PLACES and value != 0:
+        return f"{value:.{max(1, math.floor(math.log10(abs(value))) + at)}e}"
+    return f"{round(value, at) + 0.0:.{min(at, MOST_PLACES)}f}"
+
+
+def pair(value: float | None, se: float | None, factor: float, decimals: int) -> tuple[str, str]:
+    """A value and its standard error, both times ``factor`` and both as :func:`rounded` gives them."""
+    scaled, error = (None if v is None else factor * v for v in (value, se))
+    return rounded(scaled, error, decimals), rounded(error, error, decimals)
+
+
+def percent(value: float | None, se: float | None) -> tuple[str, str]:
+    """A fraction and its standard error in percent, as :func:`pair` gives them."""
+    return pair(value, se, 100.0, 4)
 
 
 def unit_of(values_dps: Iterable[float | None]) -> RateUnit:
     """The unit for rates in deg/s that stand together, as in one table: that of the largest."""
     return DPS if any(v is not None and abs(v) >= LARGE_DPS for v in values_dps) else MDPS
+
+
+PPM = RateUnit("ppm of the rate", 1e6, 0)
+"""A unit of parts of the rate, as is the next; each multiplies a fraction."""
+PERCENT = RateUnit("% of the rate", 1e2, 2)
+
+
+def part_unit(note: str) -> RateUnit:
+    """The unit in which the words of a finding, by :func:`part_text`, tell a part of the rate."""
+    return PERCENT if "% of the rate" in note else PPM
 
 
 def rate_text(value_dps: float, sign: str = "") -> str:

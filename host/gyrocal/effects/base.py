@@ -84,6 +84,8 @@ class Effect(Described):
     scope: ClassVar[Literal["session", "run"]] = "session"
     common_mean: ClassVar[bool] = False
     """True if coefficients that differ from run to run do so about a common mean, False if about zero."""
+    shown_against: ClassVar[str] = ""
+    """The variable against which a picture shows it, if it is a function of none over all runs."""
     role: ClassVar[Role | None] = None
     on_device: ClassVar[bool] = False
     fast: ClassVar[bool] = False
@@ -197,6 +199,13 @@ class Effect(Described):
     def fault_of(self, values: Mapping[str, float]) -> ReadingFault | None:
         """The fault of the reading that these values describe; None if they describe a term of the reading."""
         return None
+
+    def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
+        """The size in words, where the names of the parameters do not say what they mean; else empty.
+
+        ``shown`` are the ``values`` as text, with their standard errors and units.
+        """
+        return ""
 
     def used(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """The linear parameters in use."""

@@ -15,10 +15,10 @@ class Bias(Effect):
     title = "Bias"
     cause = (
         "The drive and sense paths of the part are never perfectly balanced: quadrature leakage and amplifier offsets leave a "
-        "constant reading at rest. A bias of 0.1 deg/s integrates to a heading error of 6 degrees in a minute."
+        "constant reading at rest. A bias of 0.1 dps integrates to a heading error of 6 degrees in a minute."
     )
     equation = "bias_dps"
-    looks_like = "the vertical component of the Earth's rate (0.004 deg/s), which only the latitude separates from it"
+    looks_like = "the vertical component of the Earth's rate (0.004 dps), which only the latitude separates from it"
     measure_next = "a run at rest, or two runs of opposite true rate"
     parameters = (
         Parameter("bias_dps", "dps", (0.02, 1.0), "LSM6DSO datasheet, table 2: zero-rate level +-1 dps", -0.05),

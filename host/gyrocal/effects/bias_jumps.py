@@ -129,6 +129,16 @@ class BiasJumps(OfEachRun):
         Parameter("outliers", "fraction of the samples", (1e-5, 1e-3), "single readings off by size_dps on a bad bus", 0.0),
     )
     linear = ("size_dps",)
+    shown_against = "time"
+
+    def told(self, values: Mapping[str, float], shown: Mapping[str, str]) -> str:
+        if "n" not in values or "size_dps" not in values:  # nothing was found
+            return ""
+        size = shown["size_dps"].removeprefix("-")
+        if self.fault_of(values):
+            return f"{shown['outliers']} are single readings that are off, by {size} (root mean square)"
+        count = "1 jump" if values["n"] == 1 else f"{values['n']:.3g} jumps"
+        return f"{count} a run, each up or down by {size} (root mean square)"
 
     def draw(self, values: Mapping[str, float], rng: np.random.Generator) -> Values:
         drawn = super().draw(values, rng)

@@ -61,7 +61,7 @@ class Rig:
             )
         largest = max(map(abs, rates)) if table_dps is None else table_dps
         if not 0.0 <= largest < np.inf:
-            raise InputError(f"--table {largest:g}: want the table's largest rate, deg/s")
+            raise InputError(f"--table {largest:g}: want the table's largest rate, dps")
         temps: tuple[float | None, ...] = (None,)
         if chamber_c is not None:
             low, high = chamber_c

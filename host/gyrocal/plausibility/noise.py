@@ -77,8 +77,8 @@ def unit_unsure(session: Session, moved: Set[str | None]) -> list[Warning]:
     if not (small or large):
         return []
     text = (
-        f"no run turns in this session, so deg/s and rad/s cannot be distinguished. The noise of {np.median(found):.2g} dps is "
+        f"no run turns in this session, so dps and rad/s cannot be distinguished. The noise of {np.median(found):.2g} dps is "
         f"{1 / ratio if small else ratio:.0f} times {'less' if small else 'more'} than usual; the readings may be in "
-        f"{'rad/s' if small else 'deg/s already when they were converted'}. Check the unit of --map, and record a known turn"
+        f"{'rad/s' if small else 'dps already when they were converted'}. Check the unit of --map, and record a known turn"
     )
     return [Warning("unit_unsure", None, None, text)]

@@ -286,7 +286,7 @@ def _rad_reference(s: Slope, axis: str) -> str:
     if s.run.column(QUATERNION[0]) is not None:
         return (
             f"{axis} reads {s.value:.4g} times the true rate, and 180/pi is 57.3: orientations have no unit, so the readings "
-            f"were in deg/s already when they were converted. Leave the unit out when importing (--map g{axis}_dps=COLUMN)"
+            f"were in dps already when they were converted. Leave the unit out when importing (--map g{axis}_dps=COLUMN)"
         )
     return (
         f"{axis} reads {s.value:.4g} times the true rate, and 180/pi is 57.3: the reference is in rad/s. "

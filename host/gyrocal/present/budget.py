@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gyrocal.calibration.budget import BudgetRow, largest
 from gyrocal.calibration.calibrate import Estimate
-from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.diagnosis.rate_unit import percent, unit_of
 from gyrocal.present.output import stdout, table
 
 
@@ -23,7 +23,7 @@ def print_budget(found: Sequence[Estimate]) -> None:
         return
     unit = unit_of(e.bias_dps for e in found)
     rows = [
-        [row.source, _percent(row.scale), unit.text(row.bias_dps, 2), "yes" if row.in_se else "no"]
+        [row.source, _percent(row.scale), unit.pair(row.bias_dps, row.bias_dps)[0], "yes" if row.in_se else "no"]
         for row in sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
     ]
     title = f"Where the error comes from: {best.scenario}, {best.axis}, {best.method}, {best.seconds:g} s"
@@ -47,4 +47,4 @@ def headline(rows: Sequence[BudgetRow]) -> str:
 
 
 def _percent(scale: float | None) -> str:
-    return "-" if scale is None else f"{100 * scale:.4f}"
+    return percent(scale, scale)[0]

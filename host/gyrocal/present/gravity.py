@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.diagnosis.rate_unit import percent, unit_of
 from gyrocal.errors import InputError
 from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration
@@ -167,8 +167,8 @@ def print_calibration(c: Calibration) -> None:
         )
     unit = unit_of(e.bias_dps for e in c.estimates)
     rows = [
-        [e.scenario, e.axis, "-" if e.scale is None else plus_minus(100 * e.scale, _percent(e.scale_se)), unit.text(e.bias_dps),
-         unit.text(e.bias_se_dps), f"{e.misfit or 0:.2f}", "yes" if e.trusted else "no: " + ", ".join(e.flags)]
+        [e.scenario, e.axis, "-" if e.scale is None else plus_minus(100 * e.scale, _percent(e.scale_se)),
+         *unit.pair(e.bias_dps, e.bias_se_dps), f"{e.misfit or 0:.2f}", "yes" if e.trusted else "no: " + ", ".join(e.flags)]
         for e in c.estimates
     ]  # fmt: skip
     table("", ["scenario:", "axis:", "scale %", f"bias {unit.name}", f"± {unit.name}", "misfit", "trusted:"], rows)
@@ -179,7 +179,8 @@ def print_calibration(c: Calibration) -> None:
     ]  # fmt: skip
     table("What an axis reads of rotation about another", ["scenario:", "axis:", "about:", "%"], cross)
     shares = [
-        [row.axis, row.cause, f"{100 * row.scale_se:.4f}", unit.text(row.bias_se_dps, 2), row.advice]
+        [row.axis, row.cause, percent(row.scale_se, row.scale_se)[0],
+         unit.pair(row.bias_se_dps, row.bias_se_dps)[0], row.advice]
         for fitted in c.fits.values() for row in budget(fitted)
     ]  # fmt: skip
     table("Where the error comes from", ["axis:", "cause:", "scale ± %", f"bias ± {unit.name}", "to lower it:"], shares)

@@ -44,7 +44,7 @@ def _session_words(session: Session) -> str:
 
 def _known(run: Any) -> str:
     if run.table_rate_dps is not None:
-        return f"{run.table_rate_dps:g} deg/s"
+        return f"{run.table_rate_dps:g} dps"
     return f"{run.turn_deg:g} deg in all" if run.turn_deg is not None else "a measured reference"
 
 
@@ -102,7 +102,7 @@ def _calibration_words(found: Calibration) -> str:
     trusted = sum(e.trusted for e in found)
     lines = [
         f"{e.scenario} {e.method} {e.seconds:g} s {e.axis}: scale {_value(e.scale, e.scale_se)}, bias "
-        f"{_value(e.bias_dps, e.bias_se_dps)} deg/s{'' if e.trusted else ' (' + ', '.join(e.flags) + ')'}"
+        f"{_value(e.bias_dps, e.bias_se_dps)} dps{'' if e.trusted else ' (' + ', '.join(e.flags) + ')'}"
         for e in found
     ]
     return "\n".join([f"{len(found)} estimates, {trusted} trusted", *lines])
@@ -128,7 +128,7 @@ def _calibration_figure(found: Calibration) -> Figure:
         scale.plot([], [], "o", color=f"C{methods.index(method)}", label=method)
     scale.legend(title="hollow: not trusted", fontsize=8, title_fontsize=8)
     scale.set_ylabel("scale")
-    bias.set_ylabel("bias, deg/s")
+    bias.set_ylabel("bias, dps")
     bias.set_xticks(range(len(columns)), [f"{scenario} {axis}\n{s:g} s" for scenario, axis, s in columns], fontsize=7)
     return figure
 
@@ -193,7 +193,7 @@ def _plan_figure(plan: Plan) -> Figure:
             axes.annotate(f"{run.temp_c:g} degC", (start_min, run.table_rate_dps), fontsize=6)
         start_min = stop_min
     axes.set_xlabel("recorded time, min")
-    axes.set_ylabel("table, deg/s (blue: face up)")
+    axes.set_ylabel("table, dps (blue: face up)")
     return figure
 
 

@@ -12,6 +12,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from gyrocal.diagnosis.rate_unit import places, rounded
+
 PIPE_WIDTH = 140
 stdout = Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else PIPE_WIDTH)
 stderr = Console(stderr=True, highlight=False, markup=False)
@@ -59,7 +61,6 @@ def mdps(value_dps: float | None, digits: int = 1) -> str:
 
 def plus_minus(value: float, se: float | None, unit: str = "") -> str:
     """A value with its standard error as text, rounded to the first two digits of the error."""
-    if se is None or not math.isfinite(se) or se <= 0:
+    if places(se, -1) < 0:
         return f"{value:.4g} {unit}".strip()
-    places = max(0, 1 - math.floor(math.log10(se)))
-    return f"{value:.{places}f} ± {se:.{places}f} {unit}".strip()
+    return f"{rounded(value, se, 0)} ± {rounded(se, se, 0)} {unit}".strip()

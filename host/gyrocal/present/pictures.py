@@ -11,6 +11,7 @@ import numpy as np
 
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.rate_unit import part_unit
 from gyrocal.effects.quantities import rate_about
 from gyrocal.errors import InputError
 from gyrocal.inference import heldout
@@ -104,7 +105,7 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
         style = {"ls": "-", "lw": 1.2, "alpha": 0.8} if each_run else {"ls": "", "marker": ".", "ms": 3, "alpha": 0.25}
         shown = points[:RUNS_SHOWN] if each_run else points
         x, y, rate_dps = np.concatenate(shown).T
-        y = y * 1e3 / rate_dps if of_rate else y
+        y = 1e-3 * y / rate_dps * part_unit(finding.note).per_dps if of_rate else y
         if variable.period is not None:
             x = np.abs(x) if each_run else x % variable.period
         for part in np.split(np.arange(x.size), np.cumsum([len(run) for run in shown])[:-1]):
@@ -123,7 +124,7 @@ def residual_against(comparison: Comparison, finding: Finding, after: Comparison
     label = own.label if own else variable.label(finding.axis if variable.components else "")
     axes.set(
         xlabel=f"{label}{f', from the start of each run; the first {RUNS_SHOWN} runs' if each_run else ''}",
-        ylabel=f"measured - model, {'ppm of the rate' if of_rate else 'mdps'}", title=f"Residual on {finding.axis}",
+        ylabel=f"measured - model, {part_unit(finding.note).name if of_rate else 'mdps'}", title=f"Residual on {finding.axis}",
     )  # fmt: skip
     return figure
 

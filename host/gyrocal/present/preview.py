@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from gyrocal.recording.session import Session
 
 ROWS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("rate, deg/s", ("gx_dps", "gy_dps", "gz_dps", "rate_ref_dps", "ref_x_dps", "ref_y_dps", "ref_z_dps")),
+    ("rate, dps", ("gx_dps", "gy_dps", "gz_dps", "rate_ref_dps", "ref_x_dps", "ref_y_dps", "ref_z_dps")),
     ("angle, deg", ("table_angle_deg", "ref_angle_deg")),
     ("quaternion", ("ref_qw", "ref_qx", "ref_qy", "ref_qz")),
     ("acceleration, g", ("ax_g", "ay_g", "az_g")),
@@ -35,7 +35,7 @@ def preview(session: Session) -> Figure:
                 values = run.column(name)
                 if values is not None:
                     axes.plot(t_s, values[::step], color=f"C{color}", linewidth=0.7, label=name if start_s == 0 else None)
-        known = "a reference" if run.table_rate_dps is None else f"{run.table_rate_dps:g} deg/s"
+        known = "a reference" if run.table_rate_dps is None else f"{run.table_rate_dps:g} dps"
         said = f"{run.file}\n{run.face}, axis {run.axis}, {known}"
         grid[0].annotate(said, (t_s[0], 1), xycoords=("data", "axes fraction"), fontsize=6, va="bottom")
         start_s += run.duration_s

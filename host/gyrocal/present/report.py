@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ from gyrocal.diagnosis.diagnose import Diagnosis
 from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
-from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
+from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
+from gyrocal.effects.base import Effect
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
@@ -70,27 +71,28 @@ def level_unit(c: Comparison) -> RateUnit:
 def level_rows(c: Comparison) -> list[list[str]]:
     """Axis, rms, floor, excess, its standard error and the excess within power cycles; the last row is all axes.
 
-    They are in the unit that :func:`level_unit` gives.
+    They are in the unit that :func:`level_unit` gives, to the second digit of the excess's standard error.
     """
     names, everything = axis_names(c)
     unit = level_unit(c)
     return [
-        [name, *(unit.text(x, 2) for x in (v.rms_dps, v.floor_dps, v.excess_dps, v.excess_se_dps, v.excess_within_dps))]
+        [name, *(unit.text(x, 2, v.excess_se_dps) for x in told)]
         for name, v in (*((names[axis], v) for axis, v in c.per_axis.items()), (everything, c.pooled))
+        for told in [(v.rms_dps, v.floor_dps, v.excess_dps, v.excess_se_dps, v.excess_within_dps)]
     ]
 
 
 ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
 
 
-def deg(value: float | None) -> str:
-    """An angle in deg with four decimals, ``-`` for None."""
-    return "-" if value is None else f"{value:.4f}"
+def deg(value: float | None, error: float | None = None) -> str:
+    """An angle in deg to the second digit of its error, or with four decimals; ``-`` for None."""
+    return rounded(value, error, 4)
 
 
 def angle_row(name: str, v: angles.Level) -> list[str]:
     """The level of net angles or of movements, in deg."""
-    return [name, deg(v.rms_deg), deg(v.floor_deg), deg(v.excess_deg), deg(v.excess_se_deg)]
+    return [name, *(deg(x, v.excess_se_deg) for x in (v.rms_deg, v.floor_deg, v.excess_deg, v.excess_se_deg))]
 
 
 def print_comparison(c: Comparison) -> None:
@@ -229,23 +231,27 @@ def unproven(d: Diagnosis) -> list[Candidate]:
 
 
 WHOLE = {
-    ("jumps a run", 1.0): "1 jump a run", ("poles", 0.0): "a pure delay", ("poles", 1.0): "a first-order low-pass",
-} | {("jumps a run", float(n)): f"{n} jumps a run" for n in range(2, 10)}  # fmt: skip
+    ("poles", 0.0): "a pure delay", ("poles", 1.0): "a first-order low-pass",
+}  # fmt: skip
 """Words for whole numbers among the parameters, by unit and value."""
 
 
-def sizes(c: Candidate, fraction: str = "") -> str:
-    """A candidate's parameters with their standard errors, as text; ``fraction`` is the word for the unit of a pure number."""
-    units = {p.name: p.unit for p in c.effect.parameters}
-    parts = []
-    for name, value in c.values.items():
-        if (whole := WHOLE.get((units.get(name, ""), value))) is not None:
-            parts.append(whole)
-            continue
-        unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-        unit = fraction if unit == "fraction" else unit
-        parts.append(f"{name} {plus_minus(value, c.se.get(name), unit)}")
-    return ", ".join(parts)
+def sizes(c: Candidate) -> str:
+    """A candidate's parameters with their standard errors, as text."""
+    return sized(c.effect, c.values, c.se)
+
+
+def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) -> str:
+    """The values of an effect's parameters, as text; a fraction is told in percent."""
+    units = {p.name: p.unit for p in effect.parameters}
+    shown: dict[str, str] = {}
+    for name, value in values.items():
+        unit, error = units.get(name, units.get(name.removesuffix("_sd"), "")), se.get(name)
+        if unit.startswith("fraction"):
+            unit, value, error = unit.replace("fraction", "%", 1), 100 * value, None if error is None else 100 * error
+        shown[name] = plus_minus(value, error, unit)
+    named = (WHOLE.get((units.get(name, ""), values[name]), f"{name} {text}") for name, text in shown.items())
+    return effect.told(values, shown) or ", ".join(named)
 
 
 def print_before_after(before: Comparison, after: Comparison, model: Path) -> None:
@@ -291,6 +297,11 @@ def write_page(path: Path, c: Comparison) -> None:
     page.write(path, text)
 
 
+def parameter(value: float, se: float | None) -> tuple[str, str]:
+    """A parameter to the second digit of its standard error, and that error; five digits and a dash without one."""
+    return pair(value, se, 1.0, 0) if places(se, -1) >= 0 else (f"{value:.5g}", UNKNOWN)
+
+
 def parameter_rows(c: Comparison) -> list[list[Any]]:
     """Rows of effect, axis, parameter, value, standard error and unit."""
     rows = []
@@ -299,5 +310,5 @@ def parameter_rows(c: Comparison) -> list[list[Any]]:
         for name, value in listed.values.items():
             se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-            rows.append([listed.id, listed.axis, name, f"{value:.5g}", "" if se is None else f"{se:.2g}", unit])
+            rows.append([listed.id, listed.axis, name, *parameter(value, se), unit])
     return rows

@@ -287,17 +287,17 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scalin
         if values.min() >= 0 and largest > 49152 and turned > 0.99:
             raise InputError(
                 f"{source.label}: {names[0]} holds counts of 16 bits without their sign: those above 32767 are negative. "
-                "Subtract 65536 from these, then say how many make a deg/s, as by --map gx_dps=COLUMN/131"
+                "Subtract 65536 from these, then say how many make one dps, as by --map gx_dps=COLUMN/131"
             )
         raise InputError(
             f"{source.label}: {names[0]} holds raw counts up to {largest:.6g}; say what one count is, for example --lsb-dps "
-            f"{1 / COUNTS_PER_DPS:.6g} for {COUNTS_PER_DPS} counts per deg/s; unsigned ones need each axis mapped, as by "
+            f"{1 / COUNTS_PER_DPS:.6g} for {COUNTS_PER_DPS} counts per dps; unsigned ones need each axis mapped, as by "
             f"--map 'gx_dps=({names[0]}-32768)/{COUNTS_PER_DPS}'"
         )
     if largest > LARGEST_RAD_S:
         return ":dps", f"readings up to {largest:.4g} are too large for rad/s"
     if si:
-        return ":rad/s", f"readings up to {largest:.4g}, and {si}; deg/s is possible too"
+        return ":rad/s", f"readings up to {largest:.4g}, and {si}; dps is possible too"
     return ":dps", f"readings up to {largest:.4g}; rad/s is possible too"
 
 

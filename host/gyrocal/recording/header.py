@@ -145,7 +145,7 @@ _EXAMPLES = {
     "sample_rate_hz": "sample_rate_hz = 100.0, the samples per second",
     "run": "[[run]] and below it the keys of a run, for each table",
     "axis": 'axis = "x", "y" or "z"',
-    "table_rate_dps": "table_rate_dps = 78.0, in deg/s",
+    "table_rate_dps": "table_rate_dps = 78.0, in dps",
     "seconds": "seconds = 60.0",
     "scenario": 'scenario = "s000", the same for the runs of one power cycle',
 }

@@ -23,7 +23,7 @@ OPTIONAL = (
     "ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg", "ref_angle_deg", "ref_x_dps", "ref_y_dps", "ref_z_dps",
     "ref_qw", "ref_qx", "ref_qy", "ref_qz",
 )  # fmt: skip
-UNITS = {"dps": "deg/s", "g": "g", "c": "degC", "deg": "degrees"}
+UNITS = {"dps": "dps", "g": "g", "c": "degC", "deg": "degrees"}
 """The unit at the end of a column's name."""
 NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
 """Characters of a table's rows. The values nan and inf are read, and then rejected with their row."""
@@ -112,7 +112,7 @@ def check_table(table: pl.DataFrame, label: str) -> pl.DataFrame:
             raise InputError(f"{label}: row {row + 2}: {name} is {'empty' if value is None else value}, not a finite number")
     largest = max(abs(float(end)) for name in REQUIRED[1:] for end in (table[name].min(), table[name].max()))  # type: ignore[arg-type]
     if largest > LARGEST_DPS:
-        raise InputError(f"{label}: a rate of {largest:.3g} deg/s is none a gyroscope reads; check the unit")
+        raise InputError(f"{label}: a rate of {largest:.3g} dps is none a gyroscope reads; check the unit")
     t_s = table["t_s"].to_numpy()
     surely_forward = step_range_s(t_s)[0] > 2e-6
     if not surely_forward and (back := np.flatnonzero(np.diff(np.rint(t_s * 1e6)) <= 0)).size:

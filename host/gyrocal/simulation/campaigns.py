@@ -135,7 +135,7 @@ def hands_plan(poses: int | None, seconds: float | None) -> list[Planned]:
 
 
 CAMPAIGNS = {
-    "paper": Campaign("48 power cycles of three days, face up and down at 78 deg/s", paper_plan),
+    "paper": Campaign("48 power cycles of three days, face up and down at 78 dps", paper_plan),
     "table2": Campaign("paper with effects that give the errors of the paper's Table 2", paper_plan),
     "full": Campaign("rest and three rates, both directions and faces", full_plan),
     "swing": Campaign("the table swings, with an encoder", swing_plan),

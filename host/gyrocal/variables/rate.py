@@ -25,9 +25,9 @@ class Rate(Variable):
     Otherwise it is the rate about the axis of the residual.
     """
 
-    name, title, quantity, unit, order = "rate", "Rate", "true rate", "deg/s", 4
+    name, title, quantity, unit, order = "rate", "Rate", "true rate", "dps", 4
     of_axis = True
-    symbols: ClassVar = {"rate": Symbol("true rate about the axis, deg/s", rate_about)}
+    symbols: ClassVar = {"rate": Symbol("true rate about the axis, dps", rate_about)}
     searched = ("rate",)
     times_rate = False
 
@@ -50,7 +50,7 @@ class Rate(Variable):
             shapes.append(Columns(lambda run: _even(self.values(run, axis), speeds), min(2, speeds.size - 1), even))
         if rate_varies(self.runs, axis):
             words = "in proportion to the change of the rate"
-            shapes.append(Columns(lambda run: _slope_dps_s(run, axis), 2, words, "change of the rate, deg/s²"))
+            shapes.append(Columns(lambda run: _slope_dps_s(run, axis), 2, words, "change of the rate, dps/s"))
         if any(r.three_axes for r in self.runs):
             others = [name for name in AXES if name != AXES[axis]]
             words = f"like the rates about {' and '.join(others)}"

@@ -7,7 +7,7 @@ from gyrocal.variables.base import Variable
 
 
 class Reading(Variable):
-    name, title, quantity, unit, order = "reading", "Reading", "reading", "deg/s", 7
+    name, title, quantity, unit, order = "reading", "Reading", "reading", "dps", 7
     of_axis = True
     no_formula = "bits of the reading are wrong, which no formula can correct; check how the driver assembles the bytes"
 

@@ -54,7 +54,7 @@ class ChangeOfRate(Panel):
 
     @property
     def label(self) -> str:
-        return "change of the true rate, deg/s²"
+        return "change of the true rate, dps/s"
 
     def values(self, variable: Variable, run: Run, axis: int) -> Array | None:
         turning = run.axis_index

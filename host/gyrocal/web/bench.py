@@ -239,7 +239,7 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
     cards = [
         Card(
             c.to_json(), c.effect.title, c.effect.cause, c.effect.equation,
-            [_title(i) for i in c.group if i != c.effect.id], report.sizes(c, fraction="fraction"),
+            [_title(i) for i in c.group if i != c.effect.id], report.sizes(c),
             doubts(c, found.comparison, found.candidates), few,
             _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
         )

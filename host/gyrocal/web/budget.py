@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gyrocal.diagnosis.rate_unit import MDPS, RateUnit, unit_of
-from gyrocal.web.tables import number, rate
+from gyrocal.diagnosis.rate_unit import MDPS, RateUnit, percent, unit_of
 
 if TYPE_CHECKING:
     from gyrocal.calibration.calibrate import Estimate
@@ -77,6 +76,9 @@ def _row(line: Line, most: float, unit: RateUnit) -> str:
     part = (line.scale or 0.0) / most if most > 0 else 0.0
     bar = f'<div class="reached{"" if line.in_se else " bound"}" aria-hidden="true"><div style="width: {part:.1%}"></div></div>'
     outside = "" if line.in_se else " (a bound, not in the standard error)"
-    source = f"{html.escape(line.source + outside)}<div class='dim small'>{html.escape(line.advice)}</div>"
-    scale, bias = number(line.scale, ".4f", 100), rate(line.bias_dps, unit, 2)
+    nothing = line.scale == 0 and line.bias_dps == 0
+    advice = "" if nothing else f"<div class='dim small'>{html.escape(line.advice)}</div>"
+    source = html.escape(line.source + outside) + advice
+    scale = "0" if line.scale == 0 else percent(line.scale, line.scale)[0]
+    bias = "0" if line.bias_dps == 0 else unit.pair(line.bias_dps, line.bias_dps)[0]
     return f"<tr><td class=text>{source}</td><td>{scale}</td><td>{bar}</td><td>{bias}</td></tr>"

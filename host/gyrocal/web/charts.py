@@ -235,7 +235,7 @@ def hero(
     factor = 1e-3 * (unit := unit_of(1e-3 * v for v in (*shown.left, *shown.curve))).per_dps
     left, curve, se = ([factor * v for v in values] for values in (left, curve, shown.se))
     each = [(x, factor * y) for x, y in each]
-    low, high = _extent(shown, factor)
+    low, high, step = _extent(shown, factor)
     moved: Options = {"animationDurationUpdate": 1100, "animationEasingUpdate": "cubicInOut", **MOTION}
     halves = [(b - a) / 2 for a, b in zip(shown.edges, shown.edges[1:], strict=False)]
     half = min(halves) if halves else 0.5
@@ -259,11 +259,12 @@ def hero(
     broken = [lines[0], *(part for text in lines[1:] for part in text.split(" · "))]
     return base(
         p, **moved,
-        legend=legend(p, entries, left=54, right=12), media=fitting(_headed(p, lines, len(broken)), _headed(p, broken)),
+        legend=legend(p, entries, left=54, right=12, type="plain", itemGap=8),
+        media=fitting(_headed(p, lines, 1 + bool(own), len(broken)), _headed(p, broken, len(entries))),
         tooltip=tooltip(p, [unit.name], unit_in(shown.x_label)), toolbox=BOX, units=[unit.name],
         grid=grid(left=54, right=16, bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label=plain, **ends),
-        yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, scale=False, label={":formatter": PLAIN}),
+        yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, interval=step, scale=False, label={":formatter": PLAIN}),
         series=[
             {**line(names[1], through, p.axes[shown.axis], style={"width": 2.5}), **moved, "showSymbol": few},
             {
@@ -276,22 +277,31 @@ def hero(
     )  # fmt: skip
 
 
-def _headed(p: Palette, lines: Sequence[str], count: int = 0) -> Options:
-    """Words above the picture, the first as a heading, and the places below them. Empty lines fill them up to ``count``."""
+def _headed(p: Palette, lines: Sequence[str], named: int, count: int = 0) -> Options:
+    """Words above the picture, the first as a heading, and the places below them. Empty lines fill them up to ``count``.
+
+    ``named`` is the most lines that the legend takes.
+    """
     bold = {"textStyle": {"color": p.ink, "fontSize": 14, "fontWeight": "bold"}}
     titles = [title(p, text, 4 + 17 * k, 12) | ({} if k else bold) for k, text in enumerate(lines)]
     empty = [title(p, "", 4, 12)] * (count - len(lines))
-    places: Options = {"legend": {"top": 4 + 17 * len(lines)}, "grid": {"top": 34 + 17 * len(lines)}}
+    places: Options = {"legend": {"top": 4 + 17 * len(lines)}, "grid": {"top": 12 + 17 * len(lines) + 22 * named}}
     return {"title": [*titles, *empty], **places}
 
 
-def _extent(shown: Picture, factor: float) -> tuple[float, float]:
-    """The ends of the vertical axis, ``factor`` times mdps: all means, the curve with its band, and zero, in round numbers."""
+def _extent(shown: Picture, factor: float) -> tuple[float, float, float]:
+    """Ends and ticks of the vertical axis, ``factor`` times mdps: all means, the curve with its band, and zero."""
     values = [0.0, *shown.left, *shown.reach]
     values += [y + k * se for y, se in zip(shown.curve, shown.se, strict=True) for k in (-2, 2)]
     low, high = factor * min(values), factor * max(values)
-    step = 10.0 ** math.floor(math.log10((high - low) or 1.0)) / 2
-    return math.floor(low / step) * step, math.ceil(high / step) * step
+    step = _step((high - low) or 1.0)
+    return math.floor(low / step) * step, math.ceil(high / step) * step, step
+
+
+def _step(reach: float) -> float:
+    """The distance of the ticks, 1, 2 or 5 times a power of ten, of which three to eight lie in ``reach``."""
+    power = 10.0 ** math.floor(math.log10(reach))
+    return float(f"{next(m * power for m in (0.2, 0.5, 1.0, 2.0) if reach <= 7 * m * power):.3g}")
 
 
 def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, float]]]) -> Options:

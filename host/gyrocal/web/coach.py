@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
-from gyrocal.diagnosis.rate_unit import unit_of
-from gyrocal.web.tables import number, plain, rate
+from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
+from gyrocal.web.tables import number, plain
 from gyrocal.web.words import METHODS, method
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def advice(sensor: dict[str, Any], *, replays: bool, ended: bool) -> Advice:
     """The advice for a sensor's status."""
     hello = sensor.get("hello") or {}
     state, waits, run_s = sensor.get("state"), sensor.get("waits"), sensor.get("run_s", 0.0)
-    rate = f"{hello['table_dps']} deg/s" if hello.get("table_dps") else "a constant rate"
+    rate = f"{hello['table_dps']} dps" if hello.get("table_dps") else "a constant rate"
     if ended:
         return Advice("The simulated device has stopped.", "It has played its two turns to the end.", "done")
     if waits == "sensor":
@@ -176,7 +176,7 @@ class Coach:
         if rows is None or len(rows) < 2 or axis not in ("x", "y", "z"):
             return ""
         rate = rows[:, 1 + "xyz".index(axis)]
-        return f"{axis} reads {rate.mean():.2f} deg/s, scatter {rate.std(ddof=1):.3f} deg/s over the last second"
+        return f"{axis} reads {rate.mean():.2f} dps, scatter {rate.std(ddof=1):.3f} dps over the last second"
 
     def _answers(self, found: list[Result]) -> None:
         self._results.set_visibility(bool(found))
@@ -186,9 +186,9 @@ class Coach:
             return
         with self._large:
             with ui.row().classes("answer"):
-                _figure("scale", best.get("scale"), best.get("scale_se"), 100.0, "%", 4)
+                _figure("scale, %", percent(best.get("scale"), best.get("scale_se")))
                 unit = unit_of([best.get("bias_dps")])
-                _figure("bias", best.get("bias_dps"), best.get("bias_se_dps"), unit.per_dps, unit.name, 1 + unit.decimals)
+                _figure(f"bias, {unit.name}", unit.pair(best.get("bias_dps"), best.get("bias_se_dps")))
                 with ui.element("div"):
                     ui.label("trusted by the device" if not doubtful(best) else "not trusted").classes(
                         f"badge {'bad' if doubtful(best) else 'good'}"
@@ -215,12 +215,12 @@ def _origin(result: Result) -> str:
     return f"axis {result.get('axis')}, by {by}{when}{at}"
 
 
-def _figure(name: str, value: Any, error: Any, factor: float, unit: str, digits: int) -> None:
+def _figure(name: str, shown: tuple[str, str]) -> None:
+    """A value, with its standard error where it has one."""
+    value, error = shown
     with ui.element("div").classes("figure"):
-        told = number(value, f".{digits}f", factor)
-        within = f" ± {number(error, f'.{digits}f', factor)}" if isinstance(error, int | float) else ""
-        ui.html(f"<b>{told}{within}</b>", sanitize=False)
-        ui.label(f"{name}, {unit}")
+        ui.html(f"<b>{value}{'' if error == UNKNOWN else f' ± {error}'}</b>", sanitize=False)
+        ui.label(name)
 
 
 def ring(part: float, middle: str, of: str) -> str:
@@ -248,8 +248,8 @@ def table(found: Sequence[Result]) -> str:
     rows = [
         [
             str(r.get("axis", "")), method(str(r.get("method", ""))), number(r.get("seconds"), "g"),
-            number(r.get("scale"), ".4f", 100), number(r.get("scale_se"), ".4f", 100),
-            rate(r.get("bias_dps"), unit), rate(r.get("bias_se_dps"), unit), number(r.get("misfit"), ".2f"),
+            *percent(r.get("scale"), r.get("scale_se")), *unit.pair(r.get("bias_dps"), r.get("bias_se_dps")),
+            number(r.get("misfit"), ".2f"),
             str(r.get("flags") or "").replace("+", ", "),
         ]
         for r in found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,6 +15,18 @@ if TYPE_CHECKING:
     from gyrocal.web.fall import Bar
 
 
+LETTER_PX = 6.0
+"""Mean width of a letter of a label."""
+LINE_PX = 13
+REPORT_PX = 122
+"""Width of a label in the report, whose bars are 130 apart."""
+
+
+def wrapped(label: str, width_px: float) -> list[str]:
+    """A label in lines of a width; a word that is longer than a line is broken."""
+    return textwrap.wrap(label, max(4, int(width_px / LETTER_PX))) or [""]
+
+
 @dataclass(frozen=True)
 class Block:
     """One bar of the waterfall as it is drawn, from ``low`` to ``high``."""
@@ -24,6 +37,11 @@ class Block:
     colour: str
     text: str
 
+    @property
+    def lines(self) -> list[str]:
+        """The label in the lines that the report has room for."""
+        return wrapped(self.label, REPORT_PX)
+
 
 def blocks(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> list[Block]:
     """The excess of the first model, the reduction by each step, and the remaining excess, in ``unit``."""
@@ -31,7 +49,8 @@ def blocks(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> list[Block]:
         return []
 
     def block(label: str, low: float, high: float, colour: str, told: float, sign: str = "") -> Block:
-        text = sign + unit.text(1e-3 * abs(told), 2)
+        text = unit.text(1e-3 * abs(told), 2)
+        text = sign + text if float(text) else text
         return Block(label, 1e-3 * unit.per_dps * low, 1e-3 * unit.per_dps * high, colour, text)
 
     out = [block(bars[0].label, 0.0, bars[0].after, p.bad, bars[0].after)]
@@ -47,8 +66,8 @@ def blocks(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> list[Block]:
 def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
     """Excess error step by step above the floor (zero). The last bar is the remaining excess."""
     drawn = blocks(p, bars, unit)
-    wrapped = {"color": p.ink, "interval": 0, "lineHeight": 13, "overflow": "break", "hideOverlap": False}
-    wide, narrow = ({"xAxis": {"axisLabel": {"width": max(64, px // len(drawn))}}} for px in (420, 270))
+    plain = {"color": p.ink, "interval": 0, "lineHeight": LINE_PX, "hideOverlap": False}
+    wide, narrow = (_labelled([b.label for b in drawn], px / len(drawn)) for px in (460, 260))
     shown = [
         {
             "value": [k, b.high - b.low],
@@ -60,8 +79,8 @@ def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
     return charts.base(
         p,
         animationDuration=700, animationEasing="cubicOut", **charts.MOTION,
-        grid=charts.grid(left=54, right=16, top=18, bottom=40),
-        xAxis=charts.axis(p, kind="category", data=[b.label for b in drawn], axisTick={"show": False}, label=wrapped),
+        grid=charts.grid(left=54, right=16, top=18),
+        xAxis=charts.axis(p, kind="category", axisTick={"show": False}, label=plain),
         yAxis=charts.axis(p, f"excess, {unit.name} rms", nameGap=38, scale=False, min=0, boundaryGap=[0, "12%"]),
         media=charts.fitting(wide, narrow), tooltip=charts.tooltip(p, [unit.name]), toolbox=charts.BOX, units=[unit.name],
         series=[
@@ -71,3 +90,10 @@ def waterfall(p: Palette, bars: Sequence[Bar], unit: RateUnit) -> Options:
              ":animationDelay": "(i) => i * 450"},
         ],
     )  # fmt: skip
+
+
+def _labelled(labels: Sequence[str], width_px: float) -> Options:
+    """The labels below the bars in lines of a width, and the room that they take."""
+    lines = [wrapped(label, width_px) for label in labels]
+    data = ["\n".join(of) for of in lines]
+    return {"xAxis": {"data": data}, "grid": {"bottom": 14 + LINE_PX * max(map(len, lines))}}

@@ -24,9 +24,9 @@ def parameters(bench: Workbench) -> list[ui.button]:
 
 def _row(bench: Workbench, of: Holdable) -> list[ui.button]:
     called = f"{of.name} of {of.title.lower()} on {of.axis}"
-    value = f"{of.value:.6g} held" if of.held else plus_minus(of.value, of.se)
+    value = f"{of.value:.6g} {of.unit}, held" if of.held else plus_minus(of.value, of.se, of.unit)
     with ui.row().classes("tight"):
-        ui.label(f"{called}: {value} {of.unit}").classes("small")
+        ui.label(f"{called}: {value}").classes("small")
         ui.space()
         wanted = ui.number(value=float(f"{of.value:.6g}"), format="%.6g")
         wanted.props(f'outlined dense aria-label="value of {called}"').style("width: 120px").classes("low")

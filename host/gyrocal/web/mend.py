@@ -53,8 +53,8 @@ def mends(warning: dict[str, Any]) -> list[Mend]:
         told = f"table_rate_dps of {which} is written with the other sign into {toml}."
         offer("sign", f"Reverse the rates of {which}", told)
     if code == "unit_rad_s":
-        told = "A new session is written beside this one, in which what is in rad/s is in deg/s. It is then opened."
-        offer("units", "Convert to deg/s", told)
+        told = "A new session is written beside this one, in which what is in rad/s is in dps. It is then opened."
+        offer("units", "Convert to dps", told)
     if file is not None:
         told = f"{file} is left out of the fits. The session's files stay as they are; the choice is kept in workbench.json."
         offer("leave_out", f"Leave {file} out", told)
@@ -106,7 +106,7 @@ def _in_degrees(folder: Path, mend: Mend, out: Path) -> Path:
         if sum(w.blocking for w in found) < before and not any(w.code == mend.code for w in found):
             converted.save(out)
             return out
-    raise InputError(f"{folder}: neither readings nor reference agree in deg/s throughout; give the units when importing")
+    raise InputError(f"{folder}: neither readings nor reference agree in dps throughout; give the units when importing")
 
 
 def _readings(run: Run) -> Run:

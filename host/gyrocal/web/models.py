@@ -75,7 +75,10 @@ class Step:
     @property
     def label(self) -> str:
         """The name of its bar."""
-        return f"without {self.title}" if self.removed else self.recipe.held or self.title
+        if self.recipe.held:
+            name, _, rest = self.recipe.held.partition(" of ")
+            return f"{name} {'held' if ' held at ' in rest else 'fitted again'}"
+        return f"without {self.title}" if self.removed else self.title
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ import asyncio
 import contextlib
 import html
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from importlib import import_module
 from urllib.parse import quote
 
-from nicegui import Event, app, ui
+from nicegui import Client, Event, app, ui
 
 from gyrocal.web import charts
 from gyrocal.web.state import Topic, Workbench
@@ -38,6 +38,16 @@ SCHEME = """matchMedia("(prefers-color-scheme: dark)").addEventListener(
 changed: Event[Topic] = Event()
 _bench: list[Workbench] = []
 _hunts: list[Hunt] = []
+_actor: list[str] = [""]
+"""The browser tab, by its client's id, whose person acted last."""
+
+
+def tell(topic: Topic) -> None:
+    """Tell all tabs what has changed. Within an event of a tab, its person is the one who acted."""
+    if ui.context.slot_stack:
+        with contextlib.suppress(RuntimeError):  # the button that was pressed is gone; its tab has navigated, which counted
+            _actor[0] = ui.context.client.id
+    changed.emit(topic)
 
 
 def serve(bench: Workbench) -> None:
@@ -49,9 +59,12 @@ def serve(bench: Workbench) -> None:
 class Tab:
     """One browser tab: the panel that it shows, and its light or dark mode."""
 
-    def __init__(self, view: str) -> None:
+    def __init__(self, view: str, session: str = "") -> None:
         self.bench = _bench[0]
         self.view = view
+        self.mine = session
+        """The session that this tab was opened for, by its name; another tab may have opened another one since."""
+        self._client = ui.context.client.id
         self.dark = False
         self.hunt = _hunts[0]
         self._gravity = self.bench.gravity
@@ -63,8 +76,7 @@ class Tab:
 
     def _query(self) -> str:
         """The part of the address that names the session, so that the address opens it again."""
-        session = self.bench.session or self.bench.gravity
-        return "" if session is None else f"?session={quote(self.bench.places.name(session.path))}"
+        return f"?session={quote(self.mine)}" if self.mine else ""
 
     def build(self) -> None:
         ui.add_head_html(UNDRAWN % _chart_module() + LEAVING)
@@ -88,6 +100,7 @@ class Tab:
             ui.spinner(size="18px")
             self._job_text = ui.label().props('role="status"')
             ui.button("Stop", icon="stop", on_click=lambda: self.bench.jobs.cancel(), color=None).props("flat dense no-caps")
+        self._displaced = ui.element("section").classes("hunt").props('aria-label="another session" role="status"')
         self._hunted = ui.element("section").classes("hunt").props('aria-label="hidden effect"')
         self._content = ui.element("div").classes("content")
         self.go(self.view, push=False)
@@ -103,6 +116,7 @@ class Tab:
         """Show a panel."""
         self.view = view
         if push:
+            _actor[0] = self._client
             ui.navigate.history.push(address(view) + self._query())
         for name, button in self._buttons.items():
             button.classes(add="on", remove="") if name == view else button.classes(remove="on")
@@ -131,8 +145,9 @@ class Tab:
         elif topic == "session":
             opened = bench.session or bench.gravity
             self._name.text = "" if opened is None else bench.places.name(opened.path)
-            if opened is not None:
-                ui.navigate.history.replace(address(self.view) + self._query())
+            if opened is not None and (not self.mine or self._client == _actor[0]):
+                self._take()
+            self._tell_displaced()
             if bench.gravity is not self._gravity:
                 self._gravity = bench.gravity
                 self.go(self.view, push=False)
@@ -140,6 +155,34 @@ class Tab:
             self._hunt()
         with self._content:
             self._update(topic)
+
+    def _take(self) -> None:
+        """The open session is that of this tab from now on."""
+        self.mine = self._name.text
+        ui.navigate.history.replace(address(self.view) + self._query())
+        self._tell_displaced()
+
+    def _tell_displaced(self) -> None:
+        """Say which other session another tab has opened, and how to return."""
+        name = self._name.text
+        self._displaced.clear()
+        self._displaced.set_visibility(bool(name) and name != self.mine)
+        if name and name != self.mine:
+            with self._displaced:
+                ui.label(
+                    f"Another tab has opened {name}. The workbench holds one session at a time, so this tab shows it too; "
+                    f"the models of {self.mine} are kept."
+                )
+                back = ui.button(f"Return to {self.mine}", on_click=self._return, color=None)
+                back.props("flat dense no-caps")
+                ui.button(f"Stay with {name}", on_click=self._take, color=None).props("flat dense no-caps")
+
+    async def _return(self) -> None:
+        following = self.bench.open_named(self.mine)
+        if following is None:
+            self.bench.say(f"{self.mine} cannot be opened now. Open it from the list of sessions.")
+        else:
+            await following
 
     def _hunt(self) -> None:
         """The line of a session with a hidden effect: the task, then the truth."""
@@ -192,6 +235,12 @@ def address(view: str) -> str:
     return f"/{view.rstrip('_')}"
 
 
+async def _in_tab(client: Client, following: Awaitable[None]) -> None:
+    """Await what a tab has begun, as an event of this tab."""
+    with client:
+        await following
+
+
 def _panel(view: str) -> Callable[[Tab], Callable[[Topic], None]]:
     show: Callable[[Tab], Callable[[Topic], None]] = import_module(f"gyrocal.web.panels.{view}").show
     return show
@@ -209,10 +258,12 @@ def register() -> None:
 
     def at(view: str) -> Callable[[str], None]:
         def shown(session: str = "") -> None:
-            following = _bench[0].open_named(session) if session else None
+            places = _bench[0].places
+            known = session if session in map(places.name, places.sessions()) else ""
+            following = _bench[0].open_named(known) if known else None
             if following is not None:
-                opening.append(asyncio.create_task(following))
-            Tab(view).build()
+                opening.append(asyncio.create_task(_in_tab(ui.context.client, following)))
+            Tab(view, known).build()
 
         return shown
 

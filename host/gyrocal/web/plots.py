@@ -31,6 +31,8 @@ SINGLE = 300
 """Traces with fewer samples than this on the screen show each sample."""
 GAP = 2.5
 """Widths of a bin by which two means must be apart for the line between them to be left out."""
+LEAST_RATE_DPS = 5.0
+"""A residual is a part of a rate that is faster than this."""
 MOST_BOUNDS = 60
 MOST_NAMED = 20
 NAME_PX = 60
@@ -193,21 +195,22 @@ def _rows(*columns: Any) -> list[list[float]]:
 
 @dataclass(frozen=True)
 class By:
-    """How the residual is drawn: each recording about its own mean, or times the sign of the rate."""
+    """How the residual is drawn: each recording about its own mean, or as a part of the rate in the unit ``part``."""
 
     about_means: bool = False
-    signed: bool = False
+    part: RateUnit | None = None
 
     @property
     def words(self) -> str:
         """What a title says of it."""
-        about = ", each recording about its own mean" if self.about_means else ""
-        return f"{about}, times the sign of the rate" if self.signed else about
+        return ", each recording about its own mean" if self.about_means else ""
 
     def drawn(self, points: dict[str, Any], axis: str) -> Any:
-        """The residual of an axis [blocks]."""
-        rate = next(panel for panel in panels() if panel.name == Rate.name)
-        y = points[axis] * np.sign(points[rate.key(axis)]) if self.signed else points[axis]
+        """The residual of an axis [blocks], or its part of the rate where the rate is fast enough."""
+        y = points[axis]
+        if self.part is not None:
+            rate = points[next(panel for panel in panels() if panel.name == Rate.name).key(axis)]
+            y = np.where(np.abs(rate) > LEAST_RATE_DPS, y, np.nan) / np.where(rate == 0, np.nan, rate)
         return _about_means(y, points["run"]) if self.about_means else y
 
 
@@ -222,7 +225,7 @@ def folded(
     shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
     mine = np.isin(points["run"], runs)
     found = {axis: binned(points[panel.key(axis)][mine], points[axis][mine], BINS) for axis in axes}
-    unit = unit_of(float(v) for one in found.values() for v in one.mean)
+    unit = by.part or unit_of(float(v) for one in found.values() for v in one.mean)
     xs, ys = [], []
     series: list[Options] = []
     for k, axis in enumerate(axes):

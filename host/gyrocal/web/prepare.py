@@ -11,6 +11,7 @@ import numpy as np
 
 from gyrocal.api import Comparison
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.rate_unit import part_unit
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
@@ -99,11 +100,12 @@ def place(finding: Finding, of: dict[str, Any]) -> Place:
     kind = variables()[finding.against]
     own = [p for p in panels() if p.variable is kind]
     apart = isinstance(finding.shape, ShapeOfEachRun)
-    signed = isinstance(finding.shape, Steps) and finding.shape.times_rate
+    of_rate = isinstance(finding.shape, Steps) and finding.shape.times_rate
+    part = part_unit(finding.note) if of_rate else None
     if len(own) < 2:
-        return Place(opened_by(finding.against), about_means=apart, signed=signed)
+        return Place(opened_by(finding.against), about_means=apart, part=part)
     best = max(own, key=lambda p: _visible(of[p.key(finding.axis)], of[finding.axis]))
-    return Place(best.name, about_means=apart, signed=signed)
+    return Place(best.name, about_means=apart, part=part)
 
 
 def _named_hz(note: str) -> tuple[float | None, float | None]:

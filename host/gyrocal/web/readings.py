@@ -21,11 +21,11 @@ FRAME_S = 0.033
 READ_S = 0.15
 """Time between two updates of the numbers, so that they can be read."""
 MOST_IN_FLIGHT = 3
-READINGS = (("x", "deg/s"), ("y", "deg/s"), ("z", "deg/s"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
+READINGS = (("x", "dps"), ("y", "dps"), ("z", "dps"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
 COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 """Columns of the saved table, named as in a session's files."""
-STRIPS = ("rate x, deg/s", "rate y, deg/s", "rate z, deg/s", "acceleration, g", "temperature, °C")
-UNITS = ("deg/s", "deg/s", "deg/s", "g", "°C")
+STRIPS = ("rate x, dps", "rate y, dps", "rate z, dps", "acceleration, g", "temperature, °C")
+UNITS = ("dps", "dps", "dps", "g", "°C")
 """The unit of each strip."""
 STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
 RATES = 3

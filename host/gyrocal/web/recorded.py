@@ -56,7 +56,7 @@ def recorded(session: Session, rests: Sequence[tuple[int, float, float]] = ()) -
 
     starts_s, runs, total_s = [], [], 0.0
     for run in session.runs:
-        known = "a reference" if run.table_rate_dps is None else f"{run.table_rate_dps:g} deg/s"
+        known = "a reference" if run.table_rate_dps is None else f"{run.table_rate_dps:g} dps"
         on_table = "" if session.reference.kind == "gravity" else f", {run.face}, axis {run.axis}, {known}"
         starts_s.append(total_s)
         runs.append((round(total_s, 3), f"{run.file}{on_table}"))

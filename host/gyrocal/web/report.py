@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from gyrocal.api import Comparison, Session
-from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.diagnosis.rate_unit import percent, unit_of
 from gyrocal.effects import base
 from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
-from gyrocal.present.report import headline, level_rows, level_unit
+from gyrocal.present.report import headline, level_rows, level_unit, parameter
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
@@ -56,7 +56,7 @@ def page(
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
         bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
-        unseen=unseen,
+        unseen=unseen, percent=percent,
     )  # fmt: skip
 
 
@@ -103,7 +103,9 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         known = declared.get(name) or declared.get(name.removesuffix("_sd"))
         return known or next((u for end, u in UNITS.items() if name.endswith(end)), "")
 
-    return [{**p, "unit": unit(p["effect"], p["name"])} for p in parameters]
+    return [
+        {**p, "unit": unit(p["effect"], p["name"]), "shown": parameter(p["value"], p["se"])} for p in parameters
+    ]
 
 
 def correlated(fitted: Fit, axis: str) -> list[list[str]]:

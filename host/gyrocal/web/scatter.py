@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gyrocal.diagnosis.rate_unit import rate_text, unit_of
+from gyrocal.diagnosis.rate_unit import rate_text, rounded, unit_of
 from gyrocal.present.output import plus_minus
 from gyrocal.web import charts
 from gyrocal.web.charts import Options, Palette
@@ -66,8 +66,9 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
         if bias is not None and scale is not None:
             told.append(
                 f"{head}: over {bias.cycles} power cycles the bias scatters by {rate_text(bias.sd)} about "
-                f"{unit.text(bias.mean)} {unit.name}, each answer's own error is {rate_text(bias.error)}; the scale scatters "
-                f"by {scale.sd:.2g} % about {scale.mean:.4f} %, own error {scale.error:.2g} %."
+                f"{unit.text(bias.mean, 1, bias.error)} {unit.name}, each answer's own error is {rate_text(bias.error)}; the "
+                f"scale scatters by {rounded(scale.sd, scale.sd, 0)} % about {rounded(scale.mean, scale.error, 4)} %, own "
+                f"error {rounded(scale.error, scale.error, 4)} %."
             )
             parts = [name for name, one in (("bias", bias), ("scale", scale)) if one.beyond]
             if parts:
@@ -87,7 +88,8 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
     doubted = sum(not e["trusted"] for e in found)
     if doubted:
         are = "is" if doubted == 1 else "are"
-        told.append(f"{doubted} of {len(found)} answers {are} not trusted; the last column says why.")
+        which = f"{doubted} of {len(found)} answers {are} not" if doubted < len(found) else "No answer is"
+        told.append(f"{which} trusted; the last column says why.")
     return told
 
 

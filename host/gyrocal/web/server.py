@@ -143,7 +143,7 @@ def serve(session: Path | None, device: str | None, host: str, http_port: int | 
     gc.disable()  # what is imported is no garbage
     from gyrocal.web.state import Workbench
 
-    bench = Workbench([Path.cwd()] if session is None else [Path.cwd(), session], lambda topic: page.changed.emit(topic))
+    bench = Workbench([Path.cwd()] if session is None else [Path.cwd(), session], lambda topic: page.tell(topic))
     if session is not None:
         with contextlib.suppress(GyrocalError):  # told when it is opened
             path = bench.places.session(session)

@@ -67,11 +67,12 @@ class Hunt:
 
 
 def _sizes(session: Path, kind: Any) -> str:
+    from gyrocal.present.report import sized  # the engine, which is loaded by now
+
     truth = json.loads(Path(f"{session}.truth.json").read_text(encoding="utf-8"))
     planted = next((e for e in truth["runs"][0]["effects"] if e["id"] == kind.id), None)
     if planted is None:
         return ""
-    units = {p.name: p.unit for p in kind.parameters}
-    sizes = [f"{name} = {value:.4g} {units.get(name, '')}".strip() for name, value in planted.items()
-             if isinstance(value, float) and value and "phase" not in name]  # fmt: skip
-    return f" on {planted['axis']} ({', '.join(sizes)})" if sizes else f" on {planted['axis']}"
+    values = {name: v for name, v in planted.items() if isinstance(v, float) and v and "phase" not in name}
+    sizes = sized(kind, values, {})
+    return f" on {planted['axis']} ({sizes})" if sizes else f" on {planted['axis']}"

@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
-from gyrocal.diagnosis.rate_unit import RateUnit
-
 
 def plain(columns: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequence[bool] = ()) -> str:
     """A table as HTML. Columns whose names end in a colon are text. The last cell of ``marked`` rows is highlighted."""
@@ -23,8 +21,3 @@ def plain(columns: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequenc
 def number(value: object, form: str, factor: float = 1.0) -> str:
     """A formatted number, or a dash for None."""
     return format(factor * value, form) if isinstance(value, int | float) else "–"
-
-
-def rate(value: object, unit: RateUnit, decimals: int = 1) -> str:
-    """A rate in deg/s as a number in a unit, or a dash for None. ``decimals`` are those in mdps."""
-    return number(value, f".{decimals + unit.decimals}f", unit.per_dps)

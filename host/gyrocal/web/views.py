@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gyrocal.diagnosis.rate_unit import RateUnit
     from gyrocal.present.spectra import Curve
     from gyrocal.web.budget import Budget
     from gyrocal.web.fall import Levels
@@ -60,14 +61,14 @@ class Place:
     """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names.
 
     ``about_means`` is True for a finding of another size in each run: each run is then drawn about its own mean.
-    ``signed`` is True for a finding in proportion to the rate: the residual then has the sign of the rate taken out.
+    ``part`` is the unit of a finding in proportion to the rate: the residual is then drawn as a part of the rate.
     """
 
     view: str
     low: float | None = None
     high: float | None = None
     about_means: bool = False
-    signed: bool = False
+    part: RateUnit | None = None
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ TINY_Q = 1e-9
 RMS = re.compile(r"rms ([\d.]+) (m?dps)")
 """The size of a finding in its words, where it is an rms."""
 SYMBOLS = {
-    "w": "w is the true rate, deg/s", "th": "th is the table's angle", "t": "t is the time in the run, s",
+    "w": "w is the true rate, dps", "th": "th is the table's angle", "t": "t is the time in the run, s",
     "p": "p is the time since power-on, s", "T": "T is the temperature, °C",
     "dT/dt": "dT/dt is the slope of the temperature, °C/s",
-    "y": "y is the reading, deg/s", "ax": "ax, ay, az are the acceleration, g",
+    "y": "y is the reading, dps", "ax": "ax, ay, az are the acceleration, g",
 }  # fmt: skip
 """What the symbols mean that stand in the equations of effects beside their parameters."""
 METHODS = {

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.diagnosis.rate_unit import percent, unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
 from gyrocal.web import scatter
 from gyrocal.web.state import Topic
-from gyrocal.web.tables import number, plain, rate
+from gyrocal.web.tables import number, plain
 from gyrocal.web.tools import named, tools
 from gyrocal.web.training import Training, missing
 from gyrocal.web.words import method, not_yet
@@ -251,8 +251,8 @@ def _table(estimates: list[dict[str, Any]]) -> str:
     unit = unit_of(e["bias_dps"] for e in estimates)
     rows = [
         [
-            e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), number(e["scale"], ".4f", 100),
-            number(e["scale_se"], ".4f", 100), rate(e["bias_dps"], unit), rate(e["bias_se_dps"], unit),
+            e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), *percent(e["scale"], e["scale_se"]),
+            *unit.pair(e["bias_dps"], e["bias_se_dps"]),
             number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]
         for e in estimates

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
+from gyrocal.diagnosis.rate_unit import UNKNOWN
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
@@ -43,8 +44,6 @@ AROUND = 4.0
 ALL = (0.0, 100.0)
 MOST_NAMED = 3
 """Findings that are buttons."""
-UNKNOWN = "-"
-"""A figure that the command line does not know."""
 MOVES = (
     ("zoom_in", "zoom in", 0.25, -0.25), ("zoom_out", "zoom out", -0.5, 0.5),
     ("chevron_left", "earlier", -0.5, -0.5), ("chevron_right", "later", 0.5, 0.5),
@@ -282,7 +281,7 @@ class ComparePanel:
             what = "Allan deviation of what is left over"
             return plots.curves(p, view.allan, self.axes, what, "", "noise model", x_name)
         place = self.place if self.place is not None and self.place.view == self.against else Place(self.against)
-        drawn = plots.By(place.about_means, place.signed)
+        drawn = plots.By(place.about_means, place.part)
         return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes, drawn)
 
     def _seen_part(self) -> tuple[float, float] | None:

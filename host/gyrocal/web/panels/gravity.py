@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from gyrocal.diagnosis.rate_unit import unit_of
+from gyrocal.diagnosis.rate_unit import percent, unit_of
 from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
 from gyrocal.web.state import Topic
 from gyrocal.web.strips import strips
-from gyrocal.web.tables import number, plain, rate
+from gyrocal.web.tables import number, plain
 from gyrocal.web.words import unseen
 
 if TYPE_CHECKING:
@@ -96,8 +96,8 @@ def _estimates(view: GravityView) -> None:
     unit = unit_of(e["bias_dps"] for e in view.estimates)
     rows = [
         [
-            e["axis"], number(e["scale"], ".4f", 100), number(e["scale_se"], ".4f", 100), rate(e["bias_dps"], unit),
-            rate(e["bias_se_dps"], unit), number(e["misfit"], ".2f"),
+            e["axis"], *percent(e["scale"], e["scale_se"]), *unit.pair(e["bias_dps"], e["bias_se_dps"]),
+            number(e["misfit"], ".2f"),
             "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]
         for e in view.estimates

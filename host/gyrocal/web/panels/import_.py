@@ -101,9 +101,9 @@ class ImportPanel:
             with ui.row().classes("tight"):
                 self.face = ui.select({"": "not said", "up": "up", "down": "down"}, value="", label="face")
                 self.axis = ui.select({"": "guess", "x": "x", "y": "y", "z": "z"}, value="", label="axis")
-                self.rate = ui.number("table rate, deg/s").props("outlined dense").style("width: 140px")
+                self.rate = ui.number("table rate, dps").props("outlined dense").style("width: 140px")
                 self.sample_rate = ui.number("samples a second").props("outlined dense").style("width: 140px")
-                self.lsb = ui.number("one count, deg/s").props("outlined dense").style("width: 140px")
+                self.lsb = ui.number("one count, dps").props("outlined dense").style("width: 140px")
                 self.sensor = ui.input("sensor").props("outlined dense").style("width: 140px")
             for field in (self.face, self.axis):
                 field.props("outlined dense").style("width: 110px")

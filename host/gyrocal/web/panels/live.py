@@ -109,7 +109,7 @@ class LivePanel:
         """The name and the settings of the part; empty before its hello came."""
         hello = self.live.sensor(self.imu).get("hello") or {}
         sensor, rate, scale = (hello.get(name, "?") for name in ("sensor", "rate_hz", "full_scale_dps"))
-        return f"{sensor}, {rate} Hz, ±{scale} deg/s" if hello else ""
+        return f"{sensor}, {rate} Hz, ±{scale} dps" if hello else ""
 
     def _complaint(self) -> str:
         """The device's latest error. A misfit is not one; it is shown with the results."""
@@ -195,7 +195,7 @@ class LivePanel:
             sensor = self.live.sensor(self.imu)
             missed = f", {sensor['missed']} not read in time" if sensor.get("missed") else ""
             rate = f"{sensor.get('rate_hz', 0.0):.0f} samples a second"
-            self.counts.text = f"{rate}, {lost} lost, {bad} bad, {status['restarts']} restarts{missed}"
+            self.counts.text = f"{rate}, {lost} lost, {bad} damaged, {status['restarts']} restarts{missed}"
             going = status.get("recording") or {}
             if going.get("going"):
                 self._tell_progress(going, sensor)
@@ -239,8 +239,9 @@ class LivePanel:
         self.recording.clear()
         status, hello = self.live.status, self.live.sensor(self.imu).get("hello")
         going = status.get("recording") or {}
-        self.recording.set_visibility(bool(hello))
-        if not hello:
+        shown = bool(hello) and (bool(going) or not self.live.ended)
+        self.recording.set_visibility(shown)
+        if not shown:
             return
         with self.recording:
             of = f" of sensor {self.imu}" if len(self.chips) > 1 else ""
@@ -260,7 +261,7 @@ class LivePanel:
                 button.props("unelevated no-caps").classes("primary")
                 self._by_hand(name)
                 return
-            rate = ui.number("table rate, deg/s", value=_number(hello.get("table_dps"), 78.0)).props("outlined dense")
+            rate = ui.number("table rate, dps", value=_number(hello.get("table_dps"), 78.0)).props("outlined dense")
             seconds = ui.number("seconds", value=30, min=1).props("outlined dense")
             with ui.row().classes("tight"):
                 for face in ("up", "down"):
