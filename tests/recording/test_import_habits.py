@@ -54,6 +54,11 @@ HABITS: dict[str, str | bytes] = {
     "UTF-16": text().encode("utf-16"),
     "UTF-16 without its mark": text().encode("utf-16-le"),
     "UTF-16 of the other order": text(separator="\t").encode("utf-16-be"),
+    "blank lines between": text(end="\r\r\n"),
+    "columns of slower sensors": text(
+        [[*row, *(["7.5"] * 5 if i % 25 == 24 else [""] * 5)] for i, row in enumerate(ROWS)],
+        [*HEAD, *(f"gps {k}" for k in "abcde")],
+    ),
     "gzip": gzip.compress(text().encode()),
     "Latin-1": text(head=["Time [s]", "Gyro X [°/s]", "Gyro Y [°/s]", "Gyro Z [°/s]"]).encode("latin-1"),
     "lines of Windows": text(end="\r\n"),

@@ -235,3 +235,14 @@ def test_an_import_says_where_the_clock_was_set_back(tmp_path: Path) -> None:
     (warned,) = [w for w in found.warnings if w.code == "sample_rate"]
     assert "log.csv: row 1002: the clock was set back by 0.3 s" in warned.text
     assert found.session.sample_rate_hz == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("gap_s", [0.5, 4.4, 60.0])
+def test_one_gap_in_a_short_log_is_no_interval(gap_s: float) -> None:
+    """Two seconds of a radio link's whole milliseconds, of which some repeat, with a gap after half a second."""
+    rng = np.random.default_rng(8)
+    true_s = np.arange(2000) * 1e-3
+    true_s[468:] += gap_s
+    stamps_s = np.floor(1e3 * true_s + rng.normal(0, 0.3, 2000)) / 1e3
+    stamps_s = np.maximum.accumulate(stamps_s)
+    assert period_s(stamps_s) == pytest.approx(1e-3, rel=0.01)

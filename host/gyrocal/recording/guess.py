@@ -245,7 +245,9 @@ def _unit_of_time(source: Source, name: str, t_s: Array, step: float) -> Guess |
     usual = [(unit, size, hz) for unit, size, hz in slow if hz >= RATES_HZ[0]]
     for unit, size, hz in slow:
         if DATES_S[0] < start * size < DATES_S[1]:
-            return Guess(f"t_s={name}:{unit}", f"dates since 1970; its steps make {hz:.4g} samples a second")
+            uptime_hz = 1e3 * hz if unit == "s" and hz < RATES_HZ[0] else 0.0  # a phone's milliseconds since weeks
+            other = f"; ms is possible too, with {uptime_hz:.4g} a second" if RATES_HZ[0] <= uptime_hz <= RATES_HZ[1] else ""
+            return Guess(f"t_s={name}:{unit}", f"dates since 1970; its steps make {hz:.4g} samples a second{other}")
     if not usual:
         return None
     (unit, size, hz), (longer, _, slow_hz) = usual[0], slow[0]

@@ -270,7 +270,8 @@ def _first_interval_s(t_s: Array, size: int, burst: int) -> float:
         return mean_s
     centred = np.arange(size) - (size - 1) / 2
     slopes = parts @ centred / float(centred @ centred)
-    middle_s, scatter_s = float(np.median(slopes)), 1.25 * float(np.std(slopes)) / len(slopes) ** 0.5
+    middle_s = float(np.median(slopes))
+    scatter_s = 1.25 * 1.483 * float(np.median(np.abs(slopes - middle_s))) / len(slopes) ** 0.5  # a gap scatters one part alone
     in_step_s = mean_s * (burst / size) ** 2 if burst > 1 else 0.0
     return middle_s if mean_s - middle_s > max(3 * scatter_s, in_step_s) else mean_s
 

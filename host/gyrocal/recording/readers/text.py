@@ -16,6 +16,7 @@ from gyrocal.recording.source import TOO_LONG, Source
 
 HEADER_SEARCH_LINES = 200
 BLANK = b"\n\0 "
+BLANKS = BLANK.decode()
 HEAD_BYTES = 1024
 """Bytes of a file's beginning, among which a text has no zero."""
 TAIL_BYTES = 4096
@@ -239,7 +240,7 @@ def _find_any_header(path: Path, lines: list[str], skip: int | None) -> tuple[in
     """The line above the first two rows of numbers, with the separator that makes most cells of it."""
     found = []
     for separator in SEPARATORS:
-        rows = [(number, _cells(line, separator)) for number, line in enumerate(lines[: HEADER_SEARCH_LINES + 3])]
+        rows = [(n, _cells(line, separator)) for n, line in enumerate(lines[: HEADER_SEARCH_LINES + 3]) if line.strip(BLANKS)]
         for (number, header), (_, row), (_, next_row) in zip(rows, rows[1:], rows[2:], strict=False):
             fits = len(_without_tail(header)) <= len(row) == len(next_row) > 1 and (skip is None or number == skip)
             fits = fits and len(header) >= len(_without_tail(row))
@@ -289,7 +290,8 @@ def _find_data(path: Path, lines: list[str], columns: Sequence[str], names: Sequ
 
 
 def _mostly_numbers(cells: list[str]) -> bool:
-    return 2 * sum(map(_is_number, cells)) > len(cells)
+    """True if more cells hold numbers than words. Cells are empty where a slower sensor of the same table has none."""
+    return 2 * sum(map(_is_number, cells)) > sum(cell != "" for cell in cells)
 
 
 def _is_number(cell: str, empty: bool = False) -> bool:
