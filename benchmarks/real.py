@@ -24,8 +24,10 @@ import polars as pl
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.real_corrected import CORRECTED
 from benchmarks.real_facts import Fact, close, named_on, said, saved, saved_runs, value, words
 from benchmarks.real_gravity import xsens
+from benchmarks.real_truth import body_rate_dps, lines_hz, map_fit, swing_fit
 
 from gyrocal.calibration.calibrate import calibrate
 from gyrocal.diagnosis.explain import Explanation, explain
@@ -163,24 +165,6 @@ def spoken(lines: list[float]) -> str:
     return ", ".join(f"{f:.2f}" for f in lines) or "none"
 
 
-def lines_hz(reading: Array, rate_hz: float, chance: float = 1e-3) -> list[float]:
-    """Frequencies from 1 Hz on whose power over the median around them noise reaches with a probability below ``chance``.
-
-    The periodogram is that of the whole recording with a Hann window. Of neighbours within 0.1 Hz the strongest counts.
-    """
-    power = np.abs(np.fft.rfft((reading - reading.mean()) * np.hanning(reading.size))) ** 2
-    frequency = np.fft.rfftfreq(reading.size, 1 / rate_hz)
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, 200, mode="reflect"), 401)
-    ratio = np.where(frequency > 1.0, power / (np.median(around, axis=1) / np.log(2)), 0.0)
-    lines: list[float] = []
-    for k in np.argsort(-ratio):
-        if ratio[k] < np.log(power.size / chance):
-            break
-        if all(abs(frequency[k] - f) > 0.1 for f in lines):
-            lines.append(float(frequency[k]))
-    return sorted(lines)
-
-
 def stepper(folder: Path, work: Path) -> Iterator[Fact]:
     """300 s of a sensor on a stepper's shaft with an encoder, and a second sensor at rest beside it.
 
@@ -217,20 +201,6 @@ def stepper(folder: Path, work: Path) -> Iterator[Fact]:
     )  # fmt: skip
     physical = sorted({i for a in AXES for i in named_on(quiet, a)} & {"bias_temperature", "misalignment", "drift", "warmup"})
     yield said("stepper, resting", "no thermal effect, no misalignment", words(physical), "nothing", "at rest", not physical)
-
-
-def swing_fit(t_s: Array, angle_deg: Array, reading_dps: Array) -> tuple[float, float, float]:
-    """Scale error, bias (dps) and delay (s) by least squares of the integrated reading on the encoder's angle."""
-    turned = np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (reading_dps[1:] + reading_dps[:-1]) / 2)])
-    best = (np.inf, 0.0, 0.0, 0.0)
-    for lag_s in np.arange(0.0, 0.04, 0.001):
-        shifted = np.interp(t_s - lag_s, t_s, angle_deg)
-        columns = np.column_stack([shifted, t_s, np.ones_like(t_s)])
-        solved, *_ = np.linalg.lstsq(columns, turned, rcond=None)
-        rms = float(np.std(turned - columns @ solved))
-        if rms < best[0]:
-            best = (rms, float(solved[0] - 1), float(solved[1]), float(lag_s))
-    return best[1:]
 
 
 def broad(folder: Path, work: Path) -> Iterator[Fact]:
@@ -270,56 +240,15 @@ def three_axes(raw: Any, work: Path) -> Iterator[Fact]:
     head = f'format = "gyrocal-session/1"\naxis = "z"\nsample_rate_hz = {rate_hz:.6f}\n[reference]\nclock = "own"\n'
     (work / "session.toml").write_text(f'{head}[[run]]\nfile = "run.csv"\nface = "up"\nscenario = "s000"\n')
     ref, half = body_rate_dps(quaternion, rate_hz), len(t_s) // 2
-    offset_s, matrix = map_fit(t_s, gyro, ref)
-    halves = [scales(map_fit(t_s[:half], gyro[p], ref[p])[1]) for p in (slice(0, half), slice(half, 2 * half))]
+    fitted = map_fit(t_s, gyro, ref)
+    halves = [map_fit(t_s[:half], gyro[p], ref[p]).scales for p in (slice(0, half), slice(half, 2 * half))]
     within = float(np.abs(halves[0] - halves[1]).max())
     found = explain(Session.open(work), most_steps=4)
     for i, a in enumerate(AXES):
         ours = value(found, "scale", a, "scale")
-        yield close(name, f"scale of {a}", ours, float(scales(matrix)[i]), within, "least squares in numpy and its halves")
+        yield close(name, f"scale of {a}", ours, float(fitted.scales[i]), within, "least squares in numpy and its halves")
     ours = found.last.comparison.fit.session.runs[0].registration.offset_s
-    yield close(name, "offset of the clocks, s", ours, offset_s, 0.0005, "least squares in numpy")
-
-
-def scales(matrix: Array) -> Array:
-    """Scale errors [3] of a map that is a symmetric matrix times a rotation."""
-    values, vectors = np.linalg.eigh(matrix @ matrix.T)
-    return np.asarray(np.diag((vectors * np.sqrt(values)) @ vectors.T) - 1)
-
-
-def map_fit(t_s: Array, gyro_dps: Array, ref_dps: Array) -> tuple[float, Array]:
-    """Offset (s) and map [3, 3] from the reference's rates to the readings, by least squares on means over 0.1 s."""
-    good = np.isfinite(ref_dps).all(axis=1)
-    size = round(0.1 / float(t_s[1]))
-    count = len(t_s) // size * size
-    whole = np.convolve(~good, np.ones(2 * size + 1), "same")[:count].reshape(-1, size).max(axis=1) < 0.5
-
-    def means(of: Array) -> Array:
-        return np.asarray(of[:count].reshape(-1, size, 3).mean(axis=1)[whole])
-
-    best = (np.inf, 0.0, np.eye(3))
-    for offset_s in np.arange(0.0, 0.009, 0.00025):
-        shifted = np.column_stack([np.interp(t_s - offset_s, t_s[good], ref_dps[good, i]) for i in range(3)])
-        columns = np.column_stack([means(shifted), np.ones(whole.sum())])
-        solved, squares, *_ = np.linalg.lstsq(columns, means(gyro_dps), rcond=None)
-        if squares.sum() < best[0]:
-            best = (float(squares.sum()), float(offset_s), solved[:3].T)
-    return best[1:]
-
-
-def body_rate_dps(quaternion: Array, rate_hz: float) -> Array:
-    """Body rate [n, 3] in deg/s from unit quaternions [n, 4] (w, x, y, z; body to fixed), by symmetric differences."""
-    q = quaternion.copy()
-    flips = np.cumprod(np.where(np.nansum(q[1:] * q[:-1], axis=1) < 0, -1.0, 1.0))
-    q[1:] *= flips[:, None]
-    rate = np.full((len(q), 3), np.nan)
-    a, b = q[:-2], q[2:]
-    w = a[:, 0] * b[:, 0] + np.sum(a[:, 1:] * b[:, 1:], axis=1)
-    v = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] - np.cross(a[:, 1:], b[:, 1:])
-    size = np.linalg.norm(v, axis=1)
-    angle = 2 * np.arctan2(size, w)
-    rate[1:-1] = np.rad2deg(v / np.maximum(size, 1e-12)[:, None] * angle[:, None]) * rate_hz / 2
-    return rate
+    yield close(name, "offset of the clocks, s", ours, fitted.offset_s, 0.0005, "least squares in numpy")
 
 
 RECORDINGS: dict[str, tuple[str, Callable[[Path, Path], Iterator[Fact]]]] = {
@@ -346,6 +275,8 @@ def run(sample: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
             continue
         with tempfile.TemporaryDirectory() as work:
             facts += grade(REALDATA / folder, Path(work))
+            if name in CORRECTED:
+                facts += CORRECTED[name](REALDATA / folder, Path(work) / "corrected")
     return {"facts": [asdict(f) for f in facts], "true": sum(f.ok for f in facts), "of": len(facts), "absent": absent}
 
 

@@ -55,13 +55,13 @@ def words(items: list[str]) -> str:
 
 def saved(work: Path, t_s: Array, gyro_dps: Array, facts: dict[str, Any], **columns: Array) -> Session:
     """One run as a session folder, as a user would write it: a CSV file and session.toml."""
-    lsb_dps = facts.pop("lsb_dps", None)
-    return saved_runs(work, t_s, gyro_dps, [("run", slice(None), facts)], lsb_dps=lsb_dps, **columns)
+    lsb_dps, clock = facts.pop("lsb_dps", None), facts.pop("clock", None)
+    return saved_runs(work, t_s, gyro_dps, [("run", slice(None), facts)], lsb_dps=lsb_dps, clock=clock, **columns)
 
 
 def saved_runs(
-    work: Path, t_s: Array, gyro_dps: Array, runs: list[tuple[str, slice, dict[str, Any]]], *, lsb_dps: float | None = None,
-    **columns: Array,
+    work: Path, t_s: Array, gyro_dps: Array, runs: list[tuple[str, Any, dict[str, Any]]], *, lsb_dps: float | None = None,
+    clock: str | None = None, **columns: Array,
 ) -> Session:  # fmt: skip
     """Runs cut from one recording, each with the facts of its entry in session.toml."""
     work.mkdir(parents=True, exist_ok=True)
@@ -69,10 +69,11 @@ def saved_runs(
     step_s = (t_s[-1] - t_s[0]) / (t_s.size - 1)
     lines = ['format = "gyrocal-session/1"', f'axis = "{axis}"', f"sample_rate_hz = {1 / step_s:.6f}"]
     lines += [] if lsb_dps is None else [f"lsb_dps = {lsb_dps}"]
+    lines += [] if clock is None else ["[reference]", f'clock = "{clock}"']
     for name, rows, facts in runs:
         table_of_run = {"t_s": t_s[rows] - t_s[rows][0], **{f"g{a}_dps": gyro_dps[rows, i] for i, a in enumerate(AXES)}}
         table_of_run |= {key: column[rows] for key, column in columns.items()}
-        pl.DataFrame(table_of_run).write_csv(work / f"{name}.csv")
+        pl.DataFrame(table_of_run).fill_nan(None).write_csv(work / f"{name}.csv")
         facts = {"face": "up", "scenario": "s000", **facts}
         lines += ["[[run]]", f'file = "{name}.csv"']
         lines += [f"{k} = {json.dumps(v)}" for k, v in facts.items()]

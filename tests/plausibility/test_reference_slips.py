@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
 from gyrocal.errors import InputError
@@ -90,6 +91,17 @@ def test_a_rest_in_which_the_sensor_turns_is_told_without_an_accelerometer_and_i
     swing = 30.0 * np.sin(2 * np.pi * t_s / 7.3)[:, None] * (0.2, 1.0, 0.0)
     run = make_run(t_s, swing + rng.normal(0, 0.1, (t_s.size, 3)), table_rate_dps=0.0)
     assert told(make_session(run)) == {("not_at_rest", "x"), ("not_at_rest", "y")}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_motion_of_a_hand_is_no_noise(seed: int) -> None:
+    """A phone at 50 Hz in a hand that is still now and then: neighbouring readings differ by more than a sensor's noise."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(3000) / 50.0
+    motion = lfilter(*butter(2, 2.5, fs=50.0), rng.normal(0, 150.0, (t_s.size, 3)), axis=0)
+    motion *= np.where(np.sin(2 * np.pi * t_s / 17.0) > 0, 1.0, 0.2)[:, None]
+    run = make_run(t_s, motion + rng.normal(0, 0.1, (t_s.size, 3)), table_rate_dps=0.0)
+    assert told(make_session(run)) >= {("not_at_rest", "z")}
 
 
 @pytest.mark.parametrize("kind", ["noisy", "drifting", "jump", "knock", "vibrating"])

@@ -1,12 +1,14 @@
 """How other programs write a table: each is read as what it means, or refused in one line that says what to do."""
 
 import datetime
+import gzip
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gyrocal.cli import main
 from gyrocal.errors import InputError
 from gyrocal.recording.import_options import Options
 from gyrocal.recording.importer import read_recording
@@ -30,6 +32,14 @@ def timed(form: str) -> str:
     return text([[m.strftime(form), *row[1:]] for m, row in zip(moments, ROWS, strict=True)])
 
 
+def over_the_end_of_summer_time() -> str:
+    """The table with offsets from UTC, whose clock is put back by an hour."""
+    moments = [START + datetime.timedelta(seconds=float(t)) for t in T_S]
+    winter = datetime.timezone(datetime.timedelta(hours=1))
+    stamps = [(m if i < N // 2 else m.astimezone(winter)).isoformat() for i, m in enumerate(moments)]
+    return text([[stamp, *row[1:]] for stamp, row in zip(stamps, ROWS, strict=True)])
+
+
 def counted(first: int, step: int) -> str:
     """The table with the times of a 32-bit counter."""
     return text([[str((first + i * step) % 2**32), *row[1:]] for i, row in enumerate(ROWS)], ["micros", *HEAD[1:]])
@@ -42,6 +52,14 @@ def with_commas(rows: list[list[str]], quote: str = "") -> list[list[str]]:
 HABITS: dict[str, str | bytes] = {
     "byte order mark": "\ufeff" + text(),
     "UTF-16": text().encode("utf-16"),
+    "UTF-16 without its mark": text().encode("utf-16-le"),
+    "UTF-16 of the other order": text(separator="\t").encode("utf-16-be"),
+    "blank lines between": text(end="\r\r\n"),
+    "columns of slower sensors": text(
+        [[*row, *(["7.5"] * 5 if i % 25 == 24 else [""] * 5)] for i, row in enumerate(ROWS)],
+        [*HEAD, *(f"gps {k}" for k in "abcde")],
+    ),
+    "gzip": gzip.compress(text().encode()),
     "Latin-1": text(head=["Time [s]", "Gyro X [°/s]", "Gyro Y [°/s]", "Gyro Z [°/s]"]).encode("latin-1"),
     "lines of Windows": text(end="\r\n"),
     "lines of an old Mac": text(end="\r"),
@@ -64,10 +82,13 @@ HABITS: dict[str, str | bytes] = {
     "words for nothing": text([[*row, ("NA", "-", "#N/A", "24.5")[i % 4]] for i, row in enumerate(ROWS)], [*HEAD, "temp"]),
     "typing error in a unit": text(head=["time", *(f"gyro_{a} (g/s)" for a in "xyz")]),
     "dates with a zone": timed("%Y-%m-%dT%H:%M:%S.%f%z"),
+    "dates with zones that change": over_the_end_of_summer_time(),
+    "dates with a zone's name": timed("%Y-%m-%d %H:%M:%S.%f CEST"),
     "dates by points": timed("%d.%m.%Y %H:%M:%S.%f"),
     "dates with AM and PM": timed("%m/%d/%Y %I:%M:%S.%f %p"),
     "times of day across midnight": timed("%H:%M:%S.%f"),
     "minutes and seconds": text([[f"{59 + t // 60:02.0f}:{t % 60:06.3f}", *r[1:]] for t, r in zip(T_S, ROWS, strict=True)]),
+    "abbreviated names": text(head=["time", "AngVelX", "AngVelY", "AngVelZ"]),
     "rates of roll, pitch and yaw": text(head=["time", "roll_rate", "pitch_rate", "yaw_rate"]),
     "a serial monitor's stamps": "".join(
         f"12:00:59.9{i % 10} -> {line}\n" if i < 2 else f"12:01:{T_S[i - 2]:06.3f} -> {line}\n"
@@ -97,6 +118,12 @@ REFUSED: dict[str, tuple[str, str]] = {
     "hexadecimal": (text([[r[0], *map(hex, c)] for r, c in zip(ROWS, UNSIGNED, strict=True)]), "write decimal ones"),
     "a serial monitor's stamps without a header": (MONITORED, "name all columns, as by --columns time,gx,gy,gz"),
     "JSON": ("\n".join(f'{{"t":{r[0]},"gz":{r[3]}}}' for r in ROWS), "this is JSON"),
+    "a header alone": (text([]), "no rows below the header; a recording has two samples at least"),
+    "one row": (text(ROWS[:1]), "1 row below the header"),
+    "commas between decimal commas": (text(with_commas(ROWS)), "save it with semicolons or tabs between the cells"),
+    "sensors in turn": (
+        text([[*r, n] for r in ROWS for n in "ab"], [*HEAD, "sensor_id"]), "of several sensors (a, b); keep those",
+    ),
     "a pointer": ("version https://git-lfs.example/spec/v1\noid sha256:0b8d\nsize 311115\n", "git lfs pull"),
     "HTML": ("<table>\n<tr><td>1</td></tr>\n", "XML or HTML"),
     "a plotter's labels": (text([[f"{h}:{c}" for h, c in zip(HEAD, r, strict=True)] for r in ROWS]), "write the names once"),
@@ -130,3 +157,25 @@ def test_archives_say_what_they_are(member: str, says: str, tmp_path: Path) -> N
         archive.writestr(member, text())
     with pytest.raises(InputError, match=says):
         read_recording(tmp_path / "log.zip", Options())
+
+
+def test_a_compressed_file_that_is_cut_off_says_so(tmp_path: Path) -> None:
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(text().encode())[:-100])
+    with pytest.raises(InputError, match="is cut off or damaged; copy it again"):
+        read_recording(tmp_path / "log.csv.gz", Options(defaults={"table_rate_dps": 78.0}))
+
+
+def test_another_gyroscope_is_told(tmp_path: Path) -> None:
+    head = ["time", *(f"imu{k}_gyro_{a}" for k in "12" for a in "xyz")]
+    (tmp_path / "log.csv").write_text(text([[*r, *r[1:]] for r in ROWS], head))
+    guessed = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 78.0})).guessed
+    assert {g.map.partition(":")[0]: g.why for g in guessed}["gy_dps=imu1_gyro_y"].endswith("; not imu2_gyro_y")
+
+
+def test_orientations_that_are_too_few_for_a_rate_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parts = [f"ref_q{part}" for part in "wxyz"]
+    (tmp_path / "log.csv").write_text(text([[*r, "1", "0", "0", "0"] for r in ROWS[:10]], [*HEAD, *parts]))
+    maps = ["t_s=time", *(f"g{a}_dps=gyro_{a}" for a in "xyz"), *(f"{part}={part}" for part in parts)]
+    options = [word for each in maps for word in ("--map", each)]
+    assert main(["import", str(tmp_path / "log.csv"), str(tmp_path / "out"), *options]) == 2
+    assert "no rate follows from the reference: it needs 16 samples in a row" in capsys.readouterr().err

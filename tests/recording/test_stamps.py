@@ -185,3 +185,64 @@ def test_exchanged_rows_lose_no_sample() -> None:
     found = regression(t_s)
     assert found.lost == 0
     np.testing.assert_allclose(found.t_s, true_s, atol=1e-3)
+
+
+@pytest.mark.parametrize("back_s", [0.04, 0.3, 2.0])
+@pytest.mark.parametrize("jitter", [0.0, 0.05])
+def test_a_clock_that_was_set_back_costs_no_time(back_s: float, jitter: float) -> None:
+    true_s = np.arange(3000) * PERIOD_S
+    stamps_s = true_s + np.random.default_rng(2).uniform(-jitter, jitter, 3000) * PERIOD_S
+    stamps_s[1200:] -= back_s
+    found = regression(stamps_s)
+    assert found.period_s == pytest.approx(PERIOD_S, rel=1e-4)
+    assert found.lost == 0
+    assert np.std(found.t_s - true_s) < 0.1 * PERIOD_S
+    ((place, by_s),) = found.set_back
+    assert (place, by_s) == (1200, pytest.approx(back_s, abs=PERIOD_S / 4))
+
+
+@pytest.mark.parametrize("first", [50, 1200, 2700])
+@pytest.mark.parametrize("frozen", [20, 100, 200])
+def test_a_clock_that_stood_still_costs_no_time(first: int, frozen: int) -> None:
+    true_s = np.arange(3000) * PERIOD_S
+    stamps_s = true_s.copy()
+    stamps_s[first : first + frozen] = stamps_s[first]
+    found = regression(stamps_s)
+    assert found.period_s == pytest.approx(PERIOD_S, rel=1e-6)
+    assert (found.lost, found.set_back) == (0, ())
+    assert found.t_s - found.t_s[0] == pytest.approx(true_s, abs=1e-6)
+    assert found.jitter_s == pytest.approx(np.std(stamps_s - true_s), rel=1e-3)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.77])
+@pytest.mark.parametrize("seconds", [10, 60])
+@pytest.mark.parametrize("rate_hz", [49.7, 100.0, 208.3, 999.1])
+def test_whole_seconds_give_the_rate(rate_hz: float, seconds: int, phase: float) -> None:
+    """Hundreds of samples share a stamp, so that the steps of the clock are fewer than the gaps that are tolerated."""
+    true_s = np.arange(int(rate_hz * seconds)) / rate_hz
+    found = regression(np.floor(true_s + phase))
+    assert found.lost <= 1
+    assert found.period_s * rate_hz == pytest.approx(1, abs=1.5 / true_s.size + 1e-5)
+    assert np.std(found.t_s - true_s) < 1 / rate_hz
+
+
+def test_an_import_says_where_the_clock_was_set_back(tmp_path: Path) -> None:
+    t_s = np.arange(2000) * PERIOD_S
+    t_s[1000:] -= 0.3
+    w = np.random.default_rng(0).normal(0, 0.1, (2000, 3))
+    pl.DataFrame({"t_s": t_s, **{f"g{a}_dps": w[:, i] for i, a in enumerate("xyz")}}).write_csv(tmp_path / "log.csv")
+    found = read_recording(tmp_path / "log.csv", Options(defaults={"table_rate_dps": 0.0}))
+    (warned,) = [w for w in found.warnings if w.code == "sample_rate"]
+    assert "log.csv: row 1002: the clock was set back by 0.3 s" in warned.text
+    assert found.session.sample_rate_hz == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("gap_s", [0.5, 4.4, 60.0])
+def test_one_gap_in_a_short_log_is_no_interval(gap_s: float) -> None:
+    """Two seconds of a radio link's whole milliseconds, of which some repeat, with a gap after half a second."""
+    rng = np.random.default_rng(8)
+    true_s = np.arange(2000) * 1e-3
+    true_s[468:] += gap_s
+    stamps_s = np.floor(1e3 * true_s + rng.normal(0, 0.3, 2000)) / 1e3
+    stamps_s = np.maximum.accumulate(stamps_s)
+    assert period_s(stamps_s) == pytest.approx(1e-3, rel=0.01)

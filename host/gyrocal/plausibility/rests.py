@@ -83,13 +83,16 @@ def _text(m: Mean, rests: list[Mean], axis: str) -> str:
 
 
 def _moves_dps(run: Run, axis: str) -> float:
-    """The median step between the means of successive seconds, deg/s; 0 where noise or one movement explains it."""
+    """The median step between the means of successive seconds, deg/s; 0 where noise or one movement explains it.
+
+    The noise is that of second differences in the usual second: first differences of a sensor in a hand are its motion.
+    """
     size = max(10, round(WINDOW_S * run.sample_rate_hz))
-    y = run.gyro_dps[: len(run) // size * size, AXES.index(axis)]
-    if y.size < 3 * size:
+    y = run.gyro_dps[: len(run) // size * size, AXES.index(axis)].reshape(-1, size)
+    if len(y) < 3:
         return 0.0
-    step_dps = float(np.median(np.abs(np.diff(y.reshape(-1, size).mean(axis=1)))))
-    noise_dps = float(np.sqrt(np.mean(np.diff(y) ** 2) / size))
+    step_dps = float(np.median(np.abs(np.diff(y.mean(axis=1)))))
+    noise_dps = float(np.sqrt(np.median(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1)) / 3 / size))
     return step_dps if step_dps > max(POLICY.rest_off_dps, POLICY.rest_spreads * noise_dps) else 0.0
 
 

@@ -178,7 +178,7 @@ def _check_few(
 ) -> None:
     count = int(rows.sum())
     if count > MOST_DAMAGED * rows.size:
-        more = f"; {count} of {rows.size} rows are so" if count > 1 else ""
+        more = f"; {count} of {rows.size} rows are so. Take another column, or delete these rows" if count > 1 else ""
         raise InputError(f"{source.label}: {_first(source, mappings, kept, rows, lacking)}{more}")
 
 
@@ -244,10 +244,15 @@ def even(
         longest = int(np.argmax(steps_s)) + 1
         raise InputError(f"{where(longest)}: {steps_s[longest - 1]:.3g} s after the row before; correct the times")
     stamps = regression(t_s)
+    what = "the times repeat or come in bursts, "
+    if stamps.set_back:
+        place, by_s = stamps.set_back[0]
+        more = f" and {len(stamps.set_back) - 1} times more" if len(stamps.set_back) > 1 else ""
+        what = f"{where(place)}: the clock was set back by {by_s:.3g} s{more}. Moved forward by that, the times are "
     lost = f", {stamps.lost} samples are missing" if stamps.lost else ""
     return stamps.t_s, Warning(
         "sample_rate", None, file,
-        f"the times repeat or come in bursts, {1e3 * stamps.jitter_s:.3g} ms rms off an even course of "
+        f"{what}{round(1e3 * stamps.jitter_s, 3):.3g} ms rms off an even course of "
         f"{1 / stamps.period_s:.5g} samples a second{lost}; they were replaced by their regression on the sample's number. "
         "Record the sensor's own time if you can",
     )  # fmt: skip

@@ -20,7 +20,7 @@ TIME = (
     r"sampletimefine|timestamp_unix"
 )
 GYRO = (
-    r"gyro(?:scope)?s?|gyro_?adc|gyrs?|gyr_rad_s|g|gy|w|omega|angular_?velocity|angular_?rate|w_rs_s|imu\.gyro|rotation_?rate|"
+    r"gyro(?:scope)?s?|gyro_?adc|gyrs?|gyr_rad_s|g|gy|w|omega|ang(?:ular)?_?vel(?:ocity)?|ang(?:ular)?_?rate|w_rs_s|imu\.gyro|rotation_?rate|"
     r"all_gyro_2|drehrate"
 )
 TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
@@ -69,6 +69,11 @@ COUNTS_ABOVE = 100.0
 """Whole numbers, of which some are larger, are raw counts."""
 COUNTS_PER_DPS = 131
 """Of the example in an error: an MPU-6050 whose range is 250 deg/s."""
+WHICH_SENSOR = r"(?:.*[/._ -])?(?:sensor|imu|device|node|board|mac|id)(?:[ _.-]?(?:id|type|name|no|number|address))?"
+"""Words of a column that says which sensor a row is of."""
+MOST_SENSORS = 16
+ALTERNATE = 0.25
+"""Part of the rows from which another sensor's follow each other in turn, and are no recordings one after the other."""
 COUNTS_PER_G = (16384, 8192, 4096, 2048)
 
 
@@ -89,11 +94,13 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
 
     InputError where no gyroscope is recognized, or where its unit cannot be told.
     """
+    _check_one_sensor(source)
     exact = [name for name in TARGETS if name in source.frame.columns]
     found = {name: Guess(f"{name}={name}", "its name") for name in exact}
     if "t_s" not in found:
         _add(found, _time(source))
-    named = {axis: _named(source, GYRO, axis) for axis in axes}
+    every = {axis: _every_named(source, GYRO, axis) for axis in axes}
+    named = {axis: next(iter(names), None) for axis, names in every.items()}
     phone = not any(named.values()) and "gyro" in Path(source.label).name.lower()
     if phone:  # Gyroscope.csv of a phone: time, x, y, z
         named = {axis: next((n for n in source.frame.columns if n.lower() == axis), None) for axis in axes}
@@ -109,7 +116,8 @@ def guess(source: Source, scaling: Scaling, axes: Sequence[str] = AXES, referenc
     if gyro:
         unit, why = _unit_of_gyro(source, list(gyro.values()), "the accelerometer is in m/s2" if si else PHONE * phone, scaling)
         for axis, name in gyro.items():
-            _add(found, Guess(f"g{axis}_dps={name}{unit}", why))
+            others = ", ".join(n for n in every[axis] if n != name)
+            _add(found, Guess(f"g{axis}_dps={name}{unit}", f"{why}; not {others}" if others else why))
     if not any(f"g{a}_dps" in found for a in AXES):
         raise InputError(
             f"{source.label}: no gyroscope is recognized among {', '.join(source.frame.columns[:40])}; say which columns to "
@@ -163,19 +171,33 @@ def _bare(name: str) -> tuple[str, str]:
     return bare.strip(" #").lower(), unit.strip().lower()
 
 
+def _check_one_sensor(source: Source) -> None:
+    """Raise InputError if a column says that the rows are of several sensors in turn."""
+    for name in source.frame.columns:
+        if not re.fullmatch(WHICH_SENSOR, _bare(name)[0]):
+            continue
+        column = source.frame[name].drop_nulls()
+        kinds = column.unique(maintain_order=True)
+        if 2 <= len(kinds) <= MOST_SENSORS and (column != column.shift()).sum() > ALTERNATE * len(column):
+            shown = ", ".join(f"{kind:g}" if isinstance(kind, float) else str(kind) for kind in kinds)
+            raise InputError(f"{source.label}: {name} says that the rows are of several sensors ({shown}); keep those of one")
+
+
 def _named(source: Source, words: str, axis: str) -> str | None:
-    """The first column whose name is one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``, ``yaw_rate``."""
+    """The first column whose name is one of the words with this axis."""
+    return next(iter(_every_named(source, words, axis)), None)
+
+
+def _every_named(source: Source, words: str, axis: str) -> list[str]:
+    """The columns whose names are one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``; else ``yaw_rate``."""
     index = str(AXES.index(axis))
     number = rf"\.{index}|\[{index}\]"
     units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
-    for name in source.frame.columns:
-        bare, _ = _bare(name)
-        kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
-        named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
-        if re.fullmatch(named, bare):
-            return name
+    kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
+    named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
     turn = rf"(?:.*[/._ ])?{TURNS[axis]}[ _.-]?(?:rate|speed|velocity){units}"
-    return next((n for n in source.frame.columns if GYRO in words and re.fullmatch(turn, _bare(n)[0])), None)
+    found = [name for name in source.frame.columns if re.fullmatch(named, _bare(name)[0])]
+    return found or [n for n in source.frame.columns if GYRO in words and re.fullmatch(turn, _bare(n)[0])]
 
 
 def _stated_unit(name: str, kind: str) -> str | None:
@@ -200,7 +222,7 @@ def _time(source: Source) -> Guess | None:
             continue
         t_s = source.numbers(ColumnMap("t_s", name))
         t_s = t_s[np.isfinite(t_s)]
-        if t_s.size < 3 or not _runs_forward(t_s):
+        if t_s.size < 2 or not _runs_forward(t_s):
             continue
         stated = _stated_unit(name, "t_s")
         if moments_ns(source.frame[name]) is not None:
@@ -223,7 +245,9 @@ def _unit_of_time(source: Source, name: str, t_s: Array, step: float) -> Guess |
     usual = [(unit, size, hz) for unit, size, hz in slow if hz >= RATES_HZ[0]]
     for unit, size, hz in slow:
         if DATES_S[0] < start * size < DATES_S[1]:
-            return Guess(f"t_s={name}:{unit}", f"dates since 1970; its steps make {hz:.4g} samples a second")
+            uptime_hz = 1e3 * hz if unit == "s" and hz < RATES_HZ[0] else 0.0  # a phone's milliseconds since weeks
+            other = f"; ms is possible too, with {uptime_hz:.4g} a second" if RATES_HZ[0] <= uptime_hz <= RATES_HZ[1] else ""
+            return Guess(f"t_s={name}:{unit}", f"dates since 1970; its steps make {hz:.4g} samples a second{other}")
     if not usual:
         return None
     (unit, size, hz), (longer, _, slow_hz) = usual[0], slow[0]

@@ -33,6 +33,10 @@ BY_GRAVITY = (
     "the reference is gravity, so no true rate is known; what reads such sessions is compare, diagnose, add, explain, and "
     "calibrate --method model"
 )
+NO_RATE = (
+    "no rate follows from the reference: it needs 16 samples in a row without a gap or a jump. Leave its columns out "
+    "and state the run's true rate, as by --rate or --turn-deg when importing"
+)
 KEPT = (*OF_FILE, "reference_dps", "motion", "_smooth_reference")
 """Values that do not depend on the run's timing."""
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -177,6 +181,8 @@ class Run:
             return rate_dps
         if self.table_rate_dps is not None:
             return np.full(len(self), self.table_rate_dps * self.face_sign)
+        if self.measured_rates is not None:
+            raise InputError(f"{self.file}: {NO_RATE}")
         if self.turn_deg is None:
             raise InputError(f"{self.file}: {BY_GRAVITY}")
         return np.full(len(self), self.turn_deg * self.face_sign / self.duration_s)

@@ -26,10 +26,13 @@ WRAP = 2.0**32
 AT_WRAP = 0.01
 """Part of the counter's range, before and after which a step back is one of these."""
 DAY_NS = 86_400_000_000_000
+MINUTE_NS = 60_000_000_000
 CLOCK_12_H = ("%m/%d/%Y %I:%M:%S%.f %p", "%Y-%m-%d %I:%M:%S%.f %p")
 """Dates with AM and PM, month first."""
 MINUTES = r"^(\d{1,5}):(\d\d(?:\.\d+)?)$"
 """Minutes and seconds, as spreadsheets show them."""
+ZONE = r"(:\d\d(?:\.\d+)?) ?(?:Z|[A-Z]{3,5}|([+-]\d\d:?\d\d))$"
+"""A time zone behind a time: UTC's letter, a name, or hours and minutes ahead of UTC."""
 LOOKED_AT = 20
 """Cells by which times written as text are recognized."""
 SHOWN_COLUMNS = 40
@@ -156,16 +159,22 @@ def of_arrays(path: Path, arrays: dict[str, Any], label: str | None = None, si: 
 def moments_ns(column: pl.Series) -> pl.Series | None:
     """Dates with times, or times of day, as whole nanoseconds [n]; None if the column is none of these.
 
-    A time zone counts as UTC: only differences of time matter.
+    An offset from UTC is subtracted, because it changes when summer time ends. A zone that is named counts as UTC: only
+    differences of time matter.
     """
     if column.dtype != pl.String:
         return column.cast(pl.Datetime("ns")).cast(pl.Int64) if column.dtype == pl.Datetime else None
-    text = column.str.strip_chars().str.replace(r"(?:Z|[+-]\d\d:?\d\d)$", "")
+    zoned = column.str.strip_chars()
+    text = zoned.str.replace(ZONE, "$1")
     parts = [text.str.extract(MINUTES, group).cast(pl.Float64) for group in (1, 2)]
     if parts[1].null_count() < len(text):
         return ((60 * parts[0] + parts[1]) * 1e9).round().cast(pl.Int64)
     if not text.drop_nulls().head(LOOKED_AT).str.contains(r"\d:\d\d:\d\d").any():
         return None
+    return _moments_of_text_ns(text) - _ahead_of_utc_ns(zoned)
+
+
+def _moments_of_text_ns(text: pl.Series) -> pl.Series:
     for form in CLOCK_12_H:
         moments = text.str.to_datetime(form, time_unit="ns", strict=False)
         if moments.null_count() < len(moments):
@@ -175,3 +184,11 @@ def moments_ns(column: pl.Series) -> pl.Series | None:
     except pl.exceptions.ComputeError:
         of_day = text.str.to_time("%H:%M:%S%.f", strict=False).cast(pl.Int64)
         return of_day + DAY_NS * (of_day.diff() < -DAY_NS // 2).fill_null(False).cum_sum().cast(pl.Int64)
+
+
+def _ahead_of_utc_ns(zoned: pl.Series) -> pl.Series:
+    """How far the clock of each text is ahead of UTC, ns; 0 where it states no offset."""
+    offset = zoned.str.extract(ZONE, 2).str.replace(":", "", literal=True)
+    minutes = 60 * offset.str.slice(1, 2).cast(pl.Int64) + offset.str.slice(3, 2).cast(pl.Int64)
+    sign = 1 - 2 * offset.str.starts_with("-").cast(pl.Int64)
+    return (sign * minutes * MINUTE_NS).fill_null(0)

@@ -19,12 +19,16 @@ BURST = 0.2
 """Smallest interval between two samples of a sampler, as a fraction of the mean interval."""
 GAPS = 0.005
 """Fraction of the intervals that may be gaps of any length."""
+MOST_GAPS = 0.1
+"""Fraction of the intervals that are no repetitions, of which gaps are fewer: hundreds of samples may share one stamp."""
 LEAST_BURSTS = 0.001
 """Fraction of such intervals above which stamps come in bursts. Below it they are exact but for a few."""
 WINDOW = 64
 """Fewest samples that a lost sample is judged by, on either side."""
 PART_BURSTS = 16
 """Bursts in a part of which the slope is taken."""
+FEWEST_PARTS = 4
+"""Parts whose slopes have a scatter worth the name."""
 ROUNDS = 3
 """Numbers and the interval are found in turn."""
 LONG = 1.5
@@ -33,6 +37,12 @@ LOST = 0.7
 """Fraction of an interval. A shift of all later stamps by more means a lost sample."""
 KNOT_S = 60.0
 """The interval may change slowly: the regression is a chain of lines between moments this far apart, s."""
+USUAL = 0.5
+"""An interval is usual if it is off the median by less than this fraction of it."""
+MOSTLY_USUAL = 0.9
+"""Fraction of usual intervals from which the clock is right but for single incidents."""
+FROZEN = 4
+"""Fewest intervals in a row without progress that are a clock standing still, and no packet of a few samples."""
 LATEST_S = 5.0
 """Stamps that go back by more are those of another recording, s."""
 PART = 2**15
@@ -43,13 +53,15 @@ PART = 2**15
 class Stamps:
     """Times ``t_s`` [n], s, that run forward; the mean interval ``period_s``; how far the stamps were off, rms, ``jitter_s``.
 
-    ``number`` [n] is the number of each sample, in which lost samples are counted.
+    ``number`` [n] is the number of each sample, in which lost samples are counted. ``set_back`` are the samples from which
+    on the clock was set back, and by how much, s.
     """
 
     t_s: Array
     period_s: float
     number: Index
     jitter_s: float
+    set_back: tuple[tuple[int, float], ...] = ()
 
     @property
     def lost(self) -> int:
@@ -98,18 +110,65 @@ def typical_step_s(t_s: Array) -> float:
 
 def period_s(t_s: Array) -> float:
     """The sampling interval of stamps [n], s, which may jitter, come in bursts, or have lost some samples between them."""
-    return _even_interval_s(t_s) if _is_even(t_s) else _numbered(_without_stale(t_s))[1]
+    return _even_interval_s(t_s) if _is_even(t_s) else _numbered(_without_stale(_without_incidents(t_s)[0]))[1]
 
 
 def regression(t_s: Array) -> Stamps:
     """The regression of stamps [n], s, on the numbers of their samples."""
-    fresh_s = _without_stale(t_s)
+    onward_s, set_back = _without_incidents(t_s)
+    fresh_s = _without_stale(onward_s)
     number, interval_s = _numbered(fresh_s)
     if t_s.size < 3:
         return Stamps(t_s, interval_s, number, 0.0)
-    bends = min((t_s[-1] - t_s[0]) / KNOT_S, t_s.size - 1)
+    bends = min((fresh_s[-1] - fresh_s[0]) / KNOT_S, t_s.size - 1)
     fitted = _chain(number, fresh_s, max(2, round(bends) + 1))
-    return Stamps(fitted, interval_s, number, float(np.sqrt(np.mean((t_s - fitted) ** 2))))
+    late_s = t_s - fitted
+    for first, by_s in set_back:
+        late_s[first:] += by_s
+    return Stamps(fitted, interval_s, number, float(np.std(late_s)), set_back)
+
+
+def _without_incidents(t_s: Array) -> tuple[Array, tuple[tuple[int, float], ...]]:
+    """Stamps [n], s, of a clock that is right but for incidents, without these; and where it was set back, by how much, s.
+
+    A clock that stood still and then shows the right time again is put on a line meanwhile. Samples cannot come before their
+    time: a clock that stays behind its course was set back, and all later stamps are moved. Other stamps stay as they are.
+    """
+    steps = np.diff(t_s)
+    usual_s = float(np.median(steps)) if steps.size else 0.0
+    usual = np.abs(steps - usual_s) < USUAL * usual_s
+    if usual_s <= 0 or usual.all() or np.mean(usual) < MOSTLY_USUAL:
+        return t_s, ()
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], ~usual, [0]]).astype(np.int8)))
+    starts, ends = edges[::2], edges[1::2]
+    before, after = starts - np.concatenate([[0], ends[:-1]]), np.concatenate([starts[1:], [steps.size]]) - ends
+    mended, set_back = t_s.copy(), []
+    for first, last, quiet in zip(starts.tolist(), ends.tolist(), np.minimum(before, after).tolist(), strict=True):
+        behind_s = (last - first) * usual_s - float(t_s[last] - t_s[first])
+        backward = float(steps[first:last].min()) < 0
+        if backward and behind_s > LONG * usual_s and quiet >= WINDOW:
+            set_back.append((last, behind_s))
+            mended[last:] += behind_s
+        elif last - first < FROZEN or abs(behind_s) > LONG * usual_s:
+            continue
+        mended[first : last + 1] = np.linspace(mended[first], mended[last], last - first + 1)
+    return mended, tuple(set_back)
+
+
+def _first_of_ticks(t_s: Array) -> Index:
+    """The samples that a regression relies on: of a clock whose ticks serve several samples each, the first of each tick.
+
+    That sample was taken when the tick came, and the others later. All samples of any other stamps [n], s.
+    """
+    steps = np.diff(t_s)
+    ticks = steps[steps > 0]
+    every = np.arange(t_s.size)
+    if ticks.size < PART_BURSTS // 4 or ticks.size > steps.size / 2:
+        return every
+    whole = ticks / ticks.min()
+    if np.abs(whole - np.rint(whole)).max() > 1e-3:
+        return every
+    return np.flatnonzero(steps > 0) + 1
 
 
 def _without_stale(t_s: Array) -> Array:
@@ -148,12 +207,12 @@ def _numbered(t_s: Array) -> tuple[Index, float]:
     burst = _longest_burst(t_s)
     size = min(max(WINDOW, 4 * burst), n)
     interval_s = _first_interval_s(t_s, min(max(WINDOW, PART_BURSTS * burst), n), burst)
-    number = np.zeros(0, dtype=np.intp)
+    number, ticks = np.zeros(0, dtype=np.intp), _first_of_ticks(t_s)
     for _ in range(ROUNDS):
         found = (np.arange(n) + _lost(t_s, interval_s, size, 2 * burst)).astype(np.intp)
         if np.array_equal(found, number):
             break
-        number, interval_s = found, _slope_s(found, t_s)
+        number, interval_s = found, _slope_s(found[ticks], t_s[ticks])
     return number, interval_s
 
 
@@ -192,7 +251,8 @@ def _slope_s(number: Index, t_s: Array) -> float:
 
 def _mean_step_s(steps_s: Array) -> float:
     """The mean of steps [n], s, without the longest, which may be gaps."""
-    kept = max(1, int(steps_s.size * (1 - GAPS)))
+    longest = min(int(np.ceil(steps_s.size * GAPS)), int(MOST_GAPS * np.sum(steps_s > 0)))
+    kept = max(1, steps_s.size - longest)
     return float(np.mean(np.partition(steps_s, kept - 1)[:kept]))
 
 
@@ -206,9 +266,12 @@ def _first_interval_s(t_s: Array, size: int, burst: int) -> float:
     number = first - first.mean()
     mean_s = float(number @ (t_s[first] - t_s[0])) / float(number @ number)
     parts = t_s[: t_s.size // size * size].reshape(-1, size)
+    if len(parts) < FEWEST_PARTS:
+        return mean_s
     centred = np.arange(size) - (size - 1) / 2
     slopes = parts @ centred / float(centred @ centred)
-    middle_s, scatter_s = float(np.median(slopes)), 1.25 * float(np.std(slopes)) / len(slopes) ** 0.5
+    middle_s = float(np.median(slopes))
+    scatter_s = 1.25 * 1.483 * float(np.median(np.abs(slopes - middle_s))) / len(slopes) ** 0.5  # a gap scatters one part alone
     in_step_s = mean_s * (burst / size) ** 2 if burst > 1 else 0.0
     return middle_s if mean_s - middle_s > max(3 * scatter_s, in_step_s) else mean_s
 
@@ -250,16 +313,18 @@ def _chain(number: Index, t_s: Array, knots: int) -> Array:
     """Least squares of times on numbers by a line with bends at ``knots`` moments, evenly spaced."""
     from scipy.linalg import solveh_banded
 
+    ticks = _first_of_ticks(t_s)
     x = (number - number[0]) / max(1, int(number[-1] - number[0])) * (knots - 1)
     piece = np.minimum(x.astype(np.intp), knots - 2)
     right = x - piece
     left = 1 - right
+    at, share, rest = piece[ticks], left[ticks], right[ticks]
     bands = np.zeros((2, knots))
-    bands[1] = np.bincount(piece, left**2, knots) + np.bincount(piece + 1, right**2, knots)
-    bands[0, 1:] = np.bincount(piece, left * right, knots)[:-1]
+    bands[1] = np.bincount(at, share**2, knots) + np.bincount(at + 1, rest**2, knots)
+    bands[0, 1:] = np.bincount(at, share * rest, knots)[:-1]
     bands[1] += 1e-9 * bands[1].max()  # a stretch without samples
-    line_s = np.polyval(np.polyfit(x, t_s - t_s[0], 1), x) + t_s[0]
-    off_s = t_s - line_s
-    bend_s = solveh_banded(bands, np.bincount(piece, left * off_s, knots) + np.bincount(piece + 1, right * off_s, knots))
+    line_s = np.polyval(np.polyfit(x[ticks], t_s[ticks] - t_s[0], 1), x) + t_s[0]
+    off_s = t_s[ticks] - line_s[ticks]
+    bend_s = solveh_banded(bands, np.bincount(at, share * off_s, knots) + np.bincount(at + 1, rest * off_s, knots))
     bent_s = line_s + left * bend_s[piece] + right * bend_s[piece + 1]
     return np.asarray(bent_s if np.all(np.diff(bent_s) > 0) else line_s)

@@ -52,7 +52,7 @@ def read(
             return arrays.read_npz(path)
         file: Path | io.BytesIO = path
         if head[:2] == b"\x1f\x8b":
-            file = io.BytesIO(gzip.decompress(path.read_bytes()))
+            file = io.BytesIO(_unzipped(path))
             head = file.getvalue()[:HEAD_BYTES]
         if head[:4] == parquet.MAGIC:
             return parquet.read(path, file)
@@ -62,3 +62,11 @@ def read(
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or first_line(error)}") from None
     return text.read(path, data, names, columns, skip)
+
+
+def _unzipped(path: Path) -> bytes:
+    try:
+        return gzip.decompress(path.read_bytes())
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        damaged = "the compressed file is cut off or damaged; copy it again, or save what gunzip makes of it"
+        raise InputError(f"{path}: {damaged}") from None

@@ -16,6 +16,7 @@ from gyrocal.recording.source import TOO_LONG, Source
 
 HEADER_SEARCH_LINES = 200
 BLANK = b"\n\0 "
+BLANKS = BLANK.decode()
 HEAD_BYTES = 1024
 """Bytes of a file's beginning, among which a text has no zero."""
 TAIL_BYTES = 4096
@@ -67,13 +68,22 @@ def read(path: Path, data: bytes, names: Sequence[str], columns: Sequence[str] |
 
 def _plain(data: bytes) -> bytes:
     """A text in UTF-8 with lines that end in a line feed and the minus sign of a keyboard."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.decode("utf-16", errors="replace").encode()
+    if (encoding := _utf16(data[:HEAD_BYTES])) is not None:
+        data = data.decode(encoding, errors="replace").encode()
     data = data.removeprefix(codecs.BOM_UTF8)
     for old, new in ((b"\r\n", b"\n"), (b"\r", b"\n"), (MINUS, b"-")):
         if old in data:
             data = data.replace(old, new)
     return _of_monitor(data)
+
+
+def _utf16(head: bytes) -> str | None:
+    """The UTF-16 of a text by its first bytes, with a byte order mark or without: every other byte is then zero."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    zeros = [not any(head[first::2]) and len(head) > 1 for first in (0, 1)]
+    text = [b"\0" not in head[1 - first :: 2] for first in (0, 1)]
+    return next((name for name, z, t in zip(("utf-16-be", "utf-16-le"), zeros, text, strict=True) if z and t), None)
 
 
 def _of_monitor(data: bytes) -> bytes:
@@ -230,7 +240,7 @@ def _find_any_header(path: Path, lines: list[str], skip: int | None) -> tuple[in
     """The line above the first two rows of numbers, with the separator that makes most cells of it."""
     found = []
     for separator in SEPARATORS:
-        rows = [(number, _cells(line, separator)) for number, line in enumerate(lines[: HEADER_SEARCH_LINES + 3])]
+        rows = [(n, _cells(line, separator)) for n, line in enumerate(lines[: HEADER_SEARCH_LINES + 3]) if line.strip(BLANKS)]
         for (number, header), (_, row), (_, next_row) in zip(rows, rows[1:], rows[2:], strict=False):
             fits = len(_without_tail(header)) <= len(row) == len(next_row) > 1 and (skip is None or number == skip)
             fits = fits and len(header) >= len(_without_tail(row))
@@ -253,7 +263,13 @@ def _why_no_table(lines: list[str]) -> str:
         return "this is JSON; save it as CSV, as pandas.read_json(FILE, lines=True).to_csv does"
     if start == "<":
         return "this is XML or HTML; save the table in it as CSV"
+    head = max((_cells(lines[0], separator) for separator in SEPARATORS), key=len)
+    if len(lines) < 3 and len(head) > 1 and not _mostly_numbers(head):
+        rows = "1 row" if len(lines) == 2 else "no rows"
+        return f"{rows} below the header; a recording has two samples at least"
     last = lines[-1]
+    if last.count(",") + 1 == 2 * len(_without_tail(_cells(lines[0], ","))) > 2:
+        return "decimal commas and commas between the cells look alike; save it with semicolons or tabs between the cells"
     if re.search(r"\b0[xX][0-9a-fA-F]+\b", last):
         return "hexadecimal numbers are not read; write decimal ones"
     if labelled := re.search(r"[A-Za-z]\w*[:=]\s*[-+.\d]+", last):
@@ -274,7 +290,8 @@ def _find_data(path: Path, lines: list[str], columns: Sequence[str], names: Sequ
 
 
 def _mostly_numbers(cells: list[str]) -> bool:
-    return 2 * sum(map(_is_number, cells)) > len(cells)
+    """True if more cells hold numbers than words. Cells are empty where a slower sensor of the same table has none."""
+    return 2 * sum(map(_is_number, cells)) > sum(cell != "" for cell in cells)
 
 
 def _is_number(cell: str, empty: bool = False) -> bool:
