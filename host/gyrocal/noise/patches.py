@@ -37,6 +37,7 @@ BANDS = (2, 3, 4, 6, 8, 12, 16)
 SIDES = (1, 2)
 """Widths of a side in widths of the band, and at least ``LEAST_SIDE`` frequencies."""
 LEAST_SIDE = 4
+STATISTICS = 3
 SPANS, NARROW = (1, 2, 4, 8, 16), (1, 2, 4, 8)
 """Lengths and widths of a patch, in segments and in frequencies."""
 BEND = 0.4
@@ -101,9 +102,10 @@ def patch(residuals: Sequence[Array], rate_hz: float, lines_hz: Sequence[float] 
     cells = _cells(residuals, rate_hz, lines_hz)
     if cells is None:
         return None
-    found = [p for p in (*_of_all_time(cells), _of_some_seconds(cells)) if p is not None]
+    brief = _of_some_seconds(cells)
+    found = [*_of_all_time(cells), *([] if brief is None else [brief])]
     best = min(found, key=lambda p: p.chance, default=None)
-    return None if best is None else replace(best, chance=min(1.0, len(found) * best.chance))
+    return None if best is None else replace(best, chance=min(1.0, STATISTICS * best.chance))
 
 
 def _cells(residuals: Sequence[Array], rate_hz: float, lines_hz: Sequence[float]) -> _Cells | None:
@@ -152,31 +154,31 @@ def _values_of_time(segments: int) -> float:
     return segments / (1 + 2 * (segments - 1) / segments * OF_SECOND)
 
 
-def _of_all_time(cells: _Cells) -> Iterator[Patch | None]:
+def _of_all_time(cells: _Cells) -> Iterator[Patch]:
     """The least probable band that is louder than both sides, and the least probable one that is louder and unsteady."""
     segments = _values_of_time(len(cells.ratio))
     log_hz, log_density = np.log(cells.frequency_hz), np.log(cells.density)
     unsteady = (cells.ratio**2).mean(axis=0) - 2
     best: dict[bool, tuple[float, int, int, float, float]] = {}
-    for both in (False, True):
-        scales = 0
-        for b in BANDS:
-            for side in (max(LEAST_SIDE, of * b) for of in SIDES):
-                places = range(side, cells.frequency_hz.size - b - side + 1, max(1, b // 2))
-                scales += bool(places)
-                for i in places:
-                    louder, z = _louder(log_hz, log_density, i, b, side, segments)
-                    if both:
-                        z = (max(z, 0.0) + max(_unsteady(unsteady, i, b, segments), 0.0)) / np.sqrt(2)
-                    chance = float(tails.normal(z)) * len(places)
+    scales = 0
+    for b in BANDS:
+        for side in (max(LEAST_SIDE, of * b) for of in SIDES):
+            places = range(side, cells.frequency_hz.size - b - side + 1, max(1, b // 2))
+            scales += bool(places)
+            for i in places:
+                louder, z = _louder(log_hz, log_density, i, b, side, segments)
+                if z <= 0:
+                    continue
+                with_both = (z + max(_unsteady(unsteady, i, b, segments), 0.0)) / np.sqrt(2)
+                for both, sigma in ((False, z), (True, with_both)):
+                    chance = float(tails.normal(sigma)) * len(places)
                     if both not in best or chance < best[both][0]:
-                        best[both] = (chance, i, b, louder, z)
-        if both in best:
-            chance, i, b, louder, z = best[both]
-            band = slice(i, i + b)
-            power = float(np.sum(cells.density[band])) * cells.bin_hz * max(0.0, 1 - np.exp(-louder))
-            low_hz, high_hz = float(cells.frequency_hz[i]), float(cells.frequency_hz[i + b - 1])
-            yield Patch(low_hz, high_hz, float(np.sqrt(2 * power)), z, scales * chance, unsteady=both)
+                        best[both] = (chance, i, b, louder, float(sigma))
+    for both, (chance, i, b, louder, sigma) in best.items():
+        band = slice(i, i + b)
+        power = float(np.sum(cells.density[band])) * cells.bin_hz * max(0.0, 1 - np.exp(-louder))
+        low_hz, high_hz = float(cells.frequency_hz[i]), float(cells.frequency_hz[i + b - 1])
+        yield Patch(low_hz, high_hz, float(np.sqrt(2 * power)), sigma, scales * chance, unsteady=both)
 
 
 def _louder(log_hz: Array, log_density: Array, i: int, b: int, side: int, segments: float) -> tuple[float, float]:
