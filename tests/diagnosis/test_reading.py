@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.readings import _never, reading_fault
+from gyrocal.effects.base import effect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.recording.session import Run, Session
 from gyrocal.simulation.simulate import simulate
+from make_runs import make_run, make_session
 
 LSB_DPS = 0.00875
 
@@ -57,3 +60,26 @@ def test_a_calibration_leaves_clipped_readings_out() -> None:
         assert sound.scale_se < spoilt.scale_se
     blind = calibrate(clipped, [20.0], ["model"], model=Model.builtin("paper"))[0]
     assert abs(blind.scale - sound.scale) > 100 * blind.scale_se
+
+
+def test_runs_far_beyond_the_range_are_clipped_although_no_reading_lies_just_below_it() -> None:
+    """Where the whole noise is clipped, nothing below the limit predicts its count, and it passed for noise."""
+    rng = np.random.default_rng(6)
+    made = []
+    for i, rate_dps in enumerate((0.0, 60.0, -60.0, 150.0, -150.0) * 2):
+        turned = np.column_stack([np.zeros((400, 2)), np.full(400, rate_dps)]) + rng.normal(0, 0.03, (400, 3))
+        gyro = np.rint(np.clip(turned, -125.0, 125.0) / LSB_DPS) * LSB_DPS
+        made.append(make_run(np.arange(400) / 50.0, gyro, table_rate_dps=rate_dps, scenario=f"s{i}", day=1 + i % 2))
+    found = diagnose(make_session(*made))
+    assert found.best is not None
+    assert (found.verdict, found.best.effect.id, found.best.axis) == ("add", "saturation", "z")
+    assert found.best.values["full_scale_dps"] == pytest.approx(125.0, abs=LSB_DPS)
+
+
+def test_a_reading_that_dwells_everywhere_is_not_clipped() -> None:
+    """Coarse counts stay at one value for many samples, at the largest one as at any other."""
+    rng = np.random.default_rng(8)
+    slow_dps = np.cumsum(rng.normal(0, 0.002, (3000, 3)), axis=0)
+    run = make_run(np.arange(3000) / 50.0, np.rint(slow_dps / 0.1) * 0.1, table_rate_dps=0.0)
+    assert effect("saturation").fault is not None
+    assert all(effect("saturation").fault.detect([run], axis) is None for axis in range(3))

@@ -94,4 +94,4 @@ def _reason(session: Session, model: Model, effect: Effect, axes: list[str]) -> 
         return "the model already has it on every axis"
     if lacking is not None:
         return f"the session lacks {lacking}"
-    return f"this session does not show it; to measure it: {effect.measure_next}"
+    return f"this session does not show it; to measure it: {effect.measure_next_in(session.runs)}"

@@ -98,12 +98,17 @@ def as_sets(candidates: Sequence[Candidate], comparison: Comparison) -> list[Can
             if c.axis == axis and c.signal is not None and not c.effect.fast and c.effect.scope_in(runs) == "session"
         ]  # fmt: skip
         suggested = [c for c in slow if c.decision == "suggest" and not c.contradicted]
-        changed = _in_time([c for c in slow if isinstance(c.effect, TimingEffect)], comparison, tested)
+        changed = _in_time([c for c in slow if isinstance(c.effect, TimingEffect) and not _refuted(c)], comparison, tested)
         if axis in found and len(suggested) > 1 and not any(c.decision == "add" for c in changed.values()):
             pool = sorted(suggested, key=lambda c: c.chance)[: POLICY.largest_pool]
             changed |= _set_of(pool, comparison, tested)
         out = [changed.get(c.effect.id, c) if c.axis == axis else c for c in out]
     return out
+
+
+def _refuted(c: Candidate) -> bool:
+    """True if another axis contradicts an effect that the whole recording shares."""
+    return isinstance(c.effect, TimingEffect) and c.effect.of_recording and c.contradicted
 
 
 def _in_time(pool: Sequence[Candidate], comparison: Comparison, tested: int) -> dict[str, Candidate]:

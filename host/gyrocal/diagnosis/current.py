@@ -8,6 +8,7 @@ from functools import cached_property
 
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.levels import Floor, MeanSquares, floor_of
+from gyrocal.diagnosis.rate_wave import RateWave, rate_wave
 from gyrocal.diagnosis.rounding import beside_rounding
 from gyrocal.effects.base import Effect, Values
 from gyrocal.error_model.model import Term
@@ -48,6 +49,11 @@ class Current:
     def runs(self) -> list[Run]:
         """The runs of the fit."""
         return [b.run for b in self.fit.design.blocks]
+
+    @cached_property
+    def rate_wave(self) -> RateWave | None:
+        """The wave over the rate that describes best what the fit leaves."""
+        return rate_wave(self.fit)
 
     @property
     def white_power(self) -> float:

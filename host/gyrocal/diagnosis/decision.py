@@ -32,11 +32,27 @@ def decide(candidates: Sequence[Candidate], comparison: Comparison) -> list[Cand
     tested = sum(c.decision != "not_measurable" for c in candidates)
     out = []
     for c in candidates:
-        if c.decision != "not_measurable" and c.q_value is not None and c.q_value < POLICY.false_discovery_rate:
+        if significant(c):
             named = proven(c, tested) and in_range(c) and c.enough and meets(c, comparison)
             c = replace(c, decision="add" if named else "suggest")
         out.append(c)
     return out
+
+
+def significant(c: Candidate) -> bool:
+    """True if a candidate was tested and its q-value is below the false-discovery rate."""
+    return c.decision != "not_measurable" and c.q_value is not None and c.q_value < POLICY.false_discovery_rate
+
+
+def without_unphysical(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates, of which no effect is suggested that the fit contradicts or that is larger than any sensor has it.
+
+    They take part in the comparisons before, because beside another effect their size can be another one.
+    """
+    return [
+        replace(c, decision="reject", group=()) if c.decision == "suggest" and (c.contradicted or not in_range(c)) else c
+        for c in candidates
+    ]
 
 
 def meets(c: Candidate, comparison: Comparison) -> bool:

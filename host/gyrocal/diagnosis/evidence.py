@@ -69,11 +69,13 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         return Candidate(effect, current.axis, "reject")
     # the noise of samples is coloured, so a line of constant frequency is judged against its neighbours in the spectrum
     least_chance = line_chance if effect.is_line else 0.0
+    blocks = current
     if effect.needs_samples(current.runs, current.index):
         current = current.of_samples()
+    next_one = effect.measure_next_in(current.runs)
     tried = choose_variant(current.fit, Term.of(effect, current.axis))
     if not _measurable(tried):
-        return Candidate(effect, current.axis, "not_measurable", next_measurement=effect.measure_next)
+        return Candidate(effect, current.axis, "not_measurable", next_measurement=next_one)
     fitted = finish(refine(tried))
     term = fitted.terms[-1]
     parameters = added_parameters(current.fit, fitted)
@@ -94,10 +96,11 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     contradicted = (
         (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and _without_mean(term))
         or effect.contradicted(term.values, excess.part) or _outdone(current.fit, fitted, effect)
+        or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))
     )  # fmt: skip
     return Candidate(
         effect, current.axis, "reject", term.values, term.se, gain=gain, gain_se=gain_se, chance=chance, parameters=parameters,
-        next_measurement=effect.measure_next, signal=signal, unit_gains=gains, explained=excess.part,
+        next_measurement=next_one, signal=signal, unit_gains=gains, explained=excess.part,
         excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps, enough=excess.enough and not contradicted,
         gain_noise=_gain_noise(fitted), contradicted=contradicted,
     )  # fmt: skip
@@ -140,10 +143,26 @@ def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:
         found = effect.passes_for_it(run, axis)
         return None if found is None else found[:, None]
 
-    other = Term("mistaken", AXES[axis], {"c0": 0.0}, own=Columns(column, 1))
+    return _better(current, fitted, Columns(column, 1))
+
+
+def _wave_over_rate(blocks: Current, current: AxisFit, fitted: AxisFit) -> bool:
+    """True if a wave over the rate explains the session better than a fitted effect, which hardly adds to it.
+
+    ``blocks`` is the model fitted to block means, in which the wave is looked for.
+    """
+    wave, alone = blocks.rate_wave, fitted.loglik - current.loglik
+    if wave is None or wave.gain < POLICY.of_finding * alone:
+        return False
+    return _better(current, fitted, wave.shape, wave.penalty)
+
+
+def _better(current: AxisFit, fitted: AxisFit, shape: Columns, penalty: float = 0.0) -> bool:
+    """True if a shape gains more than a fitted effect by at least ``penalty``, and the effect hardly adds to the shape."""
+    other = Term("mistaken", AXES[current.design.axis], dict.fromkeys(shape.linear, 0.0), own=shape)
     beside, both = (_with(fit, other) for fit in (current, fitted))
     alone = max(fitted.loglik - current.loglik, 0.0)
-    return beside.loglik > fitted.loglik and both.loglik - beside.loglik < POLICY.of_finding * alone
+    return beside.loglik > fitted.loglik + penalty and both.loglik - beside.loglik < POLICY.of_finding * alone
 
 
 def _with(fit: AxisFit, term: Term) -> AxisFit:

@@ -16,7 +16,7 @@ from typing import Any
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison, with_floor_of
 from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.decision import in_range
+from gyrocal.diagnosis.decision import significant
 from gyrocal.diagnosis.diagnose import Diagnosis, diagnose
 from gyrocal.diagnosis.evidence import judge
 from gyrocal.diagnosis.sets import choose, overlapping, without
@@ -168,7 +168,7 @@ def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
     nothing_held_out = diagnosis.comparison.held_out == "none"
     named = {c.axis for c in diagnosis.candidates if c.decision == "add"}
     for axis in dict.fromkeys(f.axis for f in diagnosis.comparison.where):
-        suggested = [c for c in diagnosis.candidates if c.axis == axis and c.decision == "suggest" and in_range(c)]
+        suggested = [c for c in diagnosis.candidates if c.axis == axis and c.decision == "suggest"]
         best = min(suggested, key=lambda c: c.chance, default=None)
         if best is None or axis in named:
             continue
@@ -178,19 +178,12 @@ def _unproven(diagnosis: Diagnosis) -> Iterator[Open]:
 
 @dataclass(frozen=True)
 class _Plan:
-    """The result of the sets of one axis: effects to add to the model, effects to remove from it, and ids that stay open."""
+    """The result of the sets of one axis: effects to add to the model, effects to remove from it, and what stays open."""
 
     lead: Candidate
     new: tuple[Effect, ...]
     removed: tuple[str, ...] = ()
-    open: tuple[str, ...] = ()
-
-    @property
-    def left(self) -> Open | None:
-        if not self.open:
-            return None
-        known = base.effects().get(self.open[0])
-        return Open(self.open, self.lead.axis, self.lead.next_measurement if known is None else known.measure_next)
+    left: Open | None = None
 
 
 def _plans(diagnosis: Diagnosis, added: dict[str, list[str]], progress: Progress | None) -> Iterator[_Plan]:
@@ -209,9 +202,9 @@ def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Pla
     """The best set with the leading candidate, or the leading candidate alone if nothing overlaps with it."""
     if lead.together:
         return _Plan(lead, tuple(base.effects()[i] for i in lead.together))
-    alone = _Plan(lead, (lead.effect,)) if len(lead.group) < 2 else _Plan(lead, (), open=lead.group)
+    alone = _Plan(lead, (lead.effect,)) if len(lead.group) < 2 else _Plan(lead, (), left=_open(diagnosis, lead, lead.group))
     current = Current.of(diagnosis.comparison, lead.axis)
-    others = [c for c in diagnosis.candidates if c.decision in ("add", "suggest") and not c.contradicted]
+    others = [c for c in diagnosis.candidates if significant(c) and not c.contradicted]
     pool = overlapping(lead, others)
     again = _pool_with(current, lead, pool, earlier)
     reconsidered = [e.id for e in again if e.id in earlier]
@@ -223,7 +216,13 @@ def _plan(diagnosis: Diagnosis, lead: Candidate, earlier: Sequence[str]) -> _Pla
         return alone
     stay = {e.id for e in choice.certain} | set(choice.open)
     new = tuple(e for e in choice.certain if e.id not in earlier)
-    return _Plan(lead, new, tuple(i for i in reconsidered if i not in stay), choice.open)
+    return _Plan(lead, new, tuple(i for i in reconsidered if i not in stay), _open(diagnosis, lead, choice.open))
+
+
+def _open(diagnosis: Diagnosis, lead: Candidate, ids: tuple[str, ...]) -> Open | None:
+    """Effects that stay open on the axis of a leading candidate, with the measurement that the first of them needs."""
+    of_axis = {c.effect.id: c.next_measurement for c in diagnosis.candidates if c.axis == lead.axis}
+    return Open(ids, lead.axis, of_axis.get(ids[0]) or lead.next_measurement) if ids else None
 
 
 def _pool_with(current: Current, lead: Candidate, pool: list[Effect], earlier: Sequence[str]) -> list[Effect]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -14,6 +14,7 @@ from gyrocal.diagnosis.hump import hump
 from gyrocal.diagnosis.levels import Remainder, spectrum_of
 from gyrocal.diagnosis.probes import of_session, probe
 from gyrocal.diagnosis.rate_unit import rate_text
+from gyrocal.diagnosis.rate_wave import over_rate
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.rounding import beside_rounding, rounding_power
 from gyrocal.diagnosis.told import strongest_first, told_once, without_echoes
@@ -23,6 +24,7 @@ from gyrocal.effects.byte_fault import ByteFault
 from gyrocal.effects.order_tone import over_turns, told_from_frequency
 from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.noise.patches import patch
 from gyrocal.noise.spectrum import Peak, Spectrum
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array
@@ -54,14 +56,17 @@ def _line(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
 
 def _unexplained_peak(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Peak | None:
     """The strongest line that is not left of a line of the model's own terms by a filter; None if noise explains it."""
+    return next((peak for peak, left in _peaks(fitted, axis, spectrum, alarm) if not left), None)
+
+
+def _peaks(fitted: Fit, axis: str, spectrum: Spectrum, alarm: float) -> Iterator[tuple[Peak, bool]]:
+    """The lines that noise does not explain, strongest first, and whether a filter may have left them of the model's own."""
     known = [(t.effect, t.values) for t in fitted.model.on(axis)]
     runs = [b.run for b in fitted.blocks]
     while (peak := spectrum.peak()) is not None and peak.chance < alarm:
         hz = peak.frequency_hz
-        if not is_left_of_a_line(known, runs, AXES.index(axis), hz, peak.amplitude_dps):
-            return peak
+        yield peak, is_left_of_a_line(known, runs, AXES.index(axis), hz, peak.amplitude_dps)
         spectrum = spectrum.without_line(hz)
-    return None
 
 
 def _in_readings_dps(fitted: Fit, axis: str, frequency_hz: float) -> float:
@@ -126,6 +131,25 @@ def _hump(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding
     return hump(fitted.axes[axis], axis, alarm)
 
 
+def _patch(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
+    """Test for a band that is louder than its neighbours, all the time, from time to time or for some seconds."""
+    if _of_angles(fitted):
+        return None
+    lines_hz = [peak.frequency_hz for peak, left in _peaks(fitted, axis, remainder.spectrum, alarm) if left]
+    found = patch(list(remainder.by_run.values()), fitted.session.sample_rate_hz, lines_hz)
+    if found is None or found.chance >= alarm:
+        return None
+    note = f"{rate_text(found.amplitude_dps)} between {found.low_hz:.3g} and {found.high_hz:.3g} Hz"
+    if found.seconds is None:
+        note += ", which come and go" if found.unsteady else " beyond the noise on both sides"
+    else:
+        run = fitted.session.runs[list(remainder.by_run)[found.run]]
+        note += f" for {found.seconds:.2g} s, {found.from_s:.4g} s after the begin of {run.file}"
+    return Finding(
+        axis, Frequency.name, found.sigma, found.chance, found.amplitude_dps, note, band_hz=(found.low_hz, found.high_hz),
+    )  # fmt: skip
+
+
 def _code(fitted: Fit, axis: str, remainder: Remainder, alarm: float) -> Finding | None:
     """Test for a bit of the reading that does not toggle."""
     steps_dps = (fault.step_dps(values) for fault, values in fitted.model.faults(axis))
@@ -172,13 +196,14 @@ def find_misfit(
     """The findings of every test on each of the ``axes``. ``remainders`` holds what the model leaves of each axis.
 
     A test reports a finding if the probability that noise alone produces it is below the test's share of
-    ``Policy.misfit_alarm``. One share of each axis is left for the test of the excess, which needs the floor.
+    ``Policy.misfit_alarm``. Three shares of each axis are left: for a wave over the rate, for patches, which are looked for
+    where nothing else is found, and for the test of the excess, which needs the floor.
     """
     if sum(b.t_s.size for b in fitted.blocks) < POLICY.least_blocks:
         return Misfit([], {}, 0.0)
     probes = {axis: of_session(fitted.session, AXES.index(axis)) for axis in axes}
     tests = sum(len(shapes) for on_axis in probes.values() for _, shapes in on_axis)
-    share = POLICY.misfit_alarm / max(1, tests + (len(BEYOND_NOISE) + 1) * len(axes))
+    share = POLICY.misfit_alarm / max(1, tests + (len(BEYOND_NOISE) + 3) * len(axes))
 
     block_s = float(np.median(np.concatenate([np.diff(b.t_s) for b in fitted.blocks])))
 
@@ -191,13 +216,18 @@ def find_misfit(
             finding = probe(current, axis, against, shape, share)
             if finding is not None:
                 probed.append(finding)
-        beyond = [test(fitted, axis, remainders[axis], share) for test in BEYOND_NOISE]
+        waves = over_rate(current, axis, share)
+        beyond = [waves, *(test(fitted, axis, remainders[axis], share) for test in BEYOND_NOISE)]
+        # where rounding could not be fitted, it may be all of what is smaller
+        rounding = rounding_power(current) if current is fitted.axes[axis] else 0.0
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
-        if current is fitted.axes[axis]:  # where rounding could not be fitted, it may be all of what is smaller
-            rounding = rounding_power(current)
-            found = [f for f in found if f.against == Reading.name or f.amplitude_dps**2 / 2 > rounding]
+        found = [f for f in found if f.against == Reading.name or f.amplitude_dps**2 / 2 > rounding]
         found = told_once(found, [b.run.about(axis) for b in fitted.blocks], block_s)
-        return without_echoes(fitted, axis, found, share, of_frequency), min(probed, key=lambda f: f.chance, default=None)
+        found = without_echoes(fitted, axis, found, share, of_frequency)
+        if not found:  # whatever another test finds is in some patch of the spectrogram too
+            seen = _patch(fitted, axis, remainders[axis], share)
+            found = [] if seen is None or seen.amplitude_dps**2 / 2 <= rounding else [seen]
+        return found, min(probed, key=lambda f: f.chance, default=None)
 
     tested = dict(zip(axes, each(on, axes, fitted.session.rows), strict=True))
     found = strongest_first(chain.from_iterable(findings for findings, _ in tested.values()))

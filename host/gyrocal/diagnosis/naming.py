@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -12,9 +13,10 @@ from gyrocal.diagnosis.beside import as_sets, beside_better, excludes
 from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
-from gyrocal.diagnosis.decision import decide, with_q_values
+from gyrocal.diagnosis.decision import decide, with_q_values, without_unphysical
 from gyrocal.diagnosis.evidence import judge, not_measurable
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.diagnosis.one_clock import refuted
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.effects import base
@@ -40,9 +42,14 @@ def candidates(
     judged = list(chain.from_iterable(each(on, comparison.judged, comparison.fit.session.rows)))
     decided = decide(with_q_values(judged), comparison)
     grouped = with_groups(decided, lambda c, rival: excludes(c, rival, comparison))
-    judged = as_sets(beside_better(grouped, comparison), comparison)
+    alone = beside_better(grouped, comparison)
+    judged = as_sets(alone, comparison)
+    wrong = refuted(judged)
+    if wrong:
+        kept = [_contradicted(c) if (c.effect.id, c.axis) in wrong else c for c in alone]
+        judged = as_sets(kept, comparison)
     unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
-    return sorted(with_suggested_groups(judged, unnamed), key=best_first)
+    return sorted(with_suggested_groups(without_unphysical(judged), unnamed), key=best_first)
 
 
 def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Finding]:
@@ -63,6 +70,11 @@ def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Findin
             against, shape, note = Reading.name, None, c.effect.title.lower()
         out.append(Finding(c.axis, against, strength, c.chance, amplitude, note, shape))
     return sorted(out, key=lambda f: -f.strength)
+
+
+def _contradicted(c: Candidate) -> Candidate:
+    """The candidate, which another axis contradicts."""
+    return replace(c, decision="suggest" if c.decision == "add" else c.decision, group=(), enough=False, contradicted=True)
 
 
 def _on_axis(current: Current, own: Sequence[Effect], unless: float, progress: Progress | None) -> list[Candidate]:

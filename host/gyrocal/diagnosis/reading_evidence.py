@@ -39,7 +39,7 @@ def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidat
     excess = explained(current, fitted, np.zeros(0), fault.chance)
     return Candidate(
         effect, current.axis, "reject", fault.values, fault.se, gain=gain, gain_se=gain_se, chance=fault.chance, parameters=1,
-        next_measurement=effect.measure_next, unit_gains=gains, explained=excess.part,
+        next_measurement=effect.measure_next_in(current.runs), unit_gains=gains, explained=excess.part,
         excess_drop_dps=excess.drop_dps, excess_drop_se_dps=excess.drop_se_dps,
         enough=True,  # the codes show it, so it need not raise the error above the floor
     )  # fmt: skip

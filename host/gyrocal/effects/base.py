@@ -114,6 +114,14 @@ class Effect(Described):
         """True if a run lacks the data of which the columns are made. Such a run neither shows nor hides the effect."""
         return False
 
+    def cause_in(self, runs: Sequence[Run]) -> str:
+        """The cause, or what these runs show of it if they cannot show that the effect repeats."""
+        return self.cause
+
+    def measure_next_in(self, runs: Sequence[Run]) -> str:
+        """The next measurement beside these runs."""
+        return self.measure_next
+
     def unmeasured(self, run: Run, axis: int) -> Array | None:
         """The course of the effect as far as it is known in a run without the effect's data, shape [n]; None if unknown."""
         return None

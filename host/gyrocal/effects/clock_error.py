@@ -34,6 +34,7 @@ class ClockError(TimingEffect):
         Parameter("e", "fraction", (2e-5, 0.02), "crystals +-20 ppm; MEMS gyroscopes' own oscillators +-1-2 %", 0.001),
     )
     linear = ("e",)
+    of_recording = True
     law = Law({"e": 0.001}, None, degree=1)
 
     def set(self, timing: Timing, values: Mapping[str, float]) -> Timing:

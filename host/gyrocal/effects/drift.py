@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, elapsed_s, stack
-from gyrocal.effects.quantities import power_on_time_s
+from gyrocal.effects.quantities import in_one_power_cycle, power_on_time_s
 from gyrocal.recording.session import Array, Run
+
+ONE_CYCLE = (
+    "In the only power cycle of this session the bias changes linearly with time, which does not tell whether it does so in "
+    "each: noise wanders too, but differently each time. A drift has the same k_dps_per_s in a second power cycle."
+)
+SECOND_CYCLE = "the same runs in a second power cycle: k_dps_per_s is the same again if the bias drifts in each"
 
 
 class Drift(Effect):
@@ -34,6 +40,12 @@ class Drift(Effect):
     on_device = True
     law = Law({"k_dps_per_s": 2e-4}, "2e-4*power_on_s")
     cases = (Case({"k_dps_per_s": 4e-4}, ("k_dps_per_s",)),)
+
+    def cause_in(self, runs: Sequence[Run]) -> str:
+        return ONE_CYCLE if in_one_power_cycle(runs) else self.cause
+
+    def measure_next_in(self, runs: Sequence[Run]) -> str:
+        return f"{SECOND_CYCLE}; {self.measure_next}" if in_one_power_cycle(runs) else self.measure_next
 
     def lacks(self, run: Run) -> bool:
         return run.power_on_s is None

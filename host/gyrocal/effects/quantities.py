@@ -78,6 +78,11 @@ def power_on_time_s(run: Run) -> Array | None:
     return None if run.power_on_s is None else run.power_on_s + elapsed_s(run)
 
 
+def in_one_power_cycle(runs: Sequence[Run]) -> bool:
+    """True if the runs that know their time since power-on are of one power cycle, which cannot show that anything repeats."""
+    return len({run.scenario for run in runs if run.power_on_s is not None}) == 1
+
+
 def temperature_c(run: Run) -> Array | None:
     """Temperature, shape [n], degC, without the thermometer's noise."""
     if run.smooth_temp is not None:

@@ -64,7 +64,7 @@ class Saturation(ReadingFault):
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Detect readings that heap up at the largest value, or stay near it while the true rate goes on."""
-        tried = (method(runs, axis) for method in (self._heap, self._plateau))
+        tried = (method(runs, axis) for method in (self._heap, self._constant, self._plateau))
         return next((found for found in tried if found is not None and found.chance < SHOWN), None)
 
     def _heap(self, runs: Sequence[Run], axis: int) -> Detected | None:
@@ -92,6 +92,27 @@ class Saturation(ReadingFault):
         counted = heaped / dwell
         chance = float(tails.normal((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
         return Detected({"full_scale_dps": limit}, {}, chance)
+
+    def _constant(self, runs: Sequence[Run], axis: int) -> Detected | None:
+        """Readings that do not leave the largest value for far longer than they stay at any other value.
+
+        Where the rate is so far beyond the range that all noise is clipped, no reading lies just below the largest value. By
+        chance, a stay is as long as a geometric distribution says whose mean is the longest stay at another value.
+        """
+        sizes = [np.abs(r.gyro_dps[:, axis]) for r in runs]
+        limit = float(max(size.max() for size in sizes))
+        heaped = sum(int(np.count_nonzero(size > limit - ROUNDING_DPS)) for size in sizes)
+        if heaped < LEAST_HEAPED or heaped > MOST_HEAPED * sum(size.size for size in sizes):
+            return None
+        at, elsewhere = [], [1]
+        for r, size in zip(runs, sizes, strict=True):
+            begins = np.flatnonzero(np.diff(r.gyro_dps[:, axis], prepend=np.nan) != 0)
+            stays = np.diff(np.append(begins, size.size))
+            limited = size[begins] > limit - ROUNDING_DPS
+            at += stays[limited].tolist()
+            elsewhere += stays[~limited].tolist()
+        again = 1 - 1 / (max(elsewhere) + 1)
+        return Detected({"full_scale_dps": limit}, {}, float(again ** (sum(at) - len(at))))
 
     def _plateau(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Readings that stay near the largest one, in either sense, while a measured true rate is far beyond.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,6 +24,9 @@ class TimingEffect(Effect):
     parameter, so the fit only determines by how much the parameter differs from the value of the timing
     (:mod:`gyrocal.inference.timing`).
     """
+
+    of_recording: ClassVar[bool] = False
+    """True if all axes share the effect, so that each axis that moves must show it with the same value."""
 
     @abstractmethod
     def set(self, timing: Timing, values: Mapping[str, float]) -> Timing:

@@ -142,6 +142,28 @@ class Diagnosis:
         larger="tones that wander are not detected", smaller="the knee of a sensor's low-pass filter counts as a tone",
         chosen_by="pytest tests/diagnosis/test_whiteness.py (a second-order low-pass at 33 Hz is no bump)",
     )  # fmt: skip
+    clock_errors: float = threshold(
+        4.0, "standard errors by which another axis excludes the error of a clock that serves all axes",
+        larger="an error of one axis is named an error of the clock",
+        smaller="errors that are too small beside a misfit of one axis hide an error of the clock",
+        chosen_by="chosen by judgement",
+    )  # fmt: skip
+    least_rates: int = threshold(
+        8, "number of different rates, in hundredths of their range, from which on a wave over the rate is looked for",
+        larger="such a wave in a staircase of few levels is given the name of another effect",
+        smaller="a wave follows any error of a few rates, and known effects of the rate lose their names",
+        chosen_by="pytest tests/diagnosis/test_rate_wave.py",
+    )  # fmt: skip
+    most_rate_cycles: float = threshold(
+        40.0, "largest number of periods of a wave over the range of the rate",
+        larger="more looks, which hide a faint wave", smaller="a nonlinearity with more periods is not found",
+        chosen_by="chosen by judgement",
+    )  # fmt: skip
+    louder_in_time: float = threshold(
+        0.001, "probability under noise below which a patch of a spectrogram is louder than the frequencies beside it",
+        larger="a change of the noise's level, stronger at low frequencies, counts as interference",
+        smaller="a tone of a second, which has few neighbours, is not found", chosen_by="chosen by judgement",
+    )  # fmt: skip
     white_beyond: float = threshold(
         0.1, "scatter of samples within blocks, relative to that of white noise with the density of the fastest block means, "
         "from which on the knee of a low-pass lies above 5 Hz",

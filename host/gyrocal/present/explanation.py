@@ -148,8 +148,9 @@ def counted(steps: Sequence[Step]) -> str:
 
 def _causes(step: Step) -> list[str]:
     """The physical cause of each effect of a step."""
+    runs = step.after.fit.session.runs
     kinds = {t.effect_id: t.effect for t in step.after.fit.model.terms}
-    return [f"{kinds[i].title}: {kinds[i].cause}" for i in step.effects if i in kinds]
+    return [f"{kinds[i].title}: {kinds[i].cause_in(runs)}" for i in step.effects if i in kinds]
 
 
 def evidence(step: Step) -> Figure | None:

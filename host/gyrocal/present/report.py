@@ -205,7 +205,8 @@ def verdict_text(d: Diagnosis) -> str:
         return BLOCKED
     if d.verdict == "add" and best is not None:
         named = {c.axis for c in d.candidates if c.decision == "add" and c.effect.id == best.effect.id}
-        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {best.effect.cause.split('. ')[0]}."
+        cause = best.effect.cause_in(d.comparison.fit.session.runs).split(". ")[0]
+        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}."
     if d.verdict == "ambiguous" and best is not None:
         return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:

@@ -238,7 +238,7 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
     few = found.comparison.cycles < POLICY.few_cycles
     cards = [
         Card(
-            c.to_json(), c.effect.title, c.effect.cause, c.effect.equation,
+            c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,
             [_title(i) for i in c.group if i != c.effect.id], report.sizes(c),
             doubts(c, found.comparison, found.candidates), few,
             _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
