@@ -163,7 +163,7 @@ def test_the_advice_asks_for_nothing_that_was_recorded() -> None:
     warm, tilted = (rows(at_6_s(known))[name].advice for name in ("temperature", "tilt"))
     assert "record" not in warm
     assert "scale over temperature and bias over temperature" in warm
-    assert "4 degC" in warm
+    assert "4 °C" in warm
     assert "record" not in tilted
     bare = rows(at_6_s(session()))
     assert "record temp_c" in bare["temperature"].advice

@@ -9,6 +9,7 @@ import pytest
 
 from gyrocal.api import Model, Session, compare
 from gyrocal.diagnosis.finding import Finding
+from gyrocal.effects.bias_jumps import BiasJumps
 from gyrocal.inference.heldout import fitted
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.shapes import Transient
@@ -34,6 +35,18 @@ def test_the_curve_lies_through_the_means_whatever_the_bias_does(offset_dps: flo
     assert shown is not None
     assert shown.view == "temperature"
     assert np.abs(np.array(shown.left) - np.array(shown.curve)).max() < 1e-6
+
+
+def test_jumps_are_shown_against_time_though_a_run_knows_better_variables() -> None:
+    """Within a run the temperature rises steadily, so that the steps of the bias stood against the temperature."""
+    of = points(4000)
+    of |= {"time": np.linspace(0.0, 40.0, 4000) + 0.01 * np.sin(np.arange(4000))}
+    steps = 0.1 * (of["temperature"] > 25)
+    free, shown = (picture("z", steps, of, {0: "000_up.csv"}, against) for against in ("", BiasJumps.shown_against))
+    assert free is not None
+    assert free.view == "temperature"
+    assert shown is not None
+    assert shown.view == "time"
 
 
 def test_the_curve_lies_through_the_means_whatever_the_scale_does() -> None:

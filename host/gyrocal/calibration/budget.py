@@ -177,7 +177,7 @@ def _of_temperature(spread_c: float | None, modelled: Sequence[str]) -> BudgetRo
     missing = " and ".join(e.title.lower() for e in both if e.id not in modelled)
     remedy = (
         f"calibrate at the temperature of use, or by a model with {missing}: without it, typical slopes are assumed over the "
-        f"{spread_c:.2g} degC by which the session's temperature moves"
+        f"{spread_c:.2g} °C by which the session's temperature moves"
     )
     return BudgetRow(TEMPERATURE, scale, bias_dps, in_se=False, remedy=remedy if missing else "")
 

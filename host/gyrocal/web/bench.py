@@ -259,7 +259,7 @@ def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture 
     if c.signal is None or c.signal.size != samples.size or not np.isfinite(drawn[c.axis]).any():
         return None
     files = {b.run.index: b.run.file for b in blocks}
-    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files)
+    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files, c.effect.shown_against)
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:

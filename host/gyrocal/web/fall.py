@@ -89,7 +89,8 @@ class Fall:
             return ""
         where = " within power cycles" if self.within else ""
         first, last = self.told(self.bars[0].after), self.told(self.bars[-1].after)
-        return f"The excess error{where} went from {first} to {last} {self.unit.name}."
+        told = f"The excess error{where} went from {first} to {last} {self.unit.name}."
+        return f"{told} Both are over the noise floor of the richest model."
 
     @property
     def in_all(self) -> str:

@@ -28,14 +28,17 @@ ALIKE = 0.02
 Points = Mapping[str, Array]
 
 
-def picture(axis: str, signal: Array, points: Points, files: Mapping[int, str]) -> Picture | None:
+def picture(
+    axis: str, signal: Array, points: Points, files: Mapping[int, str], against: str = ""
+) -> Picture | None:
     """The picture of an effect on an axis.
 
     ``signal`` [blocks] is the fitted effect in block means, deg/s, and ``points`` the residual's block means with every
-    variable, as :func:`gyrocal.web.prepare.points` gives them. None if no variable has values.
+    variable, as :func:`gyrocal.web.prepare.points` gives them. ``against`` is the only variable to be tried, if given. None if
+    no variable has values.
     """
     there = np.isfinite(points[axis])
-    best = _best(axis, signal, points, there)
+    best = _best(axis, signal, points, there, against)
     if best is None:
         return None
     panel, part = best
@@ -44,7 +47,7 @@ def picture(axis: str, signal: Array, points: Points, files: Mapping[int, str]) 
         power = np.bincount(points["run"], np.where(there, signal, 0.0) ** 2)
         run = int(np.argmax(power))
         mine = there & (points["run"] == run)
-        panel, _ = _best(axis, signal, points, mine) or best
+        panel, _ = _best(axis, signal, points, mine, against) or best
     return _drawn(axis, signal, points, panel, run, "" if run is None else files[run])
 
 
@@ -80,11 +83,11 @@ def _of_run(points: Points, run: int | None) -> Any:
     return np.ones(points["run"].size, dtype=bool) if run is None else points["run"] == run
 
 
-def _best(axis: str, signal: Array, points: Points, there: Any) -> tuple[Panel, float] | None:
+def _best(axis: str, signal: Array, points: Points, there: Any, against: str) -> tuple[Panel, float] | None:
     """The panel of which the signal is most nearly a function, and the part of its variance that this describes."""
     parts: list[tuple[float, int, Panel]] = []
     for panel in panels():
-        if panel.variable.name == "reading":  # holds the effect itself
+        if panel.variable.name == "reading" or against not in ("", panel.variable.name):  # a reading holds the effect itself
             continue
         x = points[panel.key(axis)]
         use = there & np.isfinite(x)

@@ -239,9 +239,8 @@ class LivePanel:
         self.recording.clear()
         status, hello = self.live.status, self.live.sensor(self.imu).get("hello")
         going = status.get("recording") or {}
-        shown = bool(hello) and (bool(going) or not self.live.ended)
-        self.recording.set_visibility(shown)
-        if not shown:
+        self.recording.set_visibility(bool(hello) and (bool(going) or not self.live.ended))
+        if not hello or not self.recording.visible:
             return
         with self.recording:
             of = f" of sensor {self.imu}" if len(self.chips) > 1 else ""
