@@ -14,6 +14,7 @@ import pytest
 
 from gyrocal.cli import main
 from gyrocal.gravity.compare import compare, residual_table
+from gyrocal.present.output import plus_minus
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 
@@ -34,7 +35,8 @@ def test_rests_and_comparison_are_those_of_the_command_line(
     page.locator(".figure b").first.wait_for()
     assert page.locator(".session-name").inner_text() == "hand"
     shown = page.locator(".figure b").all_inner_texts()
-    assert shown == [f"{compared[name]:.4f}" for name in ("rms_deg", "floor_deg", "excess_deg")]
+    told = [plus_minus(compared[name], compared["excess_se_deg"]) for name in ("rms_deg", "floor_deg", "excess_deg")]
+    assert shown == [text.split(" ± ")[0] for text in told]
     for title, counted in zip(LISTS, (compared["rests"], compared["movements"]), strict=True):
         listed = page.locator(f"[aria-label='{title}']")
         assert listed.locator("tbody tr").count() == counted

@@ -19,7 +19,7 @@ from gyrocal.present.report import sizes
 from gyrocal.variables.shapes import Steps
 from gyrocal.web import charts, plots, prepare
 from gyrocal.web.against import panels
-from gyrocal.web.words import above_excess, no_picture
+from gyrocal.web.words import above_excess, evidence, no_picture
 
 SCALE = 1e-4
 """The planted error of the rate's scale."""
@@ -50,6 +50,14 @@ def test_the_size_of_jumps_says_what_it_means(values: dict[str, float], words: s
     assert told.startswith(words.replace("0.0004", "0.00040").replace("0.0500", "0.05000"))
     assert told.endswith("(root mean square)")
     assert sizes(SimpleNamespace(effect=BiasJumps(), values={}, se={})) == ""  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("gain", "told"), [(3.1, "better by 3.1 ± 1.0"), (-0.7, "worse by 0.7 ± 1.0")])
+def test_a_loss_on_unseen_data_is_not_told_as_a_negative_gain(gain: float, told: str) -> None:
+    """It was "predicts it better by -0.7"."""
+    judged = {"heldout_gain": gain, "heldout_gain_se": 1.0, "explained": None, "q_value": None, "decision": "reject"}
+    card: Any = SimpleNamespace(judged=judged, size="", doubts=[], looks_like=[], within=False)
+    assert dict(evidence(card))["on unseen data"] == f"predicts it {told} in log-likelihood"
 
 
 def test_a_finding_above_the_excess_says_why_it_can_be() -> None:

@@ -135,6 +135,7 @@ class Workbench:
         found = next((folder for folder in self.places.sessions() if self.places.name(folder) == name), None)
         if found is None or self.opening or (self.session is not None and self.session.path == found):
             return None
+        self.jobs.cancel()  # before its folders are gone
         self._forget()
         self.opening = True
         return self.open(found)

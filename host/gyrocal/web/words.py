@@ -43,8 +43,9 @@ def evidence(card: Card) -> list[tuple[str, str]]:
     if judged["explained"] is not None:
         rows.append(("explains", explains(judged["explained"], judged["axis"], within=card.within)))
     if judged["heldout_gain"] is not None:
-        gain = plus_minus(judged["heldout_gain"], judged["heldout_gain_se"])
-        rows.append(("on unseen data", f"predicts it better by {gain} in log-likelihood"))
+        how = "better" if judged["heldout_gain"] > 0 else "worse"
+        gain = plus_minus(abs(judged["heldout_gain"]), judged["heldout_gain_se"])
+        rows.append(("on unseen data", f"predicts it {how} by {gain} in log-likelihood"))
     if judged["q_value"] is not None:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
         rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))

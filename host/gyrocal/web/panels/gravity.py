@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
 from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
 from gyrocal.web.state import Topic
@@ -54,10 +54,12 @@ def _verdict(view: GravityView) -> None:
             counted = f"{compared['movements']} movements between {compared['rests']} rests are compared by angle"
             ui.label(f"The reference is gravity: {counted}. {unseen(compared['held_out'])}").classes("dim")
         with ui.element("div").classes("figures"):
-            for name in ("rms", "floor", "excess"):
+            *values, error = view.rows[-1][1:]
+            sure = "" if error == UNKNOWN else f" ± {error}"
+            for name, value, told in zip(("rms", "floor", "excess"), values, ("rms", "floor", f"excess{sure}"), strict=True):
                 with ui.element("div").classes(f"figure {name}"):
-                    ui.html(f"<b>{number(compared[f'{name}_deg'], '.4f')}</b>", sanitize=False)
-                    ui.label(f"{name}, deg")
+                    ui.html(f"<b>{value}</b>", sanitize=False)
+                    ui.label(f"{told}, deg")
 
 
 def _levels(view: GravityView) -> None:
