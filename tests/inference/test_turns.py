@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
+from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from make_runs import make_run, make_session
 
@@ -104,3 +106,34 @@ def test_the_stated_error_of_a_single_turn_is_that_of_its_scale() -> None:
     assert scale_se == pytest.approx(5 / TURN_DEG, rel=0.02)
     assert abs(scale - SCALE) < 2 * scale_se
     assert abs(bias - BIAS_DPS) < 4 * bias_se < 0.03
+
+
+def test_a_single_turn_without_a_stated_error_says_that_it_counts_as_exact() -> None:
+    (warning,) = check(by_eye(0, 5.0))
+    assert (warning.code, warning.axis, warning.blocking) == ("turn_exact", "z", False)
+    assert "0.28 %" in warning.text
+    assert check(by_eye(0, 5.0, turn_se_deg=5.0)) == []
+    assert check(by_eye(0, 5.0, -3.0)) == []
+
+
+LEAKS_DEG = {"x": (-360.0, -3.0, 4.0), "y": (2.0, -360.0, 3.5), "z": (-2.5, 1.5, -360.0)}
+"""The angle that each axis sees of a turn about x, y and z: axes that are not aligned, in a hand that tilts."""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_turns_leak_into_other_axes_does_not_pull_the_bias_that_rests_tell(seed: int) -> None:
+    """Six rests and a turn about each axis, as of a calibration by hand. The bias was nearly the mean of all nine runs."""
+    rng = np.random.default_rng(200 + seed)
+    bias_dps, t_s = rng.uniform(-0.6, 0.6, 3), np.arange(500) / 100
+    moving = np.where((t_s >= 1) & (t_s < 4), 1 / 3, 0.0)
+    runs = []
+    for axis, seen_deg in LEAKS_DEG.items():
+        for turned_deg in (None, None, seen_deg):
+            gyro = rng.normal(bias_dps, 0.05, (t_s.size, 3))
+            if turned_deg is not None:
+                gyro += moving[:, None] * np.array(turned_deg)
+            run = make_run(t_s, gyro, table_rate_dps=0.0, turn_deg=None if turned_deg is None else -360.0, scenario="s0")
+            runs.append(replace(run, axis=axis))
+    told = {t.axis: t for t in compare(make_session(*runs)).fit.model.terms if t.effect_id == "bias"}
+    for axis, truth_dps in zip("xyz", bias_dps, strict=True):
+        assert abs(told[axis].values["bias_dps"] - truth_dps) < 4 * told[axis].se["bias_dps"] < 0.02

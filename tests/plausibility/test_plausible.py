@@ -357,7 +357,7 @@ def test_a_turn_by_hand() -> None:
     rate = 72.0 * (1 - np.cos(np.linspace(0, 2 * np.pi, len(rest), endpoint=False)))
     turn = changed(rest, gz_dps=np.round((rate * 1.004 + rest.gyro_dps[:, 2]) / LSB_DPS) * LSB_DPS)
     angle = float(rate.mean()) * rest.duration_s
-    turn = replace(turn, file="turn.csv", index=1, table_rate_dps=None, turn_deg=angle)
+    turn = replace(turn, file="turn.csv", index=1, table_rate_dps=None, turn_deg=angle, turn_se_deg=0.0)
     assert check(session.with_runs([rest, turn])) == []
     (told,) = check(session.with_runs([rest, replace(turn, turn_deg=-angle)]))
     assert told.code == "sign_flipped"

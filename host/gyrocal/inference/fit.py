@@ -13,6 +13,7 @@ from gyrocal.inference.blocks import Blocks, reduce_session
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.registering import refined, symmetric
 from gyrocal.inference.standard_errors import finish
+from gyrocal.inference.turns import beside_leaks
 from gyrocal.recording.session import AXES, Session
 from gyrocal.threads import each, one_thread
 
@@ -47,9 +48,16 @@ def fit(
 
 @one_thread
 def beside_misfit(fitted: Fit, axes: Iterable[str]) -> Fit:
-    """The same fit with errors that contain the misfit which tests of the residual have found on ``axes``."""
+    """The same fit with errors that contain the misfit which tests of the residual have found on ``axes``.
+
+    Where turns about other axes leak into an axis, values and noise too are those of a fit that these turns do not pull.
+    """
 
     def wider(current: AxisFit) -> AxisFit:
+        apart = beside_leaks(current)
+        if apart is not current:
+            told = finish(apart, reported=True, misfit=True)
+            return replace(current, terms=told.terms, noise_model=told.noise_model)
         pairs = zip(current.terms, finish(current, misfit=True).terms, strict=True)
         return replace(current, terms=tuple(replace(term, se=beside.se) for term, beside in pairs))
 

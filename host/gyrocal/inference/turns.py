@@ -34,8 +34,23 @@ def with_errors_of_turns(current: AxisFit) -> AxisFit:
     stated = {i: float(se) for i, se in known.items() if se is not None}
     if any(stated.values()):
         current = _weighing(current, stated)
-    if len(turns) - len(stated) < 2:
-        return current
+    return _scattered(current, turns, stated) if len(turns) - len(stated) > 1 else current
+
+
+def beside_leaks(current: AxisFit) -> AxisFit:
+    """The fit in which turns about other axes weigh by what they leak into this one; the fit itself if they show no leak.
+
+    Such a turn tells the bias only if the axes are aligned and the hand does not tilt. Rests tell it directly.
+    """
+    axis = current.design.axis
+    others = {
+        i: b for i, b in enumerate(current.design.blocks) if b.run.rate_is_mean and b.run.axis_index != axis and b.t_s.size
+    }
+    return _scattered(current, others, {}) if others else current
+
+
+def _scattered(current: AxisFit, turns: dict[int, Blocks], stated: dict[int, float]) -> AxisFit:
+    """The fit in which turns weigh by their scatter, or by a ``stated`` error; the fit itself if they show no scatter."""
     # drift would take the scatter for its own, so the search begins where the turns say nothing of it
     trial = _weighing(current, {i: stated.get(i, LARGEST * abs(b.run.turn_deg or 0.0)) for i, b in turns.items()})
     for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""Checks of session.toml and the tables as files: unknown keys, and rows that were left out."""
+"""Checks of session.toml and the tables as files: unknown keys, errors that are not stated, rows that were left out."""
 
 from __future__ import annotations
 
@@ -13,19 +13,34 @@ CODES = (
     "turn_on_implausible", "not_at_rest", "constant_reading", "axis_absent", "unit_unsure", "clipped", "accel_unit",
     "temp_unit", "sample_rate", "first_sample", "unknown_key", "line_damaged", "samples_lost", "run_unannounced", "device_gone",
     "no_answer", "reference_jumps", "reference_unrelated", "offset_ambiguous", "hardly_turned", "noise_unknown",
+    "turn_exact",
 )  # fmt: skip
 """Codes that ``accept`` may name."""
 
 
 def check(session: Session) -> list[Warning]:
-    """``unknown_key`` and ``line_damaged``."""
+    """``unknown_key``, ``line_damaged`` and ``turn_exact``."""
     out = [Warning("unknown_key", None, None, _unread(key, SessionFile)) for key in session.unread]
     out += [Warning("unknown_key", None, None, text) for entry in session.accept if (text := _unaccepted(entry))]
     for run in session.runs:
         out += [Warning("unknown_key", None, run.file, _unread(key, RunEntry)) for key in run.unread]
         if run.damage:
             out.append(Warning("line_damaged", None, run.file, run.damage))
-    return out
+    return out + [warning for axis in range(len(AXES)) for warning in _exact_turn(session, axis)]
+
+
+def _exact_turn(session: Session, axis: int) -> list[Warning]:
+    """``turn_exact``: a single turn of known angle without a stated error, which no other turn can show."""
+    turns = [r for r in session.runs if r.rate_is_mean and r.axis_index == axis and r.turn_se_deg is None]
+    if len(turns) != 1 or not turns[0].turn_deg:
+        return []
+    angle_deg = abs(turns[0].turn_deg)
+    text = (
+        f"the angle of the turn of {angle_deg:g} deg counts as exact: no turn_se_deg states its error, and no second turn "
+        f"about the axis shows it. An error of 1 deg moves the scale by {100 / angle_deg:.2g} %, which its standard error does "
+        "not contain. Give turn_se_deg, or turn again"
+    )
+    return [Warning("turn_exact", AXES[axis], turns[0].file, text)]
 
 
 def _unread(key: str, schema: type[RunEntry] | type[SessionFile]) -> str:
