@@ -334,7 +334,8 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scalin
 def _temperature(source: Source) -> Guess | None:
     for name in source.frame.columns:
         bare, _ = _bare(name)
-        if bare in ("t", "time") or not re.fullmatch(rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|celsius|k|f))?", bare):
+        named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|celsius|k|f))?"
+        if bare in ("t", "time") or not re.fullmatch(named, bare):
             continue
         values = _values(source, name)
         if not values.size:
