@@ -45,6 +45,9 @@ def test_slow_and_broken_times_are_judged(t_s: Array, rate_hz: float) -> None:
     assert [w.code for w in compared.warnings] == ["sample_rate"]
     assert found.to_json()["warnings"] == compared.to_json()["warnings"]
     assert "ms?" in compared.warnings[0].text
+    steps_s = np.diff(t_s)
+    gap = f"as that of {steps_s.max():.4g} s after 6.99 s, it has 100: then make a run of each part"
+    assert (gap in compared.warnings[0].text) == (steps_s.max() > 10 * np.median(steps_s))
 
 
 @pytest.mark.parametrize("samples", [60, 80, 600])

@@ -80,6 +80,8 @@ def _sample_rate(session: Session) -> list[Warning]:
         one = run or hit[0]
         rate = rates[one.file]
         has = f"has {rate:.4g} samples a second, session.toml says sample_rate_hz = {session.sample_rate_hz:g}"
+        if _too_slow(rate, one) and (gap := _gap(one)):
+            return f"Is t_s in ms? It {has}. But {gap}"
         if _too_slow(rate, one):
             return f"Is t_s in ms? It {has}. Convert it to seconds (--map t_s=COLUMN:ms when importing)"
         if _too_fast(rate, one):
@@ -87,6 +89,18 @@ def _sample_rate(session: Session) -> list[Warning]:
         return f"t_s {has}. Correct sample_rate_hz, or the times"
 
     return told(session, "sample_rate", None, hit, text, False)
+
+
+def _gap(run: Run) -> str:
+    """What to do with the longest gap of a run that has its stated rate without gaps, in words; empty for any other run."""
+    if in_bursts(run.t_s) or abs(1 / period_s(run.t_s) / run.sample_rate_hz - 1) > POLICY.sample_rate_off:
+        return ""
+    steps_s = np.diff(run.t_s)
+    longest = int(np.argmax(steps_s))
+    return (
+        f"without gaps, as that of {steps_s[longest]:.4g} s after {run.t_s[longest]:.4g} s, it has "
+        f"{1 / period_s(run.t_s):.4g}: then make a run of each part (--run when importing)"
+    )
 
 
 def _too_slow(rate_hz: float, run: Run) -> bool:

@@ -41,8 +41,13 @@ UNIT_WORDS = {
         "ns": "ns|nsec|nanoseconds", "us": "us|usec|micros|microseconds", "ms": "ms|msec|millis|milliseconds",
         "s": "s|sec|secs|seconds",
     },
-    "gyro": {"rad/s": r"rads?|rad_?s|rad/s|rad s\^?-1|radps", "mdps": "mdps", "dps": r"dps|deg/?s|degs?|deg_?s|°/s|o/s"},
-    "acceleration": {"m/s2": r"m/s2|m/s\^2|m s\^?-2|ms2|mps2|m_?s2", "mg": "mg", "g": "g"},
+    "gyro": {
+        "rad/s": r"rads?|rad_?s|rad/s|rad s\^?-1|radps|rad(?:ian)?s?_per_s(?:ec(?:ond)?)?", "mdps": "mdps",
+        "dps": r"dps|deg/?s|degs?|deg_?s|°/s|o/s|deg(?:ree)?s?_per_s(?:ec(?:ond)?)?",
+    },
+    "acceleration": {
+        "m/s2": r"m/s2|m/s\^2|m s\^?-2|ms2|mps2|m_?s2|m(?:eter)?s?_per_s(?:ec(?:ond)?)?(?:2|_squared)", "mg": "mg", "g": "gs?",
+    },
     "angle": {"rad": "rads?|radians?", "turn": "turns?|revs?", "deg": "deg|degs|degrees?|°"},
     "temp_c": {"degC": "c|degc|°c|celsius", "degF": "f|degf|°f", "K": "k|kelvin"},
 }  # fmt: skip
@@ -192,7 +197,8 @@ def _every_named(source: Source, words: str, axis: str) -> list[str]:
     """The columns whose names are one of the words with this axis: ``gyr_x``, ``gx``, ``Gyro X (dps)``; else ``yaw_rate``."""
     index = str(AXES.index(axis))
     number = rf"\.{index}|\[{index}\]"
-    units = r"(?:[ _.-]?(?:dps|rad|rad_?s|rads|mdps|deg_?s|deg|m_?s2|mps2|mg|g|raw))?"
+    spelled = "|".join(UNIT_WORDS[kind][unit] for kind, unit in (("gyro", "rad/s"), ("gyro", "dps"), ("acceleration", "m/s2")))
+    units = rf"(?:[ _.-]?(?:{spelled}|rad|rad_?s|mdps|deg|m_?s2|mps2|mg|gs?|raw))?"
     kind = r"(?:[ _.-]?(?:cal|calib|calibrated|raw))?"
     named = rf"(?:.*[/._ ])?(?:{words})(?:[ _.-]?(?:calib|raw))?{units}(?:[ _.-]?{axis}|{number}){units}{kind}"
     turn = rf"(?:.*[/._ ])?{TURNS[axis]}[ _.-]?(?:rate|speed|velocity){units}"
@@ -328,7 +334,8 @@ def _unit_of_gyro(source: Source, names: Sequence[str], si: str, scaling: Scalin
 def _temperature(source: Source) -> Guess | None:
     for name in source.frame.columns:
         bare, _ = _bare(name)
-        if bare in ("t", "time") or not re.fullmatch(rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|k|f))?", bare):
+        named = rf"(?:.*[/._ ])?(?:{TEMPERATURE})(?:[ _.-]?(?:c|degc|celsius|k|f))?"
+        if bare in ("t", "time") or not re.fullmatch(named, bare):
             continue
         values = _values(source, name)
         if not values.size:
