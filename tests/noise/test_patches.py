@@ -43,7 +43,10 @@ def flicker(rng: np.random.Generator) -> np.ndarray:
     return rng.normal(size=SAMPLES) + slow
 
 
-@pytest.mark.parametrize("noise", [low_passed, lambda rng: low_passed(rng, 10.0), low_passed_by_the_logger, tails, levels, flicker])
+NOISES = [low_passed, lambda rng: low_passed(rng, 10.0), low_passed_by_the_logger, tails, levels, flicker]
+
+
+@pytest.mark.parametrize("noise", NOISES)
 def test_noise_makes_no_patch(noise: Noise) -> None:
     """Of 24 sessions of noise, at most four have a chance below 0.05 (probability 0.03) and none one below 0.001."""
     rng = np.random.default_rng(7)
