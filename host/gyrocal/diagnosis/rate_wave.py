@@ -37,11 +37,13 @@ class RateWave:
 
 
 def rate_wave(current: AxisFit) -> RateWave | None:
-    """The best wave over the rate in what a fit leaves; None if the rate takes too few values."""
+    """The best wave over the rate in what a fit leaves; None if the rate takes too few values or is not known."""
     blocks = current.design.blocks
+    if any(b.run.rate_is_mean for b in blocks):
+        return None
     rates = np.concatenate([b.mean(true_rate_dps(b.run)[:, None])[:, 0] for b in blocks])
     span = float(np.ptp(rates))
-    if span == 0 or np.unique(np.round(100 * (rates - rates.min()) / span)).size < POLICY.least_rates:
+    if not np.isfinite(span) or span == 0 or np.unique(np.round(100 * (rates - rates.min()) / span)).size < POLICY.least_rates:
         return None
     weight = np.sqrt(np.concatenate([b.n for b in blocks]))
     residual = np.concatenate([current.block_residuals(i) for i in range(len(blocks))]) * weight

@@ -2,16 +2,17 @@
 
 A resonance of the mount is a band that is a little louder than the frequencies on both sides of it. Interference that comes and
 goes, and a fan that changes its speed, are loud for a part of the time, and spectra over whole runs show little of them. All
-are looked for in periodograms of one second. Three statistics are used:
+are looked for in periodograms of one second. These statistics are used, and the sum of the first two:
 
-- *louder*: the mean over all seconds of a band, against a parabola of the logarithmic density through both sides.
+- *louder*: the mean over all seconds of a band, against a parabola of the logarithmic density through both sides and
+  against each side.
 - *unsteady*: the mean square of the values of a band. Those of noise are exponentially distributed with a mean square of two; a
   tone that comes and goes makes it larger (spectral kurtosis; Antoni, Mech. Syst. Signal Process. 20 (2006) 282). Heavy tails
   and changing levels of the noise do so at all frequencies, and the other bands are subtracted.
 - *for some seconds*: the sum over a few seconds of a band, relative to the same frequencies at other times and to all
   frequencies in the same second, and certainly larger than the frequencies on both sides in these seconds.
 
-The first and the sum of the first two are approximately normal, the last one is Gamma-distributed. The chance counts every
+The first two are approximately normal, the last one is Gamma-distributed. The chance counts every
 patch that was looked at.
 """
 
@@ -37,7 +38,9 @@ BANDS = (2, 3, 4, 6, 8, 12, 16)
 SIDES = (1, 2)
 """Widths of a side in widths of the band, and at least ``LEAST_SIDE`` frequencies."""
 LEAST_SIDE = 4
-STATISTICS = 3
+STATISTICS = 4
+LOUD = 5.0
+"""Ratio to the noise that a value of noise exceeds in 0.7 % of cases."""
 SPANS, NARROW = (1, 2, 4, 8, 16), (1, 2, 4, 8)
 """Lengths and widths of a patch, in segments and in frequencies."""
 BEND = 0.4
@@ -155,11 +158,11 @@ def _values_of_time(segments: int) -> float:
 
 
 def _of_all_time(cells: _Cells) -> Iterator[Patch]:
-    """The least probable band that is louder than both sides, and the least probable one that is louder and unsteady."""
+    """The least probable band that is louder than both sides, the one that is unsteady, and the one that is both."""
     segments = _values_of_time(len(cells.ratio))
     log_hz, log_density = np.log(cells.frequency_hz), np.log(cells.density)
     unsteady = (cells.ratio**2).mean(axis=0) - 2
-    best: dict[bool, tuple[float, int, int, float, float]] = {}
+    best: dict[str, tuple[float, int, int, float, float]] = {}
     scales = 0
     for b in BANDS:
         for side in (max(LEAST_SIDE, of * b) for of in SIDES):
@@ -167,27 +170,38 @@ def _of_all_time(cells: _Cells) -> Iterator[Patch]:
             scales += bool(places)
             for i in places:
                 louder, z = _louder(log_hz, log_density, i, b, side, segments)
-                if z <= 0:
-                    continue
-                with_both = (z + max(_unsteady(unsteady, i, b, segments), 0.0)) / np.sqrt(2)
-                for both, sigma in ((False, z), (True, with_both)):
+                comes_and_goes = _unsteady(unsteady, i, b, segments)
+                tried = {"louder": z, "unsteady": comes_and_goes}
+                if z > 0 and comes_and_goes > 0:
+                    tried["both"] = (z + comes_and_goes) / float(np.sqrt(2))
+                for name, sigma in tried.items():
                     chance = float(tails.normal(sigma)) * len(places)
-                    if both not in best or chance < best[both][0]:
-                        best[both] = (chance, i, b, louder, float(sigma))
-    for both, (chance, i, b, louder, sigma) in best.items():
+                    if name not in best or chance < best[name][0]:
+                        best[name] = (chance, i, b, louder, sigma)
+    for name, (chance, i, b, louder, sigma) in best.items():
         band = slice(i, i + b)
-        power = float(np.sum(cells.density[band])) * cells.bin_hz * max(0.0, 1 - np.exp(-louder))
+        power = float(np.sum(cells.density[band])) * (1 - float(np.exp(-louder)))
+        if name == "unsteady":  # the noise in its seconds is not known apart: what certainly stands out of it
+            loud = np.where(cells.ratio[:, band] > LOUD, cells.ratio[:, band] - 1, 0.0) * cells.level[:, None]
+            power = float(loud.mean(axis=0) @ cells.density[band])
         low_hz, high_hz = float(cells.frequency_hz[i]), float(cells.frequency_hz[i + b - 1])
-        yield Patch(low_hz, high_hz, float(np.sqrt(2 * power)), sigma, scales * chance, unsteady=both)
+        amplitude_dps = float(np.sqrt(2 * max(power, 0.0) * cells.bin_hz))
+        yield Patch(low_hz, high_hz, amplitude_dps, sigma, scales * chance, unsteady=name != "louder")
 
 
 def _louder(log_hz: Array, log_density: Array, i: int, b: int, side: int, segments: float) -> tuple[float, float]:
-    """Excess of the logarithmic mean of ``b`` frequencies from the ``i``-th over both sides, and its significance."""
+    """Excess of the logarithmic mean of ``b`` frequencies from the ``i``-th over both sides, and its significance.
+
+    Both are zero for a band that is not louder than each of the sides.
+    """
     band, beside = slice(i, i + b), np.r_[i - side : i, i + b : i + b + side]
     middle = float(log_hz[band].mean())
     x, own = log_hz[beside] - middle, log_hz[band] - middle
     weight = np.array([1.0, 0.0, float((own**2).mean())]) @ np.linalg.pinv(np.stack([np.ones(x.size), x, x**2], axis=1))
-    louder = float(np.log(np.exp(log_density[band]).mean()) - weight @ log_density[beside])
+    mean = float(np.log(np.exp(log_density[band]).mean()))
+    if mean <= max(np.log(np.exp(log_density[part]).mean()) for part in (beside[:side], beside[side:])):
+        return 0.0, 0.0  # the density of noise falls with frequency, and some filters bend it more than others
+    louder = mean - float(weight @ log_density[beside])
     variance = float(weight @ weight) * (1 + 2 * OF_NEXT + 2 * OF_SECOND) / segments + 1 / (_values_of_band(b) * segments)
     return louder, (louder - BEND * float(np.abs(x).max()) ** 4) / float(np.sqrt(variance))
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
-from gyrocal.diagnosis.decision import in_range, meets, sure_gain
+from gyrocal.diagnosis.decision import meets, sure_gain
 from gyrocal.diagnosis.rivals import cosine
 from gyrocal.policy import POLICY
 
@@ -26,8 +26,6 @@ def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list
         out.append("nothing could be held out, so no unseen recording confirms it")
     elif not sure_gain(c):
         out.append(f"unseen recordings do not confirm it by {POLICY.gain_errors:g} standard errors")
-    if not in_range(c):
-        out.append(f"its size is more than {POLICY.range_factor:g} times what is typical")
     if found.implausible:
         out.append("a warning stands against this axis")
     if not c.enough:
