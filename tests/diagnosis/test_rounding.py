@@ -40,7 +40,7 @@ def test_rounding_is_no_misfit() -> None:
 @pytest.mark.parametrize("seed", [20, 21, 22])
 @pytest.mark.parametrize("apart_dps", [0.012, 0.02, 0.03])
 def test_the_level_of_each_power_cycle_is_rounded(apart_dps: float, seed: int) -> None:
-    """Offsets of a tenth of a count move the rounding error by a tenth of its period. 15 of 18 such sessions were a misfit."""
+    """Offsets of a tenth of a count move the rounding error by a tenth of its period."""
     assert compare(staircase(sd_dps=0.024, apart_dps=apart_dps, seed=seed)).verdict == "adequate"
 
 

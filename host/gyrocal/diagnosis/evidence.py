@@ -13,13 +13,13 @@ from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.explained import Explained, explained
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.reading_evidence import judge_reading
-from gyrocal.effects.base import Effect
+from gyrocal.effects.base import Effect, Mask
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.effects.wave import Wave
 from gyrocal.error_model.model import Term
-from gyrocal.inference.design import UNIDENTIFIED, Mask
 from gyrocal.inference.fitted import AxisFit
+from gyrocal.inference.identified import UNIDENTIFIED
 from gyrocal.inference.likelihood_ratio import likelihood_ratio
 from gyrocal.inference.noise_search import carry_spreads, fit_noise, with_noise
 from gyrocal.inference.nonlinear import refine

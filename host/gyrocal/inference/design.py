@@ -18,6 +18,7 @@ from gyrocal.effects.base import Role, Values, with_role
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.error_model.model import Term
 from gyrocal.inference.blocks import Blocks
+from gyrocal.inference.identified import identified, left_out
 from gyrocal.inference.layout import Layout
 from gyrocal.noise.axis import AxisNoise
 from gyrocal.noise.color import WHITE, Color
@@ -27,8 +28,6 @@ from gyrocal.recording.timing import SYNCHRONOUS, Timing
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
 
-UNIDENTIFIED = 1e-7
-"""A column counts as dependent if less than this fraction of its whitened squared norm is independent of the others."""
 LEAST_DPS = 1e-9
 """Smallest root mean square of a column that is used, deg/s per unit of its coefficient."""
 SLOW_S = 4.0
@@ -198,8 +197,8 @@ class Design:
         noise = self._noise_in(fixed)
         least = LEAST_DPS**2 * self._samples + noise[:, :, 0].sum(axis=0)
         gram = sum((s.gram.sum(axis=0) for s in summed), np.zeros(()))
-        kept = self._identified(gram, order, least)
-        self.left_out = self._left_out(gram, fixed, kept, least)
+        kept = identified(gram, order, least)
+        self.left_out = left_out(gram, [(self.terms[i], i, j) for i, j in fixed], kept, least)
         if not kept.all():
             rows = np.flatnonzero(np.concatenate([[True], kept, np.ones(len(run), dtype=bool)]))
             fixed, summed = [f for f, keep in zip(fixed, kept, strict=True) if keep], [s.of_columns(rows) for s in summed]
@@ -288,44 +287,6 @@ class Design:
     def _says_anything(self, column: tuple[int, int]) -> bool:
         term, j = column
         return any(m is not None and bool(m[:, j].any()) for m in (means[term] for means in self.means))
-
-    @staticmethod
-    def _identified(gram: Array, order: Sequence[int], least: Array) -> Mask:
-        """Mask [p] of the shared columns that are independent of the columns kept before them, in the given order.
-
-        A column whose independent part has a squared norm below ``least`` [p] is also left out: a transient that ended before
-        the run, or the noise of a reference at rest.
-        """
-        keep = np.zeros(len(order), dtype=bool)
-        for j in order:
-            rest = norm = gram[1 + j, 1 + j]
-            if keep.any():
-                others = 1 + np.flatnonzero(keep)
-                solved = np.linalg.lstsq(gram[np.ix_(others, others)], gram[others, 1 + j], rcond=None)[0]
-                rest = norm - gram[others, 1 + j] @ solved
-            keep[j] = rest > UNIDENTIFIED * norm and rest > least[j]
-        return keep
-
-    def _left_out(self, gram: Array, fixed: Sequence[tuple[int, int]], kept: Mask, least: Array) -> list[tuple[int, Array]]:
-        """The columns that were left out because those kept can stand for them: the index of each one's term and shifts [p].
-
-        The kept coefficients shift by so much if the parameter left out has its largest typical size. At one true rate, for
-        example, the bias stands for the scale as well.
-        """
-        own = 1 + np.flatnonzero(kept)
-        out = []
-        for j in np.flatnonzero(~kept).tolist():
-            if gram[1 + j, 1 + j] > least[j] and (size := self._typical(*fixed[j])):
-                shift = np.linalg.lstsq(gram[np.ix_(own, own)], gram[own, 1 + j], rcond=None)[0] * size
-                out.append((fixed[j][0], shift))
-        return out
-
-    def _typical(self, t: int, column: int) -> float:
-        """The largest typical size of the linear parameter of a column, 0 if it has none."""
-        effect = self.terms[t].effect
-        names = effect.used(self.terms[t].values) or effect.linear
-        sizes = {p.name: p.typical[1] for p in effect.parameters if np.isfinite(p.typical[1])}
-        return sizes.get(names[column], 0.0) if column < len(names) else 0.0
 
     def _alike(self, like: Design | None) -> list[list[int]]:
         """Groups of indices of runs with the same block times."""
