@@ -11,6 +11,7 @@ from gyrocal import tails
 from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import grid_dps, rate_about
+from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
@@ -150,9 +151,13 @@ def count_dps_of(runs: Sequence[Run], axis: int) -> float:
 
 
 def _noise_dps(runs: Sequence[Run], axis: int) -> float:
-    """Standard deviation of one sample's noise by the median of successive differences, which faults hardly change, deg/s."""
+    """Standard deviation of one sample's noise by the median of successive differences, which faults hardly change, deg/s.
+
+    It is at least the noise of rounding to coarse steps.
+    """
     moved = [np.diff(r.gyro_dps[:, axis] - rate_about(r, axis)) for r in runs]
-    return float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2)) or 1e-9
+    noise_dps = float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2))
+    return max(noise_dps, coarse_step_dps(runs, axis) / 12**0.5) or 1e-9
 
 
 @once
