@@ -112,6 +112,8 @@ def single_readings(session: Session, axis: str, alarm: float) -> Finding | None
     note = f"{apart.size} single readings stand out by {size_dps:.3g} dps"
     power = single_power(session.runs, i)
     if power is not None:
-        note += f", each by {2 ** power[0]} counts: bit {power[0]} lacks a carry or is of another sample"
+        counts = 2 ** power[0]
+        several = float(np.abs(apart).max()) > 1.5 * counts * count_dps_of(session.runs, i)
+        note += f", each by {'a multiple of ' * several}{counts} counts: bit {power[0]} lacks a carry or is of another sample"
     strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
     return Finding(axis, Reading.name, strength, chance, size_dps, note)
