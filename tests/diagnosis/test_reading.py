@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.readings import _never, reading_fault
 from gyrocal.effects.base import effect
@@ -83,3 +85,20 @@ def test_a_reading_that_dwells_everywhere_is_not_clipped() -> None:
     run = make_run(np.arange(3000) / 50.0, np.rint(slow_dps / 0.1) * 0.1, table_rate_dps=0.0)
     assert effect("saturation").fault is not None
     assert all(effect("saturation").fault.detect([run], axis) is None for axis in range(3))
+
+@pytest.mark.parametrize("step_dps", [0.05, 0.1])
+def test_a_log_with_few_decimals_is_named_quantization(step_dps: float) -> None:
+    """Steps that are no whole number of counts were told as a bit of the reading, and named by nothing."""
+    sound, _ = simulate(None, "full", [], 5, scenarios=2, seconds=15.0)
+    session = sound.with_runs(
+        replace(r, frame=r.table.with_columns(**{
+            f"g{axis}_dps": pl.Series(np.rint(r.gyro_dps[:, i] / step_dps) * step_dps) for i, axis in enumerate("xyz")
+        }))
+        for r in sound.runs
+    )  # fmt: skip
+    found = measure(session).where
+    assert not any("bit" in f.note for f in found)
+    assert any(f"whole multiples of {step_dps:g} dps" in f.note for f in found)
+    named = [c for c in diagnose(session).candidates if c.decision == "add"]
+    assert {c.effect.id for c in named} == {"quantization"}
+    assert all(c.values["lsb_dps"] == pytest.approx(step_dps) for c in named)

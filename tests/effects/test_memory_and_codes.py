@@ -256,3 +256,44 @@ def test_rests_do_not_hide_a_tone_of_an_order(make_run: MakeRun) -> None:
     (peak, *_) = spectrum_over_turns([run], 2).peaks(1)
     assert peak.order == pytest.approx(4.25, abs=0.1)
     assert peak.chance < 1e-6
+
+
+def steps_dps(samples: int) -> Array:
+    """Constant rates between ramps of 0.3 s."""
+    levels = np.array([0, 50, -50, 100, -100, 200, -200, 150, -150, 30, -30, 0.0])
+    at = np.arange(samples) / samples * (levels.size - 1)
+    return np.interp(at % 1, [0.0, 1 - 30 * (levels.size - 1) / samples, 1.0], [0.0, 0.0, 1.0]) * np.diff(levels)[
+        at.astype(int)
+    ] + levels[at.astype(int)]
+
+
+def of_two_samples(make_run: MakeRun, w_dps: Array, bit: int, share: float, late: int, rng: np.random.Generator) -> Run:
+    """Some readings have the upper part of the sample before (``late`` 1) or of the sample after (-1)."""
+    codes = np.rint((w_dps + rng.normal(0, 0.15, w_dps.size)) / LSB_DPS).astype(np.int64)
+    joined = np.roll(codes, late) >> bit << bit | codes % (1 << bit)
+    mixed = rng.random(w_dps.size) < share
+    mixed[[0, -1]] = False
+    return swinging(make_run, np.where(mixed, joined, codes) * LSB_DPS, w_dps)
+
+
+@pytest.mark.parametrize("late", [1, -1])
+@pytest.mark.parametrize(("motion", "share"), [("swing", 0.05), ("slow", 0.05), ("steps", 0.1)])
+def test_an_upper_byte_of_another_sample_is_told_at_any_rate(make_run: MakeRun, motion: str, share: float, late: int) -> None:
+    """Where the rate moves, such readings are off by any multiple of 256 counts. They were called bias_jumps."""
+    t_s = np.arange(9000) / 100
+    w_dps = {"swing": 50 * np.sin(3 * t_s), "slow": 20 * np.sin(0.7 * t_s), "steps": steps_dps(t_s.size)}[motion]
+    found = single_power([of_two_samples(make_run, w_dps, 8, share, late, np.random.default_rng(3))], 2)
+    assert found is not None
+    assert found[0] == 8
+
+
+@pytest.mark.parametrize("size", [256.0, -512.0, 400.0, 0.0])
+def test_outliers_of_another_cause_have_no_byte_of_another_sample(make_run: MakeRun, size: float) -> None:
+    """Spikes of one size, even of a power of two of counts, and (0) of any size."""
+    t_s = np.arange(9000) / 100
+    for w_dps in (50 * np.sin(3 * t_s), 20 * np.sin(0.7 * t_s), steps_dps(t_s.size), np.full(t_s.size, 78.0)):
+        rng = np.random.default_rng(4)
+        at = rng.random(t_s.size) < 0.01
+        spike = rng.choice((-1.0, 1.0), t_s.size) * (size or rng.uniform(200, 2000, t_s.size))
+        codes = np.rint((w_dps + rng.normal(0, 0.15, t_s.size)) / LSB_DPS + at * spike)
+        assert single_power([swinging(make_run, codes * LSB_DPS, w_dps)], 2) is None

@@ -108,6 +108,24 @@ def test_the_expected_shift_is_right_on_average_and_removes_power() -> None:
     assert abs(kept.mean()) < 4 * off.std() / np.sqrt(off.size)
 
 
+@pytest.mark.parametrize("step", [1.43, 2.5, 5.714, 11.43, 32.9, 400.0])
+@pytest.mark.parametrize("spread", [0.0, 0.1, 1.0, 8.0, 60.0])
+def test_rounded_readings_are_not_torn(step: float, spread: float) -> None:
+    """Values with one decimal at a count of 0.00875 deg/s are 11 or 12 codes apart."""
+    random = np.random.default_rng(3)
+    for samples in (70, 4000):
+        values = [spread * random.standard_normal(samples) + random.uniform(-3000, 3000) for _ in range(3)]
+        codes = [np.rint(np.round(v / step) * step).astype(np.int64) for v in values]
+        found = torn(codes, [c - c.mean() for c in codes])
+        assert found is None or found.gain < 8
+
+
+def test_readings_that_jump_are_not_torn() -> None:
+    """No reading has the upper part of the one before."""
+    codes = np.random.default_rng(4).integers(-30, 30, 4000) * 1000 + np.arange(4000) % 2
+    assert torn([codes], [codes - codes.mean()]) is None
+
+
 def test_few_readings_say_nothing() -> None:
     assert torn([np.arange(5)], [np.zeros(5)]) is None
     assert not np.any(expected_shift(np.arange(5), np.zeros(5), 4, 0.1))

@@ -8,6 +8,7 @@ from gyrocal import tails
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.effects.byte_fault import count_dps_of, lost_carry, single_power
 from gyrocal.effects.dead_band import outliers_of
+from gyrocal.effects.quantization import coarse_step_dps, is_whole
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
 from gyrocal.policy import POLICY
@@ -25,11 +26,15 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
     """Find bits of the raw code that noise should toggle but that do not, as after a wrongly assembled byte or a stuck bit.
 
     ``alarm`` is the allowed probability of a false alarm. ``known_step_dps`` is the quantization step of the model in deg/s;
-    bits below ``Policy.known_step`` of it are not tested. Returns None without ``lsb_dps`` or without a finding.
+    bits below ``Policy.known_step`` of it are not tested. Neither are bits within steps that are no whole number of counts,
+    as of a log with few decimals: these steps are the finding. Returns None without ``lsb_dps`` or without a finding.
     """
     if session.lsb_dps is None:
         return None
     readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
+    step_dps = coarse_step_dps(session.runs, AXES.index(axis))
+    has_codes = is_whole(step_dps / session.lsb_dps)
+    least_dps = max(POLICY.known_step * known_step_dps, 0.0 if has_codes else 2 * step_dps)
     codes = np.concatenate([np.rint(g / session.lsb_dps).astype(np.int64) for g in readings])
     steps = np.abs(np.concatenate([np.diff(g) for g in readings]))
     # the noise that toggles a bit at all times, not that of a burst
@@ -37,7 +42,7 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
     mean_codes = np.array([int(np.rint(np.mean(g) / session.lsb_dps)) for g in readings])
     worst: Finding | None = None
     for bit in range(BITS):
-        if 2**bit * session.lsb_dps < POLICY.known_step * known_step_dps:
+        if 2**bit * session.lsb_dps < least_dps:
             continue
         ones = float(np.mean((codes >> bit) & 1))
         if 2**bit <= noise:  # noise alone toggles this bit
@@ -51,6 +56,9 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
         if chance < alarm and (worst is None or z > worst.strength):
             note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
             worst = Finding(axis, Reading.name, float(z), chance, 2**bit * session.lsb_dps, note)
+    if worst is None and POLICY.known_step * step_dps > known_step_dps:
+        note = f"all readings are whole multiples of {step_dps:.6g} dps, and lsb_dps is {session.lsb_dps:.6g}"
+        return Finding(axis, Reading.name, float(tails.normal_z(1e-300)), 1e-300, step_dps, note)
     return worst
 
 
@@ -104,6 +112,8 @@ def single_readings(session: Session, axis: str, alarm: float) -> Finding | None
     note = f"{apart.size} single readings stand out by {size_dps:.3g} dps"
     power = single_power(session.runs, i)
     if power is not None:
-        note += f", each by {2 ** power[0]} counts: bit {power[0]} lacks a carry or is of another sample"
+        counts = 2 ** power[0]
+        several = float(np.abs(apart).max()) > 1.5 * counts * count_dps_of(session.runs, i)
+        note += f", each by {'a multiple of ' * several}{counts} counts: bit {power[0]} lacks a carry or is of another sample"
     strength = float(np.sqrt(apart @ apart) / max(white, LEAST_WHITE_DPS))
     return Finding(axis, Reading.name, strength, chance, size_dps, note)

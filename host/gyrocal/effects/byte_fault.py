@@ -11,6 +11,7 @@ from gyrocal import tails
 from gyrocal.effects.base import Effect, Mask, Parameter, Values, stack
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantities import grid_dps, rate_about
+from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.once import once
 from gyrocal.recording.outliers import Index
@@ -38,13 +39,19 @@ LEAST_SINGLE = 5
 SIZE_WITHIN, TOLD_APART = 5.0, 20.0
 """Standard deviations of the noise by which an outlier may miss a bit's value, and that a bit's value must exceed unless the
 low bits alone show the fault."""
+WHOLE = 0.7
+"""Mean cosine of the sizes of outliers, with a bit's value as the period, above which they are multiples of it. It is 0 for any
+sizes, and 0.7 for multiples with errors of an eighth of the period."""
 BY_CHANCE = 1e-4
-"""Probability of low bits in one half of the range where outliers are no fault, below which the low bits show the fault."""
+"""Probability of the sizes or low bits of outliers of another cause, below which these show the fault."""
 LEAST_GAIN = 25.0
 """Gain in log-likelihood over other borders from which on hidden readings are torn. A density that is not quite that of the
 noise gains up to 15 at one border and not at the others (480 axes without a fault)."""
 MOST = 0.9
-"""Part of the outliers that must have the size of one bit."""
+"""Part of the outliers that must have the size of one bit, or the upper part of a neighbour."""
+
+Found = tuple[Run, Index, Array]
+"""A run, the rows of its outliers [k], and their deviations [k], deg/s."""
 
 
 class ByteFault(Effect):
@@ -150,9 +157,13 @@ def count_dps_of(runs: Sequence[Run], axis: int) -> float:
 
 
 def _noise_dps(runs: Sequence[Run], axis: int) -> float:
-    """Standard deviation of one sample's noise by the median of successive differences, which faults hardly change, deg/s."""
+    """Standard deviation of one sample's noise by the median of successive differences, which faults hardly change, deg/s.
+
+    It is at least the noise of rounding to coarse steps.
+    """
     moved = [np.diff(r.gyro_dps[:, axis] - rate_about(r, axis)) for r in runs]
-    return float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2)) or 1e-9
+    noise_dps = float(np.median(np.abs(np.concatenate(moved)))) / (0.6745 * np.sqrt(2))
+    return max(noise_dps, coarse_step_dps(runs, axis) / 12**0.5) or 1e-9
 
 
 @once
@@ -232,17 +243,26 @@ def _confirmed(runs: Sequence[Run], axis: int, count_dps: float, carry: Carry) -
 
 
 def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
-    """The bit whose value nearly all outliers deviate by, and the number of outliers; None if they have no such size.
+    """The bit of whose value nearly all outliers are a multiple, and the number of outliers; None if they have no such size."""
+    count_dps = count_dps_of(runs, axis)
+    found = [(r, *_apart(r, axis)) for r in runs]
+    number = sum(rows.size for _, rows, _ in found)
+    if number < LEAST_SINGLE or not np.isfinite(count_dps):
+        return None
+    bit = _bit_without_carry(found, axis, count_dps, _noise_dps(runs, axis) / count_dps)
+    if bit is None:
+        bit = _bit_of_another_sample(found, axis, count_dps)
+    return None if bit is None else (bit, number)
+
+
+def _bit_without_carry(found: Sequence[Found], axis: int, count_dps: float, noise: float) -> int | None:
+    """The bit whose value nearly all outliers deviate by; ``noise`` in counts.
 
     Their low bits must also lie in one half of the range, as those of readings that have just carried do, and in the other half
     where the reading is too large: there it is the neighbours that lack the carry.
     """
-    count_dps = count_dps_of(runs, axis)
-    found = [(r, *_apart(r, axis)) for r in runs]
-    apart_dps = np.concatenate([np.zeros(0), *(apart for _, _, apart in found)])
-    if apart_dps.size < LEAST_SINGLE or not np.isfinite(count_dps):
-        return None
-    sizes, noise = np.abs(apart_dps) / count_dps, _noise_dps(runs, axis) / count_dps
+    apart_dps = np.concatenate([apart for _, _, apart in found])
+    sizes = np.abs(apart_dps) / count_dps
     bit = round(float(np.log2(np.median(sizes))))
     alike = np.abs(sizes - 2.0**bit) < max(1.0, SIZE_WITHIN * noise)
     if bit not in BITS or float(np.mean(alike)) < MOST:
@@ -251,7 +271,28 @@ def single_power(runs: Sequence[Run], axis: int) -> tuple[int, int] | None:
     low = np.mod(np.rint(readings / count_dps), 2.0**bit) / 2.0**bit + 0.5 * (apart_dps > 0)
     in_half = max(float(np.mean(np.mod(low - start, 1.0) <= 0.5)) for start in low)
     certain = TOLD_APART * noise < 2.0**bit or low.size * _all_in_half(round(in_half * low.size), low.size) < BY_CHANCE
-    return (bit, apart_dps.size) if in_half >= MOST and certain else None
+    return bit if in_half >= MOST and certain else None
+
+
+def _bit_of_another_sample(found: Sequence[Found], axis: int, count_dps: float) -> int | None:
+    """The lowest bit of an upper part that outliers have of the sample before, or of the one after.
+
+    Where the rate moves by more than the lower part from sample to sample, they deviate by any multiple of the bit's value, and
+    their low bits are anywhere. Outliers of another cause have neither such sizes nor the upper part of a neighbour.
+    """
+    inner = [(r, rows[keep], apart[keep]) for r, rows, apart in found for keep in [(rows > 0) & (rows < len(r) - 1)]]
+    sizes = np.concatenate([apart for _, _, apart in inner]) / count_dps
+    before, own, after = (
+        np.concatenate([_codes(r, axis, count_dps)[rows + shift] for r, rows, _ in inner]) for shift in (-1, 0, 1)
+    )
+    for bit in (b for b in reversed(BITS) if sizes.size >= LEAST_SINGLE):
+        whole = float(np.mean(np.cos(2 * np.pi * sizes / 2**bit)))
+        by_chance = len(BITS) * float(tails.normal(whole * np.sqrt(2 * sizes.size)))
+        of_neighbour = max(float(np.mean(own >> bit == other >> bit)) for other in (before, after))
+        large = float(np.mean(np.abs(sizes) > 2.0 ** (bit - 1)))
+        if min(large, of_neighbour) >= MOST and whole > WHOLE and by_chance < BY_CHANCE:
+            return bit
+    return None
 
 
 def _all_in_half(inside: int, number: int) -> float:

@@ -7,9 +7,64 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Parameter
-from gyrocal.effects.quantities import grid_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
+
+LEAST_RATIO = 1.5
+"""Step over count from which on readings are coarse. Counts that were logged with barely enough digits lie below."""
+OFF = 0.02
+"""Part of a step by which a reading may be off a whole multiple of it."""
+WRITTEN_DPS = 1e-5
+"""Half a digit of a log, deg/s, by which a multiple of a step may be off, too."""
+NEAR, MOST_VALUES = 0.03, 500
+"""Part of the mean gap by which a step may differ from it, and the number of values that are compared with each step."""
+HALF_COUNT, LEAST_AGAIN = 0.6, 3.0
+"""Counts by which a multiple that was rounded to counts again may be off, and the least counts of such a step."""
+WHOLE = 0.01
+"""Part of a number of counts by which it may deviate from a whole number."""
+SHOWN = 1e-4
+"""Probability that readings on a finer grid differ by multiples of the step by chance, above which no grid is told."""
+
+
+@once
+def coarse_step_dps(runs: Sequence[Run], axis: int) -> float:
+    """The step of the grid of all readings of an axis, deg/s; 0 if it is not coarser than the count that the session states.
+
+    The step need be no multiple of the count: a log with one decimal has steps of 0.1 deg/s. The largest and the smallest
+    reading may be off the grid, as clipped ones are.
+    """
+    stated = [r.lsb_dps for r in runs if r.lsb_dps is not None]
+    if not runs or len(stated) < len(runs):
+        return 0.0
+    values = np.unique(np.concatenate([r.gyro_dps[:, axis] for r in runs]))
+    values = values[1:-1] if values.size > 4 else values
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-6]
+    if not gaps.size:
+        return 0.0
+    step_dps = float(gaps[gaps < 1.5 * gaps.min()].mean())
+    if step_dps < LEAST_RATIO * min(stated):
+        return 0.0
+    multiples = np.rint(values / _in_phase(values, step_dps))
+    step_dps = float(multiples @ values) / (float(multiples @ multiples) or 1.0)
+    allowed_dps = max(OFF * step_dps, WRITTEN_DPS, HALF_COUNT * min(stated) if step_dps > LEAST_AGAIN * min(stated) else 0.0)
+    changes = sum(int(np.count_nonzero(np.diff(r.gyro_dps[:, axis]))) for r in runs)
+    by_chance = (max(min(stated), 2 * allowed_dps) / step_dps) ** min(max(changes, gaps.size), 300)
+    off_dps = float(np.abs(values - multiples * step_dps).max())
+    return round(step_dps, 9) if by_chance < SHOWN and off_dps < allowed_dps else 0.0
+
+
+def _in_phase(values: Array, step_dps: float) -> float:
+    """The step near ``step_dps`` of which values [n] are multiples: their gaps may be off by what was rounded again."""
+    some = values[:: max(1, values.size // MOST_VALUES)]
+    tried = step_dps * np.linspace(1 - NEAR, 1 + NEAR, 2 * int(np.ceil(4 * NEAR * float(np.abs(values).max()) / step_dps)) + 1)
+    return float(tried[np.argmax([float(np.cos(2 * np.pi / s * some).mean()) for s in tried])])
+
+
+def is_whole(counts: float) -> bool:
+    """True if a step of so many counts is a whole number of them, so that its readings have codes of their own."""
+    return abs(counts - round(counts)) <= WHOLE * counts
 
 
 class Quantization(ReadingFault):
@@ -42,18 +97,8 @@ class Quantization(ReadingFault):
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """The grid on which all readings of the axis lie, if it is coarser than the count that the session states."""
-        stated = [r.lsb_dps for r in runs if r.lsb_dps is not None]
-        if len(stated) < len(runs):
-            return None
-        count_dps = min(stated)
-        own = grid_dps([r.gyro_dps[:, axis] for r in runs])
-        if not (np.isfinite(own) and np.isfinite(count_dps)):  # constant readings
-            return None
-        factor = round(own / count_dps)
-        if factor < 2 or abs(own / count_dps - factor) > 0.01 * factor:
-            return None
-        samples = sum(len(r) for r in runs)
-        return Detected({"lsb_dps": own}, {}, float(max(1e-300, float(factor) ** -min(samples, 300))))
+        step_dps = coarse_step_dps(runs, axis)
+        return Detected({"lsb_dps": step_dps}, {}, 1e-300) if step_dps > 0 else None
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:
         """The mean of a noisy rate after rounding, shape [n], deg/s. Noise above half a step hides the grid (dither)."""

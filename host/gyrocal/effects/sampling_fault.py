@@ -9,6 +9,7 @@ import numpy as np
 from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.byte_fault import count_dps_of
+from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.session import Array, Run
 
@@ -31,15 +32,16 @@ def _by_chance(runs: Sequence[Run], equal: int) -> float:
     """The probability of so many equal neighbours where their differences in counts have a smooth distribution.
 
     Neighbours differ in none, in one or in two axes by one count in 1, 6 and 12 ways. The frequency of a way falls with the
-    square of the difference, and from none to one at most as it does from one to two.
+    square of the difference, and from none to one at most as it does from one to two. Coarser steps of an axis count as counts.
     """
+    coarse_dps = [coarse_step_dps(runs, axis) for axis in range(3)]
     squares = [
-        np.sum(np.rint(np.diff(r.gyro_dps, axis=0) / count_dps) ** 2, axis=1)
+        np.sum(np.rint(np.diff(r.gyro_dps, axis=0) / np.maximum(coarse_dps, count_dps)) ** 2, axis=1)
         for r in runs
         if np.isfinite(count_dps := count_dps_of([r], r.axis_index))
     ]
     one, two = (sum(int(np.count_nonzero(s == k)) for s in squares) for k in (1, 2))
-    ratio = max(1.0, (one / 6) / (two / 12)) if two else 1.0
+    ratio = max(1.0, (one / 6) / (max(two, 0.5) / 12))  # none of two may be half of one by chance
     return float(tails.binomial(equal, equal + one + 1, ratio / (6 + ratio)))
 
 

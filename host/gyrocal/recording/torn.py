@@ -91,13 +91,15 @@ def torn(codes: Sequence[Codes], rest: Sequence[Array]) -> Torn | None:
     ``rest`` [n] are the codes without the known motion, in counts.
     """
     parts = [(c, r) for c, r in zip(codes, rest, strict=True) if c.size > MEMORY + WINDOW]
-    if not parts or np.gcd.reduce(np.concatenate([np.diff(c) for c, _ in parts])) > 1:
+    if not parts or _coarse([c for c, _ in parts]):
         return None
     noise = _Noise.of(_errors([r for _, r in parts]))
     now, before = (np.concatenate([c[MEMORY - k : c.size - k] for c, _ in parts]) for k in (0, 1))
     changed = now != before  # a reading that was read twice has the same upper bits, too
     every = slice(None, None, max(1, int(np.count_nonzero(changed)) // MOST_PAIRS))
     now, before, noise = now[changed][every], before[changed][every], noise.of_rows(changed).of_rows(every)
+    if not now.size:
+        return None
     level = float(np.median(noise.level))
     best: Torn | None = None
     for bit in (b for b in BITS if SMALLEST * level < 2**b < LARGEST * level):
@@ -107,6 +109,12 @@ def torn(codes: Sequence[Codes], rest: Sequence[Array]) -> Torn | None:
             if gain > (LEAST_GAIN if best is None else best.gain):
                 best = Torn(bit, share, gain)
     return best
+
+
+def _coarse(codes: Sequence[Codes]) -> bool:
+    """True if no two codes that occur are neighbours: the readings were rounded to coarser steps, which hide the bits."""
+    gaps = np.diff(np.unique(np.concatenate(codes)))
+    return gaps.size == 0 or int(gaps.min()) > 1
 
 
 def _others(bit: int) -> list[tuple[int, int]]:
@@ -152,6 +160,8 @@ def _sizes(error: Array) -> Array:
 def _likeliest(now: Codes, before: Codes, noise: _Noise, size: int, shift: int) -> tuple[float, float]:
     """The likeliest share of torn readings if parts meet at ``size`` counts, and its gain; ``shift`` moves the border."""
     same = (now + shift) // size == (before + shift) // size
+    if not same.any():
+        return float(SHARES[0]), 0.0
     more = noise.of_rows(same).ratios(size)[0].sum(axis=1) - 1
     others = int(np.count_nonzero(~same))
     gains = [float(np.sum(np.log1p(f * more))) + others * float(np.log1p(-f)) for f in SHARES]
