@@ -72,6 +72,21 @@ def test_cycles_that_differ_by_their_offsets() -> None:
     assert [(w.code, w.axis) for w in check(pairs(60.0, [18.0, -16.0, 17.0]))] == [("turn_on_implausible", "z")]
 
 
+@pytest.mark.parametrize("faces", [("up", "down"), ("up",)], ids=["pairs", "single runs"])
+@pytest.mark.parametrize(("spread_dps", "axes"), [((9.0, 0.0, 0.0), "x"), ((9.0, 0.1, 8.0), "xz"), ((3.0, 3.0, 3.0), "")])
+def test_cycles_that_differ_by_their_offsets_on_any_axis(
+    faces: tuple[str, ...], spread_dps: tuple[float, ...], axes: str
+) -> None:
+    """The rate that a tilted axis reads, here a tenth, is no scatter of its bias."""
+    runs = []
+    for k, draw in enumerate(np.array([-1.2, 0.3, 1.1, -0.7, 0.9, -0.4]) / 0.92):
+        for face in faces:
+            run = turn((40.0, 78.0, -78.0)[k % 3], face, scenario=f"s{k}")
+            gyro = run.gyro_dps + np.outer(run.rate_dps, [0.1, -0.1, 0.0]) + draw * np.array(spread_dps)
+            runs.append(make_run(run.t_s, gyro, table_rate_dps=run.table_rate_dps, face=face, scenario=run.scenario))
+    assert [(w.code, w.axis) for w in check(make_session(*runs)) if w.blocking] == [("turn_on_implausible", a) for a in axes]
+
+
 @pytest.mark.parametrize("factor", [0.95, 1.05, 1.2])
 def test_one_rate_in_cycles_of_pairs(factor: float) -> None:
     session = pairs(78.0, [0.5, 0.45, 0.52])

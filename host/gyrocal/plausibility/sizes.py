@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means
 from gyrocal.plausibility.slopes import Lines, agreed, middle_of
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES
+from gyrocal.recording.session import AXES, Array
 from gyrocal.warning import Warning
+
+Index = np.ndarray[Any, np.dtype[np.intp]]
 
 
 def check(means: Means, found: Lines, accused: list[Warning], moved: list[Warning]) -> list[Warning]:
@@ -38,9 +42,45 @@ def check(means: Means, found: Lines, accused: list[Warning], moved: list[Warnin
             out.append(Warning("bias_implausible", axis, None, text, True))
         if axis not in whole:
             slope = middle_of(np.array([s.value for s in line.slopes])) if line is not None and line.slopes else 0.0
-            steady = points if line is not None else [m for m in points if m.rests]  # else misalignment shows the table's rate
-            out += _turn_on(axis, steady, bias, slope)
+            own = _turn_on(axis, points, bias, slope) if line is not None else []
+            out += own or _across(means, axis, accused, moved)
     return out
+
+
+def _across(means: Means, axis: str, accused: list[Warning], moved: list[Warning]) -> list[Warning]:
+    """Power cycles whose biases scatter on an axis in the runs about another, beside what the axis reads of their rate."""
+    if any(w.code == "unit_rad_s" for w in accused):
+        return []
+    bad = {w.file for w in (*accused, *moved)}
+    for about in (a for a in AXES if a != axis):
+        points = [m for m in means.about(about, axis) if m.run.file not in bad and not m.run.three_axes]
+        names = list(dict.fromkeys(m.run.scenario for m in points))
+        if len(names) < 2:
+            continue
+        cycle = np.array([names.index(m.run.scenario) for m in points])
+        rates, values = np.array([m.rate_dps for m in points]), np.array([m.mean_dps for m in points])
+        offsets = _cycle_means(cycle, values - _common_slope(cycle, rates, values) * rates)
+        if (sd := _sd(list(offsets))) > POLICY.largest_bias_spread_dps:
+            return [_scatters(axis, len(names), f"their bias by {sd:.3g} dps")]
+    return []
+
+
+def _cycle_means(cycle: Index, values: Array) -> Array:
+    """Means of values [n] over each power cycle, whose numbers [n] begin at 0."""
+    return np.asarray(np.bincount(cycle, values) / np.bincount(cycle))
+
+
+def _common_slope(cycle: Index, rates: Array, values: Array) -> float:
+    """The slope of values [n] over rates [n], deg/s: within power cycles if they have several rates, else over all runs.
+
+    It is 0 at a single rate.
+    """
+    least = POLICY.two_rates * float(np.max(np.abs(rates)))
+    for middle in (_cycle_means(cycle, rates)[cycle], rates.mean()):
+        apart = rates - middle
+        if np.max(np.abs(apart)) > least / 2:
+            return float(apart @ values) / float(apart @ apart)
+    return 0.0
 
 
 def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[Warning]:
