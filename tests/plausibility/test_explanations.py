@@ -95,6 +95,42 @@ def test_one_rate_in_cycles_of_pairs(factor: float) -> None:
     assert [(w.code, w.file) for w in told] == [("rate_wrong", "003_down.csv")]
 
 
+@pytest.mark.parametrize("factor", [0.9, 0.96, 1.04, 1.3])
+@pytest.mark.parametrize("offsets", [[0.5, 0.45, 0.52, 0.4], [6.5, 6.4, 6.55, 6.45]])
+def test_the_rate_that_is_told_is_the_true_one(factor: float, offsets: list[float]) -> None:
+    """The wrong run moves the line of all runs; the rate comes from the others, and its error is that of their scatter."""
+    session = pairs(78.0, offsets)
+    wrong = turn(78.0, "up", scenario="s1", stated=78.0 * factor, bias_dps=offsets[1])
+    (told,) = check(make_session(*(wrong if i == 2 else r for i, r in enumerate(session.runs))))
+    assert (told.code, told.file) == ("rate_wrong", "002_up.csv")
+    likely, se = (float(word) for word in told.text.split("seems to be ")[1].split(" dps")[0].split(" +- "))
+    assert abs(likely - 78.0) < 3 * se
+    assert se < 0.2
+
+
+def test_a_table_that_stood_still_is_told_as_that() -> None:
+    runs = [*pairs(78.0, [0.5, 0.45, 0.52]).runs]
+    runs[2] = turn(0.0, scenario="s1", stated=78.0, bias_dps=0.45)
+    (told,) = check(make_session(*runs))
+    assert (told.code, told.file) == ("rate_wrong", "002_up.csv")
+    assert "the table seems to have stood still" in told.text
+
+
+def test_one_run_in_rad_s_is_told_with_its_own_number() -> None:
+    """The bias of the other runs is in deg/s, so it is not taken from this run's mean."""
+    runs = [turn(r, scenario=f"s{k}", bias_dps=7.0) for k, r in enumerate((0.0, 30.0, -30.0, 78.0, -78.0, 150.0, -150.0))]
+    rad = make_run(runs[3].t_s, runs[3].gyro_dps / DEG, table_rate_dps=78.0, scenario="s3")
+    told = [w for w in check(make_session(*runs[:3], rad, *runs[4:])) if w.axis == "z"]
+    assert [(w.code, w.file) for w in told] == [("unit_rad_s", "003_up.csv")]
+    assert float(told[0].text.split("reads ")[1].split()[0]) == pytest.approx(1 / DEG, rel=0.12)
+
+
+def test_what_is_57_times_too_large_is_told_with_both_explanations() -> None:
+    (told,) = check(pairs(60.0, [0.5, 0.4], DEG))
+    assert "the reference is in rad/s, or readings in deg/s were converted once more" in told.text
+    assert "Give table_rate_dps in degrees a second, or leave the unit of gz_dps out" in told.text
+
+
 def test_one_rate_among_slow_runs() -> None:
     """Slow runs, each a power cycle, scatter by their offsets; the fast ones are as sure as they are."""
     offsets = [0.87, 1.14, 2.0, 2.06, 2.5, 2.6]
