@@ -95,6 +95,28 @@ def test_one_rate_in_cycles_of_pairs(factor: float) -> None:
     assert [(w.code, w.file) for w in told] == [("rate_wrong", "003_down.csv")]
 
 
+def staircase(top_dps: float, k: int, scale: float = 1.005, dead_dps: float = 0.0) -> Run:
+    """A minute on levels up to ``top_dps`` in an order of its own, by a reference; rates within ``dead_dps`` read zero."""
+    rng = np.random.default_rng(k)
+    levels = rng.permutation(np.array([-1, -0.5, -0.2, -0.1, 0, 0.1, 0.2, 0.5, 1])) * top_dps
+    rate = np.interp(np.arange(6000), np.arange(9)[:, None].repeat(2, 1).ravel() * 660 + np.tile([0, 560], 9), levels.repeat(2))
+    read = scale * np.where(np.abs(rate) < dead_dps, 0.0, rate) + 0.7
+    gyro = rng.normal(0, 0.05, (6000, 3)) + np.outer(read, [0, 0, 1])
+    return make_run(np.arange(6000) / 100.0, gyro, rate_ref_dps=rate + rng.normal(0, 0.01, 6000), scenario=f"s{k // 2}")
+
+
+def test_a_dead_band_is_no_scatter_of_the_scale() -> None:
+    """Runs of small rates show no scale, whatever part of them a dead band takes."""
+    assert not any(w.blocking for w in check(make_session(*(staircase(4.0, k, dead_dps=1.0) for k in range(8)))))
+
+
+def test_scales_of_swings_that_scatter_are_told() -> None:
+    scales = [0.9, 1.0, 1.1, 1.0]
+    told = check(make_session(*(staircase(200.0, k, scales[k // 2]) for k in range(8))))
+    assert "turn_on_implausible" in {w.code for w in told} or "rate_wrong" in {w.code for w in told}
+    assert not any(w.blocking for w in check(make_session(*(staircase(200.0, k) for k in range(8)))))
+
+
 @pytest.mark.parametrize("factor", [0.9, 0.96, 1.04, 1.3])
 @pytest.mark.parametrize("offsets", [[0.5, 0.45, 0.52, 0.4], [6.5, 6.4, 6.55, 6.45]])
 def test_the_rate_that_is_told_is_the_true_one(factor: float, offsets: list[float]) -> None:

@@ -87,23 +87,44 @@ def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[W
     cycles: dict[str, list[Mean]] = {}
     for m in points:
         cycles.setdefault(m.run.scenario, []).append(m)
-    offsets, scales = [], []
+    offsets, scales, granted = [], [], []
     for runs in cycles.values():
-        rates = np.array([m.rate_dps for m in runs])
         left = np.array([m.mean_dps - bias - slope * m.rate_dps for m in runs])
-        if slope and np.ptp(rates) > POLICY.two_rates * np.max(np.abs(rates)):
-            offset, scale = np.linalg.lstsq(np.column_stack([np.ones(rates.size), rates]), left, rcond=None)[0]
-            scales.append(float(scale))
-        else:
-            offset = left.mean()
-        offsets.append(float(offset))
-    bias_sd, scale_sd = _sd(offsets), _sd(scales)
-    if slope and len(points) == len(cycles):
+        scale, lever_dps = _own_scale(runs, left, slope)
+        if lever_dps > 0:
+            scales.append(scale)
+            granted.append(POLICY.hidden_dps / lever_dps)
+        offsets.append(float(np.mean(left - scale * np.array([m.rate_dps for m in runs]))))
+    bias_sd, scale_sd = _sd(offsets), _beyond(_sd(scales), granted)
+    if slope and len(points) == len(cycles) and not any(m.slope is not None for m in points):
         scale_sd = _scale_sd_of_single_runs(points, bias)
     if bias_sd <= POLICY.largest_bias_spread_dps and scale_sd <= POLICY.largest_scale_spread:
         return []
     how = f"bias by {bias_sd:.3g} dps" if bias_sd > POLICY.largest_bias_spread_dps else f"scale by {scale_sd:.0%}"
     return [_scatters(axis, len(cycles), f"their {how}")]
+
+
+def _own_scale(runs: list[Mean], left_dps: Array, slope: float) -> tuple[float, float]:
+    """The scale of one power cycle beyond the common slope, and the rates that show it, deg/s: root of the sum of squares.
+
+    It comes from the runs with slopes of their own, else from the means left [n] of runs of several rates, else it is 0.
+    """
+    swings = [m for m in runs if m.slope is not None]
+    rates = np.array([m.rate_dps for m in runs])
+    if not slope:
+        return 0.0, 0.0
+    if swings:
+        lever_dps = float(np.linalg.norm([np.std(m.run.rate_dps) for m in swings]))
+        return float(np.mean([m.slope for m in swings])) - slope, lever_dps
+    if np.ptp(rates) <= POLICY.two_rates * np.max(np.abs(rates)):
+        return 0.0, 0.0
+    about = rates - rates.mean()
+    return float(about @ left_dps) / float(about @ about), float(np.linalg.norm(about))
+
+
+def _beyond(sd: float, granted: list[float]) -> float:
+    """A standard deviation beyond the root mean square of errors that are granted."""
+    return float(np.sqrt(max(0.0, sd**2 - np.mean(np.square(granted))))) if granted else sd
 
 
 def _at_one_rate(axis: str, points: list[Mean]) -> list[Warning]:
@@ -138,4 +159,4 @@ def _scale_sd_of_single_runs(points: list[Mean], bias: float) -> float:
         return 0.0
     rates = np.array([m.rate_dps for m in turning])
     values = (np.array([m.mean_dps for m in turning]) - bias) / rates
-    return float(np.sqrt(max(0.0, np.var(values, ddof=1) - np.mean((POLICY.granted_offset_dps / rates) ** 2))))
+    return _beyond(_sd(list(values)), list(POLICY.granted_offset_dps / rates))

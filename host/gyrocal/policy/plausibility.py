@@ -185,6 +185,13 @@ class Plausibility:
         larger="wrong rates pass as offsets", smaller="offsets of power cycles are called scatter of the scale",
     )  # fmt: skip
 
+    hidden_dps: float = threshold(
+        1.0, "error of a run's mean that is granted before the scale of power cycles of several runs scatters, dps: what a "
+        "dead band or another error of small rates leaves there",
+        larger="scales of slow runs scatter unnoticed", smaller="the error of small rates is called scatter of the scale",
+        chosen_by="drivers set rates below 0.1 to 1 dps to zero; pytest tests/plausibility/test_explanations.py",
+    )  # fmt: skip
+
     # Motion and rest
     rate_varies_dps: float = threshold(
         1.0, "standard deviation of the true rate from which on a run has a slope of its own, dps",
