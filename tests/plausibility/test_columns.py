@@ -85,3 +85,4 @@ def test_times_in_another_unit_are_told_by_that_unit(factor: float, unit: str, s
     (told,) = (w for w in check(pair(t_s, rate_hz=100.0 if stated == "true" else 100.0 / factor)) if w.code == "sample_rate")
     assert f"Is t_s in {unit}?" in told.text
     assert f"--map t_s=COLUMN:{unit}" in told.text
+    assert ("session.toml says" in told.text) == (stated == "true")

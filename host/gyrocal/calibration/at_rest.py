@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gyrocal.effects.base import Role, with_role
 from gyrocal.error_model.correction import left_at_rest_dps
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
@@ -81,9 +82,10 @@ def _bias_dps(model: Model, run: Run, seconds: float, *, stated: bool) -> dict[s
     for axis, bias_dps, varies_dps in zip(AXES, left_dps.mean(axis=0), _varies_dps(left_dps, run.sample_rate_hz), strict=True):
         if varies_dps > 0:
             raise InputError(f"{where}, {axis} varies by {varies_dps:.3g} dps (rms), so the part moves; {INSTEAD}")
-        known = model.term("bias", axis)
+        known = model.term(with_role(Role.BIAS).id, axis)
         own_dps = 0.0 if known is None else known.values.get("bias_dps", 0.0)
-        sd_dps = model.value("turn_on_bias", axis, "sd_dps", POLICY.turn_on_dps)
+        turn_on = model.noise_on(axis).turn_on_bias
+        sd_dps = POLICY.turn_on_dps if turn_on is None or turn_on.sd_dps is None else turn_on.sd_dps
         near = known is None or abs(bias_dps - own_dps) <= max(POLICY.rest_bias_off_dps, POLICY.rest_bias_spreads * sd_dps)
         if abs(bias_dps) > POLICY.largest_bias_dps or not (stated or near):
             raise InputError(

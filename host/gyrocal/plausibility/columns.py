@@ -79,7 +79,9 @@ def _sample_rate(session: Session) -> list[Warning]:
     def text(run: Run | None) -> str:
         one = run or hit[0]
         rate = rates[one.file]
-        has = f"has {rate:.4g} samples a second, session.toml says sample_rate_hz = {session.sample_rate_hz:g}"
+        has = f"has {rate:.4g} samples a second"
+        if abs(rate / session.sample_rate_hz - 1) > POLICY.sample_rate_off:  # an import states the rate of the times
+            has += f", session.toml says sample_rate_hz = {session.sample_rate_hz:g}"
         if _too_slow(rate, one):
             unit = _unit(rate, one)
             return f"Is t_s in {unit}? It {has}. Convert it to seconds (--map t_s=COLUMN:{unit} when importing)"

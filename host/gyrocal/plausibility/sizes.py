@@ -124,7 +124,7 @@ def _own_scale(runs: list[Mean], left_dps: Array, slope: float) -> tuple[float, 
 
 def _beyond(sd: float, granted: list[float]) -> float:
     """A standard deviation beyond the root mean square of errors that are granted."""
-    return float(np.sqrt(max(0.0, sd**2 - np.mean(np.square(granted))))) if granted else sd
+    return max(0.0, sd**2 - float(np.mean(np.square(granted)))) ** 0.5 if granted else sd
 
 
 def _at_one_rate(axis: str, points: list[Mean]) -> list[Warning]:

@@ -49,7 +49,7 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
     try:
         content = path.read_bytes()
         if not content.strip():
-            raise InputError(f"{label}: the file is empty; record the run again, or remove it from session.toml")
+            raise InputError(f"{label}: the file is empty; record the run again")
         first, _, body = content.partition(b"\n")
         if row := long_line(content):
             raise InputError(f"{label}: row {row}: more than {LONGEST_LINE} bytes in one line; is the file a table?")
