@@ -86,10 +86,14 @@ def test_a_bias_that_cannot_be_used_is_refused(days: tuple[Model, Path], tmp_pat
 def test_the_command(days: tuple[Model, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, day = days
     model.save(tmp_path / "m.toml")
-    arguments = ["apply", str(day), "--model", str(tmp_path / "m.toml"), "--out", str(tmp_path / "out")]
+    whole = Session.open(day)
+    whole.with_runs(r for r in whole.runs if r.table_rate_dps == 0).save(tmp_path / "rests")
+    arguments = ["apply", str(tmp_path / "rests"), "--model", str(tmp_path / "m.toml"), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--bias", "rest:2", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert set(told) == {"rows", "applied", "left"}
     assert all(set(one) == {"effect", "why"} for one in told["left"])
     assert main(arguments) == 2
     assert "exists already" in capsys.readouterr().err
+    assert main(["apply", str(day), *arguments[2:5], str(tmp_path / "turning"), "--bias", "rest:2", "--json"]) == 2
+    assert "table_rate_dps is" in capsys.readouterr().err

@@ -137,3 +137,19 @@ def test_exchanged_axes_are_no_direction(seed: int) -> None:
     for e in calibrate(changed(across, *range(8)), [6.0], ["baseline", "model"]):
         assert "direction" not in e.flags
         assert "implausible" in e.flags
+
+
+@pytest.mark.parametrize(
+    ("seconds", "lacks"), [([2.0, 6.0], []), ([2.0, 1000.0], ["1000 s"]), ([1000.0, 2.0, 50.0], ["1000 s", "50 s"])]
+)
+def test_seconds_that_no_run_lasts_are_told(seconds: list[float], lacks: list[str]) -> None:
+    found = calibrate(sound(), seconds, ["baseline"])
+    told = unanswered(sound(), found, seconds)
+    assert [w.text.split("the first ")[1].split(":")[0] for w in told] == lacks
+    assert all("the longest run lasts 7 s" in w.text and w.code == "no_answer" and not w.blocking for w in told)
+
+
+def test_seconds_that_one_scenario_does_not_last_are_told_of_it() -> None:
+    shorter = changed(lambda r: r.part(0, len(r) // 2), 2, 3)
+    told = unanswered(shorter, calibrate(shorter, [2.0, 6.0], ["baseline"]), [2.0, 6.0])
+    assert [w.text.split(":")[0] for w in told] == [f"no estimate from the first 6 s for scenario {shorter.runs[2].scenario}"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gyrocal.effects.base import effect, effects, parse
+from gyrocal.errors import InputError
 from gyrocal.recording.session import Run
 
 from .conftest import MakeRun
@@ -164,3 +165,14 @@ def test_thresholds_of_a_moving_column(make_run: MakeRun) -> None:
 def test_the_command_line_knows_every_parameter() -> None:
     assert parse("g_sensitivity:gz_dps_per_g=0.03") == ("g_sensitivity", {"gz_dps_per_g": 0.03})
     assert parse("earth_rate:latitude_deg=32.8") == ("earth_rate", {"latitude_deg": 32.8})
+
+
+@pytest.mark.parametrize("effect_id", sorted(effects()))
+def test_the_command_line_refuses_what_no_parameter_can_be(effect_id: str) -> None:
+    """A nonlinear parameter is a time, a frequency or a width, so it is positive; every bound holds for a planted value too."""
+    kind = effect(effect_id)
+    for p in kind.parameters:
+        assert p.name not in kind.nonlinear or p.bounds[0] > 0
+        if np.isfinite(p.bounds[0]):
+            with pytest.raises(InputError, match=f"{p.name} is -91, must be"):
+                parse(f"{effect_id}:{p.name}=-91")

@@ -6,8 +6,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
+from gyrocal.calibration.at_rest import biases_at_rest
 from gyrocal.effects import base
-from gyrocal.error_model.correction import bias_at_rest_dps, correct
+from gyrocal.error_model.correction import correct
 from gyrocal.error_model.formula import FormulaEffect
 from gyrocal.error_model.model import Model, Term
 from gyrocal.errors import InputError
@@ -87,11 +88,11 @@ def test_the_bias_of_this_power_cycle_comes_from_a_rest() -> None:
     measured = still * [1.01, 0.98, 1.015] + [0.9, 0.1, -0.4] + noise
     measured[:, 2] += 0.02 * (TEMP_C - 25)
     run = reading(measured)
-    bias = bias_at_rest_dps(model, run, 5.0)
+    bias = biases_at_rest(model, (run,), 5.0)[run.scenario]
     se = 0.05 / np.sqrt(500)
     assert [bias[a] for a in AXES] == pytest.approx([0.9, 0.1, -0.4], abs=5 * se)
     with pytest.raises(InputError, match="shorter than"):
-        bias_at_rest_dps(model, run, 50.0)
+        biases_at_rest(model, (run,), 50.0)
 
 
 def test_the_heading_after_a_minute_is_right_after_correction() -> None:

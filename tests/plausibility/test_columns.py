@@ -79,3 +79,13 @@ def test_a_face_that_gravity_contradicts_in_another_unit() -> None:
     rest = replace(rest, frame=rest.table.with_columns(gz_dps=rest.table["gz_dps"] - 72.0 * 1.004))
     told = check(session.with_runs([*session.runs, rest]))
     assert [(w.code, w.file) for w in told] == [("face_wrong", "rest.csv"), ("accel_unit", None)]
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us")])
+@pytest.mark.parametrize("stated", ["true", "by the times"])
+def test_times_in_another_unit_are_told_by_that_unit(factor: float, unit: str, stated: str) -> None:
+    t_s = np.arange(800) / 100.0 * factor
+    (told,) = (w for w in check(pair(t_s, rate_hz=100.0 if stated == "true" else 100.0 / factor)) if w.code == "sample_rate")
+    assert f"Is t_s in {unit}?" in told.text
+    assert f"--map t_s=COLUMN:{unit}" in told.text
+    assert ("session.toml says" in told.text) == (stated == "true")

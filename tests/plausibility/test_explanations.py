@@ -72,12 +72,85 @@ def test_cycles_that_differ_by_their_offsets() -> None:
     assert [(w.code, w.axis) for w in check(pairs(60.0, [18.0, -16.0, 17.0]))] == [("turn_on_implausible", "z")]
 
 
+@pytest.mark.parametrize("faces", [("up", "down"), ("up",)], ids=["pairs", "single runs"])
+@pytest.mark.parametrize(("spread_dps", "axes"), [((9.0, 0.0, 0.0), "x"), ((9.0, 0.1, 8.0), "xz"), ((3.0, 3.0, 3.0), "")])
+def test_cycles_that_differ_by_their_offsets_on_any_axis(
+    faces: tuple[str, ...], spread_dps: tuple[float, ...], axes: str
+) -> None:
+    """The rate that a tilted axis reads, here a tenth, is no scatter of its bias."""
+    runs = []
+    for k, draw in enumerate(np.array([-1.2, 0.3, 1.1, -0.7, 0.9, -0.4]) / 0.92):
+        for face in faces:
+            run = turn((40.0, 78.0, -78.0)[k % 3], face, scenario=f"s{k}")
+            gyro = run.gyro_dps + np.outer(run.rate_dps, [0.1, -0.1, 0.0]) + draw * np.array(spread_dps)
+            runs.append(make_run(run.t_s, gyro, table_rate_dps=run.table_rate_dps, face=face, scenario=run.scenario))
+    assert [(w.code, w.axis) for w in check(make_session(*runs)) if w.blocking] == [("turn_on_implausible", a) for a in axes]
+
+
 @pytest.mark.parametrize("factor", [0.95, 1.05, 1.2])
 def test_one_rate_in_cycles_of_pairs(factor: float) -> None:
     session = pairs(78.0, [0.5, 0.45, 0.52])
     wrong = turn(78.0, "down", scenario="s1", stated=78.0 * factor)
     told = check(make_session(*(wrong if i == 3 else r for i, r in enumerate(session.runs))))
     assert [(w.code, w.file) for w in told] == [("rate_wrong", "003_down.csv")]
+
+
+def staircase(top_dps: float, k: int, scale: float = 1.005, dead_dps: float = 0.0) -> Run:
+    """A minute on levels up to ``top_dps`` in an order of its own, by a reference; rates within ``dead_dps`` read zero."""
+    rng = np.random.default_rng(k)
+    levels = rng.permutation(np.array([-1, -0.5, -0.2, -0.1, 0, 0.1, 0.2, 0.5, 1])) * top_dps
+    rate = np.interp(np.arange(6000), np.arange(9)[:, None].repeat(2, 1).ravel() * 660 + np.tile([0, 560], 9), levels.repeat(2))
+    read = scale * np.where(np.abs(rate) < dead_dps, 0.0, rate) + 0.7
+    gyro = rng.normal(0, 0.05, (6000, 3)) + np.outer(read, [0, 0, 1])
+    return make_run(np.arange(6000) / 100.0, gyro, rate_ref_dps=rate + rng.normal(0, 0.01, 6000), scenario=f"s{k // 2}")
+
+
+def test_a_dead_band_is_no_scatter_of_the_scale() -> None:
+    """Runs of small rates show no scale, whatever part of them a dead band takes."""
+    assert not any(w.blocking for w in check(make_session(*(staircase(4.0, k, dead_dps=1.0) for k in range(8)))))
+
+
+def test_scales_of_swings_that_scatter_are_told() -> None:
+    scales = [0.9, 1.0, 1.1, 1.0]
+    told = check(make_session(*(staircase(200.0, k, scales[k // 2]) for k in range(8))))
+    assert "turn_on_implausible" in {w.code for w in told} or "rate_wrong" in {w.code for w in told}
+    assert not any(w.blocking for w in check(make_session(*(staircase(200.0, k) for k in range(8)))))
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.96, 1.04, 1.3])
+@pytest.mark.parametrize("offsets", [[0.5, 0.45, 0.52, 0.4], [6.5, 6.4, 6.55, 6.45]])
+def test_the_rate_that_is_told_is_the_true_one(factor: float, offsets: list[float]) -> None:
+    """The wrong run moves the line of all runs; the rate comes from the others, and its error is that of their scatter."""
+    session = pairs(78.0, offsets)
+    wrong = turn(78.0, "up", scenario="s1", stated=78.0 * factor, bias_dps=offsets[1])
+    (told,) = check(make_session(*(wrong if i == 2 else r for i, r in enumerate(session.runs))))
+    assert (told.code, told.file) == ("rate_wrong", "002_up.csv")
+    likely, se = (float(word) for word in told.text.split("seems to be ")[1].split(" dps")[0].split(" +- "))
+    assert abs(likely - 78.0) < 3 * se
+    assert se < 0.2
+
+
+def test_a_table_that_stood_still_is_told_as_that() -> None:
+    runs = [*pairs(78.0, [0.5, 0.45, 0.52]).runs]
+    runs[2] = turn(0.0, scenario="s1", stated=78.0, bias_dps=0.45)
+    (told,) = check(make_session(*runs))
+    assert (told.code, told.file) == ("rate_wrong", "002_up.csv")
+    assert "the table seems to have stood still" in told.text
+
+
+def test_one_run_in_rad_s_is_told_with_its_own_number() -> None:
+    """The bias of the other runs is in deg/s, so it is not taken from this run's mean."""
+    runs = [turn(r, scenario=f"s{k}", bias_dps=7.0) for k, r in enumerate((0.0, 30.0, -30.0, 78.0, -78.0, 150.0, -150.0))]
+    rad = make_run(runs[3].t_s, runs[3].gyro_dps / DEG, table_rate_dps=78.0, scenario="s3")
+    told = [w for w in check(make_session(*runs[:3], rad, *runs[4:])) if w.axis == "z"]
+    assert [(w.code, w.file) for w in told] == [("unit_rad_s", "003_up.csv")]
+    assert float(told[0].text.split("reads ")[1].split()[0]) == pytest.approx(1 / DEG, rel=0.12)
+
+
+def test_what_is_57_times_too_large_is_told_with_both_explanations() -> None:
+    (told,) = check(pairs(60.0, [0.5, 0.4], DEG))
+    assert "the reference is in rad/s, or readings in deg/s were converted once more" in told.text
+    assert "Give table_rate_dps in degrees a second, or leave the unit of gz_dps out" in told.text
 
 
 def test_one_rate_among_slow_runs() -> None:

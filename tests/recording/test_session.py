@@ -95,6 +95,13 @@ def test_a_bad_row_is_named(folder: Path, row: int, text: str, says: str) -> Non
     assert "\n" not in str(caught.value)
 
 
+def test_an_empty_file_is_called_empty(folder: Path) -> None:
+    for content in ("", "\n"):
+        (folder / "000_up.csv").write_text(content)
+        with pytest.raises(InputError, match=r"000_up\.csv: the file is empty"):
+            Session.open(folder)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

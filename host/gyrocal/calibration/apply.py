@@ -1,8 +1,8 @@
 """Apply a model to a recording: a session folder, a CSV or a Parquet table with corrected readings.
 
 The bias changes with each power cycle, so the model's bias is only its mean over the power cycles of its session. ``bias`` says
-where this power cycle's bias comes from: ``model``, ``rest:S`` (the mean of the first S seconds, in which the part is at rest),
-or a file with the output of ``gyrocal calibrate --json``.
+where this power cycle's bias comes from: ``model``, ``rest:S`` (the mean of the first S seconds of a run that is at rest in
+them), or a file with the output of ``gyrocal calibrate --json``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from typing import Any
 
 import polars as pl
 
-from gyrocal.error_model.correction import RATES, bias_at_rest_dps, correct, run_of
+from gyrocal.calibration.at_rest import biases_at_rest
+from gyrocal.error_model.correction import RATES, correct, run_of
 from gyrocal.error_model.model import Model
 from gyrocal.errors import InputError
 from gyrocal.files import LARGEST_JSON_BYTES, UNREADABLE, read_small_text, replacing, why_unreadable
@@ -105,17 +106,14 @@ class _Biases:
 
 
 def _at_rest(model: Model, runs: tuple[Run, ...], bias: str) -> dict[str, dict[str, float]]:
-    """The bias of each power cycle from the beginning of its first run."""
+    """The bias of each power cycle from the beginning of a run of it that is at rest there."""
     try:
         seconds = float(bias.removeprefix("rest:"))
     except ValueError:
         raise InputError(f"--bias {bias}: give seconds after rest:, for example rest:5") from None
     if not 0 < seconds < float("inf"):
         raise InputError(f"--bias {bias}: the seconds at rest must be more than 0")
-    first: dict[str, Run] = {}
-    for run in runs:
-        first.setdefault(run.scenario, run)
-    return {scenario: bias_at_rest_dps(model, run, seconds) for scenario, run in first.items()}
+    return biases_at_rest(model, runs, seconds)
 
 
 def _from_calibration(path: Path) -> tuple[dict[str, dict[str, float]], dict[str, float]]:

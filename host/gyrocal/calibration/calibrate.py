@@ -134,8 +134,26 @@ def calibrate(
     return found
 
 
-def unanswered(session: Session, found: Sequence[Estimate]) -> list[Warning]:
-    """``no_answer``: a warning that names the scenarios without an estimate, if others have one."""
+def unanswered(session: Session, found: Sequence[Estimate], seconds: Sequence[float] | None = None) -> list[Warning]:
+    """``no_answer``: the scenarios without an estimate, if others have one, and those that lack one from some ``seconds``."""
+    of_seconds = (w for span in seconds or () for w in _unanswered_span(session, found, span))
+    return [*_unanswered_scenarios(session, found), *of_seconds]
+
+
+def _unanswered_span(session: Session, found: Sequence[Estimate], span: float) -> list[Warning]:
+    answered = {e.scenario for e in found if e.seconds == span}
+    left = [name for name in dict.fromkeys(e.scenario for e in found) if name not in answered]
+    if not left:
+        return []
+    runs = [r for r in session.runs if r.scenario in left] or list(session.runs)
+    names = ", ".join(left[:NAMED]) + (f" and {len(left) - NAMED} more" if len(left) > NAMED else "")
+    of = f" for scenario {names}" if answered else ""
+    longest_s = max(r.duration_s for r in runs)
+    text = f"no estimate from the first {span:g} s{of}: the longest run lasts {longest_s:.3g} s. Ask for less with --seconds"
+    return [Warning("no_answer", None, None, text)] if longest_s < span else []
+
+
+def _unanswered_scenarios(session: Session, found: Sequence[Estimate]) -> list[Warning]:
     answered = {e.scenario for e in found}
     left = [(scenario, runs) for scenario, runs in session.by_scenario() if scenario not in answered]
     if not left or answered == {POOLED}:

@@ -41,7 +41,7 @@ def run(
         return
     warnings = check(opened, model)
     found = calibrate(opened, spans, methods, model, warnings)
-    warnings += unanswered(opened, found)
+    warnings += unanswered(opened, found, spans)
     if as_json:
         budget = [row for e in found for row in e.budget_json()]
         emit({"estimates": [e.to_json() for e in found], "budget": budget, "warnings": [w.to_json() for w in warnings]})

@@ -359,6 +359,8 @@ def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Va
             raise InputError(f"--effect {text}: {part!r} is not name=value with a number") from None
         if not equals or not np.isfinite(values[name]):
             raise InputError(f"--effect {text}: {part!r} is not name=value with a finite number")
+        if refusal := kind.parameter(name).refusal(values[name]):
+            raise InputError(f"--effect {text}: {refusal}")
     return kind.id, values
 
 

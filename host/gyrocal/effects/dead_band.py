@@ -71,15 +71,51 @@ class DeadBand(Effect):
         return 0.1
 
     def resolution(self, name: str, values: Mapping[str, float], runs: Sequence[Run], axis: int) -> float:
-        """The edge of the band lies anywhere between the nearest rates below and above it: their distance over sqrt(12)."""
+        """The edge of the band lies anywhere between the nearest rates below and above it: their distance over sqrt(12).
+
+        A measured rate is known there as well as smoothing agrees with the reference where the rate passes the edge, which it
+        does not at the corners of a motion, and as well as samples on the other side of the edge are clearly read or lost.
+        """
         width = values["width_dps"]
         rates = np.concatenate([np.abs(rate_about(r, axis)) for r in runs if not r.rate_is_mean])
         below, above = rates[rates < width].max(initial=0.0), rates[rates >= width].min(initial=np.inf)
-        return float((above - below) / np.sqrt(12)) if np.isfinite(above) else 0.0
+        between = float((above - below) / np.sqrt(12)) if np.isfinite(above) else 0.0
+        return float(np.linalg.norm([between, _beyond_the_edge_dps(runs, axis, width), _smoothed_dps(runs, axis, width)]))
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         w_dps = rate_about(run, axis)
         return stack(np.where(np.abs(w_dps) < values["width_dps"], -w_dps, 0.0))
+
+
+def _beyond_the_edge_dps(runs: Sequence[Run], axis: int, width_dps: float) -> float:
+    """Largest distance from a width of true rates that are read although they are below it, or lost although above, deg/s."""
+    clear_dps = 2 * FIRST_SIGHT * white_sd_dps(runs, axis)
+    largest = 0.0
+    for run in (r for r in runs if r.axis_index == axis and not r.rate_is_mean):
+        w_dps, y_dps = rate_about(run, axis), run.gyro_dps[:, axis]
+        inside = np.abs(w_dps) < width_dps
+        if not inside.any() or np.count_nonzero(~inside) < 2:
+            continue
+        slope, offset = np.polyfit(w_dps[~inside], y_dps[~inside], 1)
+        lost = np.abs(y_dps - offset) < np.abs(y_dps - offset - slope * w_dps)
+        other = (lost != inside) & (np.abs(slope * w_dps) > clear_dps)
+        largest = max(largest, float(np.max(np.abs(np.abs(w_dps[other]) - width_dps), initial=0.0)))
+    return largest
+
+
+def _smoothed_dps(runs: Sequence[Run], axis: int, width_dps: float) -> float:
+    """The most that smoothing takes from measured rates within two samples of an edge (rms over passages), deg/s.
+
+    It is 0 without a measured rate.
+    """
+    taken = [np.empty(0)]
+    for run in (r for r in runs if r.axis_index == axis and r.smooth_rate is not None):
+        w_dps = rate_about(run, axis)
+        passes = np.flatnonzero(np.diff(np.abs(w_dps) < width_dps))
+        around = np.clip(passes[:, None] + np.arange(-1, 3), 0, len(run) - 1)
+        taken.append(np.max(np.abs(run.rate_dps - w_dps)[around], axis=1, initial=0.0))
+    squares = np.concatenate(taken) ** 2
+    return float(np.sqrt(squares.mean())) if squares.size else 0.0
 
 
 def outliers_of(run: Run, axis: int, y_dps: Array) -> tuple[Index, Array]:

@@ -10,6 +10,7 @@ from gyrocal import tails
 from gyrocal.effects.base import Mask, Parameter
 from gyrocal.effects.quantities import grid_dps, white_sd_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import AXES, Array, Run
 
 BELOW = 2.0
@@ -56,7 +57,7 @@ class Saturation(ReadingFault):
     measure_next = "the same rate at the next larger range of the chip"
     parameters = (
         Parameter(
-            "full_scale_dps", "dps", (125.0, 2000.0), "LSM6DSO datasheet, table 2: ranges of 125-2000 dps", 125.0
+            "full_scale_dps", "dps", (125.0, 2000.0), "LSM6DSO datasheet, table 2: ranges of 125-2000 dps", 125.0, POSITIVE
         ),
     )
 

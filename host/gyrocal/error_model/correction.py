@@ -80,32 +80,26 @@ def correct_frame(model: Model, frame: Any, bias_dps: Mapping[str, float] | None
 
 
 def run_of(frame: pl.DataFrame, name: str) -> Run:
-    """A table outside a session as a run whose true rate is not known. Raises InputError if a column is missing or invalid."""
+    """A table outside a session as a run whose true rate only its own columns know.
+
+    Raises InputError if a column is missing or invalid.
+    """
     absent = [column for column in ("t_s", *RATES) if column not in frame.columns]
     if absent:
         raise InputError(f"{name}: no column {absent[0]}; a recording has t_s, {', '.join(RATES)}")
     known = [column for column in frame.columns if column in (*REQUIRED, *OPTIONAL)]
     table = frame.select(pl.col(known).cast(pl.Float64))
-    if "rate_ref_dps" not in known:
-        table = table.with_columns(rate_ref_dps=pl.lit(0.0))
     seconds = float(table["t_s"][-1] - table["t_s"][0]) if table.height > 1 else 0.0
     rate_hz = (table.height - 1) / seconds if seconds > 0 else 1.0
     return Run(0, name, "s000", "up", "z", None, None, None, None, rate_hz, frame=table)
 
 
-def bias_at_rest_dps(model: Model, run: Run, seconds: float) -> dict[str, float]:
-    """The bias of each axis in deg/s from the first ``seconds`` of a run in which the part is at rest.
-
-    It is the mean reading less the errors of the model's other effects at rest. Raises InputError if the run is shorter.
-    """
-    first = run.first(seconds)
-    if first is None:
-        raise InputError(f"{run.file}: shorter than the {seconds:g} s at rest that --bias rest:{seconds:g} asks for")
-    usable, _ = _split(model, first)
+def left_at_rest_dps(model: Model, run: Run) -> Array:
+    """Readings [n, 3] of a run at rest less the errors of the model's effects at rest without its bias, deg/s."""
+    usable, _ = _split(model, run)
     others = [t for t in usable if t.effect.role is not Role.BIAS]
-    at_rest = {i: turning_about(first, axis, np.zeros((len(first), 3))) for i, axis in enumerate(AXES)}
-    left_dps = first.gyro_dps - _error_dps(others, at_rest, {})
-    return dict(zip(AXES, map(float, left_dps.mean(axis=0)), strict=True))
+    at_rest = {i: turning_about(run, axis, np.zeros((len(run), 3))) for i, axis in enumerate(AXES)}
+    return np.asarray(run.gyro_dps - _error_dps(others, at_rest, {}))
 
 
 def _split(model: Model, run: Run) -> tuple[list[Term], dict[str, str]]:

@@ -79,11 +79,14 @@ def _sample_rate(session: Session) -> list[Warning]:
     def text(run: Run | None) -> str:
         one = run or hit[0]
         rate = rates[one.file]
-        has = f"has {rate:.4g} samples a second, session.toml says sample_rate_hz = {session.sample_rate_hz:g}"
+        has = f"has {rate:.4g} samples a second"
+        if abs(rate / session.sample_rate_hz - 1) > POLICY.sample_rate_off:  # an import states the rate of the times
+            has += f", session.toml says sample_rate_hz = {session.sample_rate_hz:g}"
         if _too_slow(rate, one) and (gap := _gap(one)):
-            return f"Is t_s in ms? It {has}. But {gap}"
+            return f"Is t_s in {_unit(rate, one)}? It {has}. But {gap}"
         if _too_slow(rate, one):
-            return f"Is t_s in ms? It {has}. Convert it to seconds (--map t_s=COLUMN:ms when importing)"
+            unit = _unit(rate, one)
+            return f"Is t_s in {unit}? It {has}. Convert it to seconds (--map t_s=COLUMN:{unit} when importing)"
         if _too_fast(rate, one):
             return f"Was t_s taken for ms or us? It {has}. Import it in seconds (--map t_s=COLUMN), or correct sample_rate_hz"
         return f"t_s {has}. Correct sample_rate_hz, or the times"
@@ -106,6 +109,12 @@ def _gap(run: Run) -> str:
 def _too_slow(rate_hz: float, run: Run) -> bool:
     """True if the times of a run with so many samples per second are in milliseconds."""
     return rate_hz < POLICY.slowest_hz or POLICY.milliseconds[0] < run.sample_rate_hz / rate_hz < POLICY.milliseconds[1]
+
+
+def _unit(rate_hz: float, run: Run) -> str:
+    """The unit of times that are too slow: us where the rate is near a millionth of the stated one, or of any sensor's."""
+    low, high = POLICY.milliseconds
+    return "us" if low < run.sample_rate_hz / rate_hz / 1e3 < high or rate_hz * 1e3 < POLICY.slowest_hz else "ms"
 
 
 def _too_fast(rate_hz: float, run: Run) -> bool:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means
 from gyrocal.plausibility.slopes import Lines, agreed, middle_of
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES
+from gyrocal.recording.session import AXES, Array
 from gyrocal.warning import Warning
+
+Index = np.ndarray[Any, np.dtype[np.intp]]
 
 
 def check(means: Means, found: Lines, accused: list[Warning], moved: list[Warning]) -> list[Warning]:
@@ -38,32 +42,89 @@ def check(means: Means, found: Lines, accused: list[Warning], moved: list[Warnin
             out.append(Warning("bias_implausible", axis, None, text, True))
         if axis not in whole:
             slope = middle_of(np.array([s.value for s in line.slopes])) if line is not None and line.slopes else 0.0
-            steady = points if line is not None else [m for m in points if m.rests]  # else misalignment shows the table's rate
-            out += _turn_on(axis, steady, bias, slope)
+            own = _turn_on(axis, points, bias, slope) if line is not None else []
+            out += own or _across(means, axis, accused, moved)
     return out
+
+
+def _across(means: Means, axis: str, accused: list[Warning], moved: list[Warning]) -> list[Warning]:
+    """Power cycles whose biases scatter on an axis in the runs about another, beside what the axis reads of their rate."""
+    if any(w.code == "unit_rad_s" for w in accused):
+        return []
+    bad = {w.file for w in (*accused, *moved)}
+    for about in (a for a in AXES if a != axis):
+        points = [m for m in means.about(about, axis) if m.run.file not in bad and not m.run.three_axes]
+        names = list(dict.fromkeys(m.run.scenario for m in points))
+        if len(names) < 2:
+            continue
+        cycle = np.array([names.index(m.run.scenario) for m in points])
+        rates, values = np.array([m.rate_dps for m in points]), np.array([m.mean_dps for m in points])
+        offsets = _cycle_means(cycle, values - _common_slope(cycle, rates, values) * rates)
+        if (sd := _sd(list(offsets))) > POLICY.largest_bias_spread_dps:
+            return [_scatters(axis, len(names), f"their bias by {sd:.3g} dps")]
+    return []
+
+
+def _cycle_means(cycle: Index, values: Array) -> Array:
+    """Means of values [n] over each power cycle, whose numbers [n] begin at 0."""
+    return np.asarray(np.bincount(cycle, values) / np.bincount(cycle))
+
+
+def _common_slope(cycle: Index, rates: Array, values: Array) -> float:
+    """The slope of values [n] over rates [n], deg/s: within power cycles if they have several rates, else over all runs.
+
+    It is 0 at a single rate.
+    """
+    least = POLICY.two_rates * float(np.max(np.abs(rates)))
+    for middle in (_cycle_means(cycle, rates)[cycle], rates.mean()):
+        apart = rates - middle
+        if np.max(np.abs(apart)) > least / 2:
+            return float(apart @ values) / float(apart @ apart)
+    return 0.0
 
 
 def _turn_on(axis: str, points: list[Mean], bias: float, slope: float) -> list[Warning]:
     cycles: dict[str, list[Mean]] = {}
     for m in points:
         cycles.setdefault(m.run.scenario, []).append(m)
-    offsets, scales = [], []
+    offsets, scales, granted = [], [], []
     for runs in cycles.values():
-        rates = np.array([m.rate_dps for m in runs])
         left = np.array([m.mean_dps - bias - slope * m.rate_dps for m in runs])
-        if slope and np.ptp(rates) > POLICY.two_rates * np.max(np.abs(rates)):
-            offset, scale = np.linalg.lstsq(np.column_stack([np.ones(rates.size), rates]), left, rcond=None)[0]
-            scales.append(float(scale))
-        else:
-            offset = left.mean()
-        offsets.append(float(offset))
-    bias_sd, scale_sd = _sd(offsets), _sd(scales)
-    if slope and len(points) == len(cycles):
+        scale, lever_dps = _own_scale(runs, left, slope)
+        if lever_dps > 0:
+            scales.append(scale)
+            granted.append(POLICY.hidden_dps / lever_dps)
+        offsets.append(float(np.mean(left - scale * np.array([m.rate_dps for m in runs]))))
+    bias_sd, scale_sd = _sd(offsets), _beyond(_sd(scales), granted)
+    if slope and len(points) == len(cycles) and not any(m.slope is not None for m in points):
         scale_sd = _scale_sd_of_single_runs(points, bias)
     if bias_sd <= POLICY.largest_bias_spread_dps and scale_sd <= POLICY.largest_scale_spread:
         return []
     how = f"bias by {bias_sd:.3g} dps" if bias_sd > POLICY.largest_bias_spread_dps else f"scale by {scale_sd:.0%}"
     return [_scatters(axis, len(cycles), f"their {how}")]
+
+
+def _own_scale(runs: list[Mean], left_dps: Array, slope: float) -> tuple[float, float]:
+    """The scale of one power cycle beyond the common slope, and the rates that show it, deg/s: root of the sum of squares.
+
+    It comes from the runs with slopes of their own, else from the means left [n] of runs of several rates, else it is 0.
+    """
+    swings = [m for m in runs if m.slope is not None]
+    rates = np.array([m.rate_dps for m in runs])
+    if not slope:
+        return 0.0, 0.0
+    if swings:
+        lever_dps = float(np.linalg.norm([np.std(m.run.rate_dps) for m in swings]))
+        return float(np.mean([m.slope for m in swings])) - slope, lever_dps
+    if np.ptp(rates) <= POLICY.two_rates * np.max(np.abs(rates)):
+        return 0.0, 0.0
+    about = rates - rates.mean()
+    return float(about @ left_dps) / float(about @ about), float(np.linalg.norm(about))
+
+
+def _beyond(sd: float, granted: list[float]) -> float:
+    """A standard deviation beyond the root mean square of errors that are granted."""
+    return max(0.0, sd**2 - float(np.mean(np.square(granted)))) ** 0.5 if granted else sd
 
 
 def _at_one_rate(axis: str, points: list[Mean]) -> list[Warning]:
@@ -98,4 +159,4 @@ def _scale_sd_of_single_runs(points: list[Mean], bias: float) -> float:
         return 0.0
     rates = np.array([m.rate_dps for m in turning])
     values = (np.array([m.mean_dps for m in turning]) - bias) / rates
-    return float(np.sqrt(max(0.0, np.var(values, ddof=1) - np.mean((POLICY.granted_offset_dps / rates) ** 2))))
+    return _beyond(_sd(list(values)), list(POLICY.granted_offset_dps / rates))

@@ -15,7 +15,7 @@ import numpy as np
 
 from gyrocal.plausibility.runs import Mean, Means, told
 from gyrocal.policy import POLICY
-from gyrocal.recording.measured_rates import QUATERNION
+from gyrocal.recording.measured_rates import ANGLE, QUATERNION, RATES
 from gyrocal.recording.run import points_up
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.warning import Warning
@@ -189,7 +189,7 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     if turned is not None:
         return [Warning("face_wrong", axis, turned.run.file, _face_text(turned, axis), True)]
     if off and not _behind_a_filter(sure, errors):
-        return [Warning("rate_wrong", axis, s.run.file, _rate_text(s, middle, axis), True) for s in off]
+        return _wrong_rates(means.about(axis), axis, off, middle)
     return [_scale(middle, axis, sure[0].run)] if scaled else _beyond_any_bias(sure, axis) if line.bias_dps is None else []
 
 
@@ -276,8 +276,9 @@ def _told(
 
 
 def _rad_readings(s: Slope, axis: str) -> str:
+    by_bias = abs(s.value * DEG - 1) < POLICY.unit_within  # else the bias of the other runs is in another unit
     return (
-        f"{axis} reads {s.value:.4g} of the true rate, and pi/180 is 0.01745: the readings are in rad/s. "
+        f"{axis} reads {s.value if by_bias else s.raw:.4g} of the true rate, and pi/180 is 0.01745: the readings are in rad/s. "
         f"Give the unit when importing (--map g{axis}_dps=COLUMN:rad/s), or multiply the column by 57.2958"
     )
 
@@ -288,9 +289,14 @@ def _rad_reference(s: Slope, axis: str) -> str:
             f"{axis} reads {s.value:.4g} times the true rate, and 180/pi is 57.3: orientations have no unit, so the readings "
             f"were in dps already when they were converted. Leave the unit out when importing (--map g{axis}_dps=COLUMN)"
         )
+    columns = [name for name in (*RATES, "rate_ref_dps", ANGLE) if s.run.column(name) is not None]
+    stated = "turn_deg in degrees" if s.run.rate_is_mean else "table_rate_dps in degrees a second"
+    if columns:
+        unit = "rad" if columns == [ANGLE] else "rad/s"
+        stated = f"{', '.join(columns)} in degrees (--map {columns[0]}=COLUMN:{unit} when importing)"
     return (
-        f"{axis} reads {s.value:.4g} times the true rate, and 180/pi is 57.3: the reference is in rad/s. "
-        "Give table_rate_dps, turn_deg or rate_ref_dps in degrees (--map rate_ref_dps=COLUMN:rad/s when importing)"
+        f"{axis} reads {s.value:.4g} times the true rate, and 180/pi is 57.3: the reference is in rad/s, or readings in deg/s "
+        f"were converted once more. Give {stated}, or leave the unit of g{axis}_dps out (--map g{axis}_dps=COLUMN)"
     )
 
 
@@ -315,12 +321,45 @@ def _face_text(s: Slope, axis: str) -> str:
     )
 
 
+def _wrong_rates(points: list[Mean], axis: str, off: list[Slope], middle: float) -> list[Warning]:
+    """``rate_wrong`` for the runs that are off, whose slopes come from the line of the other runs where that has a bias."""
+    accused = {s.run.file for s in off}
+    others = [m for m in points if m.run.file not in accused]
+    line = _line(others) if any(not m.rests for m in others) else Line(None, [])
+    if line.bias_dps is None:
+        return [Warning("rate_wrong", axis, s.run.file, _rate_text(s, middle, axis), True) for s in off]
+    middle = middle_of(np.array([s.value for s in line.slopes]))
+    anew = {s.run.file: s for s in _line_slopes([m for m in points if m.run.file in accused], line, len(others))}
+    told_of = [anew.get(s.run.file, s) for s in off]
+    still = [s for s in told_of if abs(s.value - middle) > POLICY.rate_off * abs(middle)]
+    return [Warning("rate_wrong", axis, s.run.file, _rate_text(s, middle, axis), True) for s in still or told_of]
+
+
+def _line_slopes(points: list[Mean], line: Line, runs: int) -> list[Slope]:
+    """Slopes of steady runs by the bias of a line of other ``runs``, with the errors of both."""
+    scatter_dps = max(line.scatter_dps, POLICY.turn_on_dps)
+    out = []
+    for m in (m for m in points if m.slope is None and not m.rests):
+        error_dps = float(np.hypot(m.se_dps, scatter_dps * (1 + 2 / runs) ** 0.5))
+        value = (m.mean_dps - (line.bias_dps or 0.0)) / m.rate_dps
+        out.append(Slope(m.run, value, error_dps / abs(m.rate_dps), m.mean_dps / m.rate_dps))
+    return out
+
+
 def _rate_text(s: Slope, middle: float, axis: str) -> str:
     run, ratio = s.run, s.value / middle
-    what, stated = ("turn_deg", run.turn_deg) if run.rate_is_mean else ("table_rate_dps", run.table_rate_dps)
+    what, unit, stated = "table_rate_dps", "dps", run.table_rate_dps
+    if run.rate_is_mean:
+        what, unit, stated = "turn_deg", "deg", run.turn_deg
     if run.reference_dps is not None:
         what, stated = "the reference", None
-    seems = "" if stated is None else f": it seems to be {stated * ratio:.4g}, not {stated:g}"
+    seems = ""
+    if stated is not None:
+        likely, se = stated * ratio, abs(stated * s.se / middle)
+        seems = f": it seems to be {likely:.4g} +- {se:.1g} {unit}, not {stated:g}"
+        if abs(likely) < POLICY.turning_errors * se:
+            still = f"({likely:.1g} +- {se:.1g} {unit}, not {stated:g})"
+            seems = f": the table seems to have stood still {still}; record the run again if it should turn"
     return (
         f"{axis} reads {s.value:.4f} of the stated rate here and {middle:.4f} in the other runs, {ratio - 1:+.1%} "
         f"({abs(s.value - middle) / max(s.se, 1e-12):.0f} standard errors). Check {what}{seems}"

@@ -185,6 +185,13 @@ class Plausibility:
         larger="wrong rates pass as offsets", smaller="offsets of power cycles are called scatter of the scale",
     )  # fmt: skip
 
+    hidden_dps: float = threshold(
+        1.0, "error of a run's mean that is granted before the scale of power cycles of several runs scatters, dps: what a "
+        "dead band or another error of small rates leaves there",
+        larger="scales of slow runs scatter unnoticed", smaller="the error of small rates is called scatter of the scale",
+        chosen_by="drivers set rates below 0.1 to 1 dps to zero; pytest tests/plausibility/test_explanations.py",
+    )  # fmt: skip
+
     # Motion and rest
     rate_varies_dps: float = threshold(
         1.0, "standard deviation of the true rate from which on a run has a slope of its own, dps",
@@ -211,6 +218,26 @@ class Plausibility:
     rest_spreads: float = threshold(
         6.0, "standard deviations of the other rests by which a rest must also deviate",
         larger="motion is not reported if power cycles scatter", smaller="one is reported if all rests scatter",
+    )  # fmt: skip
+    rest_block_s: float = threshold(
+        0.1, "length of the means whose scatter shows whether the part moves in the seconds whose mean becomes its bias, s",
+        larger="fast shaking is taken for rest", smaller="noise is taken for motion",
+        chosen_by="pytest tests/calibration/test_at_rest.py",
+    )  # fmt: skip
+    rest_reference_dps: float = threshold(
+        0.1, "mean of a measured true rate up to which those seconds are at rest, dps",
+        larger="a slow turn goes into the bias", smaller="the offset of a reference is taken for motion",
+    )  # fmt: skip
+    rest_bias_off_dps: float = threshold(
+        2.0, "deviation of the mean of seconds of unknown true rate from the model's bias up to which they are at rest, dps",
+        larger="a slow turn is taken for the bias",
+        smaller="a bias that moved since the model was fitted, as with temperature, is refused",
+        chosen_by="chosen by judgement: what a consumer part's bias moves over its temperature range; "
+        "pytest tests/calibration/test_at_rest.py",
+    )  # fmt: skip
+    rest_bias_spreads: float = threshold(
+        10.0, "spreads of the model's turn-on bias by which that mean may deviate at any rate",
+        larger="turns are taken for the bias of a part that scatters", smaller="such a part's rests are refused",
     )  # fmt: skip
     rest_turned_deg: float = threshold(
         5.0, "angle by which gravity may turn in a run at rest, deg",

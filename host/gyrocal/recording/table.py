@@ -48,6 +48,8 @@ def read_table_and_damage(path: Path, name: str | None = None) -> tuple[pl.DataF
             raise InputError(f"{label}: not a readable Parquet file: {first_line(error)}") from None
     try:
         content = path.read_bytes()
+        if not content.strip():
+            raise InputError(f"{label}: the file is empty; record the run again")
         first, _, body = content.partition(b"\n")
         if row := long_line(content):
             raise InputError(f"{label}: row {row}: more than {LONGEST_LINE} bytes in one line; is the file a table?")

@@ -1,0 +1,51 @@
+"""The error of a dead band's width holds with an encoder's noise and where smoothing rounds the corners of a motion."""
+
+import numpy as np
+import pytest
+
+from gyrocal.effects.base import effect
+from gyrocal.effects.quantities import rate_about
+from gyrocal.recording.session import Run
+from make_runs import make_run
+
+WIDTH_DPS = 1.0
+
+
+def staircase(k: int, noise_dps: float, levels: tuple[float, ...]) -> Run:
+    """Ramps between levels in an order of its own; true rates below the width read zero."""
+    rng = np.random.default_rng(k)
+    order = rng.permutation(np.array(levels))
+    corners = np.arange(order.size)[:, None] * 500 + np.array([0, 400])
+    rate = np.interp(np.arange(500 * order.size), corners.ravel(), order.repeat(2))
+    read = 1.01 * np.where(np.abs(rate) < WIDTH_DPS, 0.0, rate) + 0.7
+    gyro = rng.normal(0, 0.05, (rate.size, 3)) + np.outer(read, [0, 0, 1])
+    return make_run(np.arange(rate.size) / 100.0, gyro, rate_ref_dps=rate + rng.normal(0, noise_dps, rate.size))
+
+
+def likeliest_dps(runs: list[Run]) -> float:
+    """The width that sorts most of the readings rightly, as a fit does."""
+    w = np.concatenate([np.abs(rate_about(r, 2)) for r in runs])
+    y = np.concatenate([np.abs(r.gyro_dps[:, 2] - 0.7) for r in runs])
+    widths = np.linspace(0.8, 1.2, 801)
+    squares = [float(np.sum((y - 1.01 * np.where(w < width, 0.0, w)) ** 2)) for width in widths]
+    return float(widths[int(np.argmin(squares))])
+
+
+def error_dps(runs: list[Run], width_dps: float) -> float:
+    return effect("dead_band").resolution("width_dps", {"width_dps": width_dps, "depth": 1.0}, runs, 2)
+
+
+@pytest.mark.parametrize("levels", [(-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4), (-20, -5, -1, 0, 1, 5, 20)])
+@pytest.mark.parametrize("noise_dps", [0.003, 0.01, 0.05])
+def test_the_width_s_error_holds(noise_dps: float, levels: tuple[float, ...]) -> None:
+    off = []
+    for seed in range(5):
+        runs = [staircase(10 * seed + k, noise_dps, levels) for k in range(4)]
+        width = likeliest_dps(runs)
+        off.append((width - WIDTH_DPS) / error_dps(runs, width))
+    assert np.max(np.abs(off)) < 3.0
+
+
+def test_the_width_s_error_is_small_where_the_rate_is_known() -> None:
+    runs = [staircase(k, 1e-6, (-4, -2, -0.7, -0.4, 0, 0.4, 0.7, 2, 4)) for k in range(4)]
+    assert error_dps(runs, likeliest_dps(runs)) < 0.03
