@@ -165,3 +165,12 @@ def test_the_warning_and_the_flag_have_one_notion_of_clipping(reading_dps: float
     flagged = "clipped" in reading_flags(session.runs, "z", 250.0)
     assert ("clipped" in {w.code for w in check(session)}) is flagged
     assert flagged is (reading_dps > 249.99)
+
+
+@pytest.mark.parametrize(("off", "words"), [(1, "Drop the first sample,"), (2, "Drop the first 2 samples,")])
+def test_as_many_first_samples_are_to_be_dropped_as_stand_off(off: int, words: str) -> None:
+    readings = pair()
+    readings[0][:off, 1] = 5.0
+    (told,) = check(recorded(readings))
+    assert told.code == "first_sample"
+    assert words in told.text

@@ -230,15 +230,19 @@ def first_sample(session: Session, levels_dps: Levels) -> list[Warning]:
         whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[:FIRST, i])]
         off = {r.file: apart for r in whole if (apart := _first_apart_dps(r, i)) is not None}
 
-        def text(run: Run | None, off: dict[str, float] = off, axis: str = axis) -> str:
-            apart = max(off.values(), key=abs) if run is None else off[run.file]
-            return f"{axis} begins {apart:+.3g} dps off what follows. Drop the first {FIRST} samples, or start recording later"
+        def text(run: Run | None, off: dict[str, Array] = off, axis: str = axis) -> str:
+            apart = np.concatenate(list(off.values())) if run is None else off[run.file]
+            count = max(map(_last_apart, off.values())) if run is None else _last_apart(off[run.file])
+            drop = "sample" if count == 1 else f"{count} samples"
+            largest = apart[np.argmax(np.abs(apart))]
+            return f"{axis} begins {largest:+.3g} dps off what follows. Drop the first {drop}, or start recording later"
 
         out += told(session, "first_sample", axis, [r for r in session.runs if r.file in off], text, False)
     return out
 
 
-def _first_apart_dps(run: Run, axis: int) -> float | None:
+def _first_apart_dps(run: Run, axis: int) -> Array | None:
+    """How far each of the first readings of a run stands off, deg/s; None if none does."""
     if run.rate_is_mean:
         return None
     run, begins = run.about(AXES[axis]), 0.0
@@ -247,5 +251,10 @@ def _first_apart_dps(run: Run, axis: int) -> float | None:
     if axis == run.axis_index and np.ptp(run.rate_dps) > 0:  # a filter starts without the lag that it has later
         lag = abs(lag_samples(run.gyro_dps[:, axis], run.rate_dps, longest_lag(run)))
         begins = float(np.ptp(run.rate_dps[: lag + 2]))
-    apart_dps = float(first_apart(still(run, axis), float(run.step_dps[axis]), begins)[0])
-    return apart_dps if apart_dps != 0 else None
+    apart_dps = first_apart(still(run, axis), float(run.step_dps[axis]), begins)
+    return apart_dps if apart_dps.any() else None
+
+
+def _last_apart(apart_dps: Array) -> int:
+    """The number of first readings up to the last one that stands off."""
+    return int(np.flatnonzero(apart_dps)[-1]) + 1
