@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from gyrocal.calibration.trust import reading_flags
+from gyrocal.diagnosis.readings import reading_fault
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Session
 from make_runs import Array, make_run, make_session
@@ -23,7 +25,7 @@ def pair(
     ]
 
 
-def recorded(readings: list[Array], rate_hz: float = 100.0, rate_dps: float = 78.0, **fields: float) -> Session:
+def recorded(readings: list[Array], rate_hz: float = 100.0, rate_dps: float = 78.0, **fields: float | None) -> Session:
     runs = [
         make_run(np.arange(len(y)) / rate_hz, y, table_rate_dps=rate_dps, face=face, rate_hz=rate_hz)
         for y, face in zip(readings, ("up", "down"), strict=False)
@@ -141,3 +143,34 @@ def test_a_filter_starts_without_its_lag(lag_s: float, rate_hz: float) -> None:
     assert check(make_session(make_run(t_s, y, rate_ref_dps=rate, rate_hz=rate_hz))) == []
     y[:2, 2] += 40.0
     assert [w.code for w in check(make_session(make_run(t_s, y, rate_ref_dps=rate, rate_hz=rate_hz)))] == ["first_sample"]
+
+
+@pytest.mark.parametrize(("stated_dps", "end_dps"), [(250.0, 32767 * 0.00875), (None, 32767 * 0.00875), (250.0, 250.0)])
+def test_the_end_of_the_code_is_the_end_of_the_range(stated_dps: float | None, end_dps: float) -> None:
+    """A chip of 250 dps reads up to 286.7 dps. The flag said clipped, no warning did, and a bit of the code was blamed."""
+    readings = pair(seconds=8.0)
+    readings[0][100:120, 2] = end_dps
+    session = recorded(readings, full_scale_dps=stated_dps, lsb_dps=0.00875)
+    warned = [w for w in check(session) if w.code == "clipped"]
+    assert [w.axis for w in warned] == (["z"] if stated_dps or end_dps > 250 else [])
+    assert warned[0].text.startswith(f"20 readings of z are at {end_dps:.6g} dps")
+    assert reading_fault(session, "z", 1e-3) is None
+
+
+@pytest.mark.parametrize("reading_dps", [240.0, 249.98, 249.99625, 250.0, 260.0])
+def test_the_warning_and_the_flag_have_one_notion_of_clipping(reading_dps: float) -> None:
+    readings = pair(seconds=8.0)
+    readings[1][300, 2] = -rounded(np.array(reading_dps), 0.00875)
+    session = recorded(readings, full_scale_dps=250.0, lsb_dps=0.00875)
+    flagged = "clipped" in reading_flags(session.runs, "z", 250.0)
+    assert ("clipped" in {w.code for w in check(session)}) is flagged
+    assert flagged is (reading_dps > 249.99)
+
+
+@pytest.mark.parametrize(("off", "words"), [(1, "Drop the first sample,"), (2, "Drop the first 2 samples,")])
+def test_as_many_first_samples_are_to_be_dropped_as_stand_off(off: int, words: str) -> None:
+    readings = pair()
+    readings[0][:off, 1] = 5.0
+    (told,) = check(recorded(readings))
+    assert told.code == "first_sample"
+    assert words in told.text

@@ -23,6 +23,7 @@ from gyrocal.calibration.uncertainty import (
     white_variance,
 )
 from gyrocal.policy import POLICY
+from gyrocal.recording.full_scale import at_full_scale
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run
 from gyrocal.warning import Warning
 
@@ -51,18 +52,13 @@ def reading_flags(runs: Sequence[Run], axis: str, full_scale_dps: float | None) 
     for run in runs:
         y = run.gyro_dps[:, column]
         step_dps = run.count_dps(column)
-        if full_scale_dps and np.abs(y).max() >= whole_steps(full_scale_dps, step_dps) - 0.5 * step_dps:
+        if full_scale_dps and at_full_scale(run, column, full_scale_dps).any():
             flags.add("clipped")
         if (white_sd_dps or EXPECTED_SD_DPS) > 0.5 * step_dps and stands_still(y, run.t_us):
             flags.add("constant_reading")
         if np.any(1e-6 * (np.diff(run.t_us) * run.sample_rate_hz) > GAP_PERIODS):
             flags.add("missed")
     return flags
-
-
-def whole_steps(full_scale_dps: float, step_dps: float) -> float:
-    """Full scale in whole steps, deg/s."""
-    return float(np.floor(full_scale_dps / step_dps + 1e-9) * step_dps) if step_dps > 0 else full_scale_dps
 
 
 def stands_still(y: Array, t_us: Index) -> bool:

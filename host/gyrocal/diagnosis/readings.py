@@ -11,6 +11,7 @@ from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.quantization import coarse_step_dps, is_whole
 from gyrocal.inference.blocks import residual_dps
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.plausibility.readings import clip_level_dps
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.recording.tail import ROBUST, chance_of
@@ -31,18 +32,33 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
     """
     if session.lsb_dps is None:
         return None
-    readings = [r.gyro_dps[:, AXES.index(axis)] for r in session.runs]
-    step_dps = coarse_step_dps(session.runs, AXES.index(axis))
+    i = AXES.index(axis)
+    readings = [r.gyro_dps[:, i] for r in session.runs]
+    step_dps = coarse_step_dps(session.runs, i)
     has_codes = is_whole(step_dps / session.lsb_dps)
     least_dps = max(POLICY.known_step * known_step_dps, 0.0 if has_codes else 2 * step_dps)
-    codes = np.concatenate([np.rint(g / session.lsb_dps).astype(np.int64) for g in readings])
+    worst = _stuck_bit(axis, readings, session.lsb_dps, alarm, least_dps)
+    if worst is not None and (level_dps := clip_level_dps(session, i)) is not None:  # the end of the range is one code
+        inside = [g[np.abs(g) < level_dps - 0.5 * session.lsb_dps] for g in readings]
+        worst = _stuck_bit(axis, [g for g in inside if g.size > 1], session.lsb_dps, alarm, least_dps)
+    if worst is None and POLICY.known_step * step_dps > known_step_dps:
+        note = f"all readings are whole multiples of {step_dps:.6g} dps, and lsb_dps is {session.lsb_dps:.6g}"
+        return Finding(axis, Reading.name, float(tails.normal_z(1e-300)), 1e-300, step_dps, note)
+    return worst
+
+
+def _stuck_bit(axis: str, readings: list[Array], lsb_dps: float, alarm: float, least_dps: float) -> Finding | None:
+    """The bit, worth ``least_dps`` or more, that toggles least in readings [n] of each run; None if all toggle."""
+    if not readings:
+        return None
+    codes = np.concatenate([np.rint(g / lsb_dps).astype(np.int64) for g in readings])
     steps = np.abs(np.concatenate([np.diff(g) for g in readings]))
     # the noise that toggles a bit at all times, not that of a burst
-    noise = min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(steps))) / np.sqrt(2) / session.lsb_dps
-    mean_codes = np.array([int(np.rint(np.mean(g) / session.lsb_dps)) for g in readings])
+    noise = min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(steps))) / np.sqrt(2) / lsb_dps
+    mean_codes = np.array([int(np.rint(np.mean(g) / lsb_dps)) for g in readings])
     worst: Finding | None = None
     for bit in range(BITS):
-        if 2**bit * session.lsb_dps < least_dps:
+        if 2**bit * lsb_dps < least_dps:
             continue
         ones = float(np.mean((codes >> bit) & 1))
         if 2**bit <= noise:  # noise alone toggles this bit
@@ -51,14 +67,11 @@ def reading_fault(session: Session, axis: str, alarm: float, known_step_dps: flo
         else:  # runs at different rates should show both states with equal probability
             places = np.unique(mean_codes >> bit).size
             stuck = ones in (0.0, 1.0)
-            chance = min(1.0, BITS * min(0.5 ** (places - 1), _never(readings, session.lsb_dps, bit, ones))) if stuck else 1.0
+            chance = min(1.0, BITS * min(0.5 ** (places - 1), _never(readings, lsb_dps, bit, ones))) if stuck else 1.0
             z = float(tails.normal_z(max(chance, 1e-300)))
         if chance < alarm and (worst is None or z > worst.strength):
             note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
-            worst = Finding(axis, Reading.name, float(z), chance, 2**bit * session.lsb_dps, note)
-    if worst is None and POLICY.known_step * step_dps > known_step_dps:
-        note = f"all readings are whole multiples of {step_dps:.6g} dps, and lsb_dps is {session.lsb_dps:.6g}"
-        return Finding(axis, Reading.name, float(tails.normal_z(1e-300)), 1e-300, step_dps, note)
+            worst = Finding(axis, Reading.name, float(z), chance, 2**bit * lsb_dps, note)
     return worst
 
 

@@ -15,6 +15,7 @@ from gyrocal.plausibility.noise import still_dps as still
 from gyrocal.plausibility.runs import lag_samples, longest_lag, told
 from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST, first_apart
+from gyrocal.recording.full_scale import at_full_scale, at_largest_code
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.warning import Warning
 
@@ -135,15 +136,17 @@ def _at(value: float, level: float | None) -> bool:
 
 def clip_levels_dps(session: Session) -> Levels:
     """The reading at which each axis is clipped, deg/s; None for one that is not."""
-    return [_clip_level_dps(session, i) for i in range(len(AXES))]
+    return [clip_level_dps(session, i) for i in range(len(AXES))]
 
 
-def _clip_level_dps(session: Session, axis: int) -> float | None:
+def clip_level_dps(session: Session, axis: int) -> float | None:
     """The reading at which an axis is clipped, deg/s; None if it is not clipped.
 
-    Readings accumulate at the largest value that occurs, and this value is the end of a range. It is the stated range or a
-    usual one, or noise or the true rate would exceed it. A single run that is constant there is not clipped unless the value is
-    the stated range or a usual one.
+    Readings at the stated full scale or beyond are clipped, as a calibration's flag has it; the level is the largest reading if
+    several have it, because chips read a little more than their nominal range. Else readings accumulate at the largest value
+    that occurs, and this value is the end of a range. It is that of the code or a usual one, or noise or the true rate would
+    exceed it. A single run that is constant there is not clipped unless the value is
+    one of these ends.
     """
     session = session.about(AXES[axis])
     readings = [r.gyro_dps[:, axis] for r in session.runs]
@@ -156,8 +159,12 @@ def _clip_level_dps(session: Session, axis: int) -> float | None:
     at = [np.abs(y) > limit - 1e-6 for y in readings]
     stuck = sum(bool(a.any()) for a in at) == 1 and any(bool(a.all()) for a in at)
     heap = sum(int(np.count_nonzero(a)) for a in at) >= FIRST
-    if session.full_scale_dps is not None and abs(limit - session.full_scale_dps) <= max(session.lsb_dps or 0.0, 1e-6):
-        return limit if heap else None
+    if session.full_scale_dps is not None:
+        beyond = np.concatenate([r.gyro_dps[at_full_scale(r, axis, session.full_scale_dps), axis] for r in session.runs])
+        if beyond.size:
+            return limit if heap else float(np.abs(beyond).min())
+    if heap and at_largest_code(limit, session.lsb_dps):
+        return limit
     by_noise = detected is not None
     if any(abs(limit / one - 1) < 1e-3 for one in USUAL_RANGES_DPS):
         return limit if by_noise or stuck or _rates_differ(session, axis, at, limit) else None
@@ -223,15 +230,19 @@ def first_sample(session: Session, levels_dps: Levels) -> list[Warning]:
         whole = [r for r in session.runs if not any(_at(value, level) for value in r.gyro_dps[:FIRST, i])]
         off = {r.file: apart for r in whole if (apart := _first_apart_dps(r, i)) is not None}
 
-        def text(run: Run | None, off: dict[str, float] = off, axis: str = axis) -> str:
-            apart = max(off.values(), key=abs) if run is None else off[run.file]
-            return f"{axis} begins {apart:+.3g} dps off what follows. Drop the first {FIRST} samples, or start recording later"
+        def text(run: Run | None, off: dict[str, Array] = off, axis: str = axis) -> str:
+            apart = np.concatenate(list(off.values())) if run is None else off[run.file]
+            count = max(map(_last_apart, off.values())) if run is None else _last_apart(off[run.file])
+            drop = "sample" if count == 1 else f"{count} samples"
+            largest = apart[np.argmax(np.abs(apart))]
+            return f"{axis} begins {largest:+.3g} dps off what follows. Drop the first {drop}, or start recording later"
 
         out += told(session, "first_sample", axis, [r for r in session.runs if r.file in off], text, False)
     return out
 
 
-def _first_apart_dps(run: Run, axis: int) -> float | None:
+def _first_apart_dps(run: Run, axis: int) -> Array | None:
+    """How far each of the first readings of a run stands off, deg/s; None if none does."""
     if run.rate_is_mean:
         return None
     run, begins = run.about(AXES[axis]), 0.0
@@ -240,5 +251,10 @@ def _first_apart_dps(run: Run, axis: int) -> float | None:
     if axis == run.axis_index and np.ptp(run.rate_dps) > 0:  # a filter starts without the lag that it has later
         lag = abs(lag_samples(run.gyro_dps[:, axis], run.rate_dps, longest_lag(run)))
         begins = float(np.ptp(run.rate_dps[: lag + 2]))
-    apart_dps = float(first_apart(still(run, axis), float(run.step_dps[axis]), begins)[0])
-    return apart_dps if apart_dps != 0 else None
+    apart_dps = first_apart(still(run, axis), float(run.step_dps[axis]), begins)
+    return apart_dps if apart_dps.any() else None
+
+
+def _last_apart(apart_dps: Array) -> int:
+    """The number of first readings up to the last one that stands off."""
+    return int(np.flatnonzero(apart_dps)[-1]) + 1
