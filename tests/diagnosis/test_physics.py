@@ -214,3 +214,18 @@ def test_lines_of_a_squared_sine_are_no_tone(seed: int) -> None:
 def test_a_tone_of_the_same_shaker_larger_than_the_lines_stays() -> None:
     named = {c.effect.id for c in diagnose(on_a_sine(3, tone_dps=0.3)).candidates if c.decision == "add"}
     assert "vibration_tone" in named
+
+
+@pytest.mark.parametrize("passed", [0.0, 0.3])
+def test_a_vibration_is_rectified_behind_a_low_pass_too(passed: float) -> None:
+    """The lines that the reading lacks denied the effect, whose coefficient is that of the slow part."""
+    found = explain(on_a_sine(5, passed=passed))
+    assert [(s.effects, s.axes) for s in found.steps] == [(("g2_sensitivity",), ("z",))]
+    assert found.verdict == "adequate"
+    term = next(t for t in found.model.on("z") if t.effect_id == "g2_sensitivity")
+    assert abs(term.values["k_dps_per_g2"] - 0.02) < 3 * term.se["k_dps_per_g2"] < 0.006
+    assert abs(term.values["lost_dps_per_g2"] - 0.02 * (1 - passed)) < 3 * term.se["lost_dps_per_g2"] < 0.012
+
+
+def test_a_vibration_that_is_not_rectified_is_none() -> None:
+    assert diagnose(on_a_sine(6, k_dps_per_g2=0.0)).verdict == "adequate"
