@@ -229,3 +229,10 @@ def test_a_vibration_is_rectified_behind_a_low_pass_too(passed: float) -> None:
 
 def test_a_vibration_that_is_not_rectified_is_none() -> None:
     assert diagnose(on_a_sine(6, k_dps_per_g2=0.0)).verdict == "adequate"
+
+
+def test_a_tone_that_takes_one_of_two_lines_does_not_explain_both() -> None:
+    """The noise of its fit to samples held the other line, and it was said to explain all of the excess."""
+    found = next(c for c in diagnose(on_a_sine(1)).candidates if (c.effect.id, c.axis) == ("vibration_tone", "z"))
+    assert found.explained is not None
+    assert found.explained < 0.95
