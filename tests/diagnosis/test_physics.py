@@ -10,6 +10,7 @@ from gyrocal.diagnosis.add import add
 from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.comparison import measure
 from gyrocal.diagnosis.diagnose import diagnose
+from gyrocal.diagnosis.explain import explain
 from gyrocal.diagnosis.levels import Cleaned
 from gyrocal.error_model.model import Model
 from gyrocal.plausibility import check
@@ -176,3 +177,62 @@ def test_a_rectified_vibration_is_named_beside_its_own_line() -> None:
     assert best is not None
     assert (best.effect.id, best.axis) == ("g2_sensitivity", "z")
     assert best.values[next(iter(best.values))] == pytest.approx(0.08, rel=0.1)
+
+
+def on_a_sine(seed: int, *, k_dps_per_g2: float = 0.02, tone_dps: float = 0.0, passed: float = 1.0) -> Session:
+    """A part at rest on a shaker of 23 Hz, off and at several levels, two runs in each power cycle.
+
+    ``passed`` is the part of the squared acceleration's lines that the low-pass of the readings leaves.
+    """
+    rng, t_s, made = np.random.default_rng(seed), np.arange(2000) / 100, []
+    along = rng.normal(0, 1, 3)
+    along /= np.linalg.norm(along)
+    for i, strength_g in enumerate((0.0, 2.5, 0.8, 1.6, 2.0, 0.0, 1.2, 2.5)):
+        wave = np.sin(2 * np.pi * (23 * t_s + rng.random()))
+        acc_g = np.array([0.0, 0.0, 1.0]) + strength_g * wave[:, None] * along + rng.normal(0, 0.002, (t_s.size, 3))
+        if i % 2 == 0:
+            offset_dps = rng.normal(0, 0.06)
+        gyro = rng.normal(0, 0.035, (t_s.size, 3))
+        square_g2 = (acc_g**2).sum(axis=1)
+        rectified_g2 = square_g2.mean() + passed * (square_g2 - square_g2.mean())
+        gyro[:, 2] += offset_dps + k_dps_per_g2 * rectified_g2 + tone_dps * strength_g * np.roll(wave, 7)
+        columns = dict(zip(("ax_g", "ay_g", "az_g"), acc_g.T, strict=True))
+        made.append(make_run(t_s, gyro, table_rate_dps=0.0, scenario=f"s{i // 2}", power_on_s=3 + 30.0 * (i % 2), **columns))
+    return make_session(*made)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lines_of_a_squared_sine_are_no_tone(seed: int) -> None:
+    """A tone took one of its lines, gained more by its samples than the whole cause by block means, and was named first."""
+    found = explain(on_a_sine(seed))
+    assert [(s.effects, s.axes) for s in found.steps] == [(("g2_sensitivity",), ("z",))]
+    assert found.verdict == "adequate"
+    term = next(t for t in found.model.on("z") if t.effect_id == "g2_sensitivity")
+    assert term.values["k_dps_per_g2"] == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_tone_of_the_same_shaker_larger_than_the_lines_stays() -> None:
+    named = {c.effect.id for c in diagnose(on_a_sine(3, tone_dps=0.3)).candidates if c.decision == "add"}
+    assert "vibration_tone" in named
+
+
+@pytest.mark.parametrize("passed", [0.0, 0.3])
+def test_a_vibration_is_rectified_behind_a_low_pass_too(passed: float) -> None:
+    """The lines that the reading lacks denied the effect, whose coefficient is that of the slow part."""
+    found = explain(on_a_sine(5, passed=passed))
+    assert [(s.effects, s.axes) for s in found.steps] == [(("g2_sensitivity",), ("z",))]
+    assert found.verdict == "adequate"
+    term = next(t for t in found.model.on("z") if t.effect_id == "g2_sensitivity")
+    assert abs(term.values["k_dps_per_g2"] - 0.02) < 3 * term.se["k_dps_per_g2"] < 0.006
+    assert abs(term.values["lost_dps_per_g2"] - 0.02 * (1 - passed)) < 3 * term.se["lost_dps_per_g2"] < 0.012
+
+
+def test_a_vibration_that_is_not_rectified_is_none() -> None:
+    assert diagnose(on_a_sine(6, k_dps_per_g2=0.0)).verdict == "adequate"
+
+
+def test_a_tone_that_takes_one_of_two_lines_does_not_explain_both() -> None:
+    """The noise of its fit to samples held the other line, and it was said to explain all of the excess."""
+    found = next(c for c in diagnose(on_a_sine(1)).candidates if (c.effect.id, c.axis) == ("vibration_tone", "z"))
+    assert found.explained is not None
+    assert found.explained < 0.95

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -85,6 +85,21 @@ class _Task:
     def temperature_spread_c(self) -> float | None:
         """The spread of the session's temperatures, degC; None without a thermometer."""
         return temperature_spread_c(self.session)
+
+    @cached_property
+    def noise_of_slopes(self) -> dict[str, float]:
+        """Noise of one sample as means over the estimator's blocks show it, dps, by axis with rates from measured angles.
+
+        The slope of a smooth curve through noisy angles varies little from sample to sample and much from block to block. The
+        fit of the model knows it, by which ``compare`` judges the same session.
+        """
+        from gyrocal.inference.fit import fit
+        from gyrocal.inference.noise_shape import noise_of_means, of_slopes
+
+        if not any(r.measured_rates is not None and r.measured_rates.derived for r in self.session.runs):
+            return {}
+        fitted = fit(self.session, Model.open(self.model)).axes
+        return {axis: noise_of_means(f, 1e-6 * BLOCK_US) for axis, f in fitted.items() if of_slopes(f)}
 
 
 def calibrate(
@@ -229,7 +244,7 @@ class Found(NamedTuple):
 def _estimates(task: _Task, scenario: str, runs: Sequence[Run], span: float | None, method: str) -> list[Estimate]:
     if method == "model":
         cut = [r if r.rate_is_mean else (r if span is None else r.first(span)) for r in runs]
-        found = _by_model([r for r in cut if r is not None], Model.open(task.model))
+        found = _by_model([r for r in cut if r is not None], Model.open(task.model), task.noise_of_slopes)
     else:
         found = []
         for up, down in pairs(runs):
@@ -304,14 +319,14 @@ def white_sd_dps(runs: Sequence[Run], axis: str) -> float:
     return max(float(np.sqrt(total / (2 * sum(len(r) - 1 for r in runs)))), 1e-9)
 
 
-def _by_model(runs: Sequence[Run], model: Model) -> list[Found]:
+def _by_model(runs: Sequence[Run], model: Model, of_slopes: Mapping[str, float]) -> list[Found]:
     found: list[Found] = []
     for axis in AXES:
         # a run turned by hand about another axis shows misalignment more than this axis
         mine = [r.about(axis) for r in runs if r.axis == axis or not r.rate_is_mean]
         if not model.on(axis) or not _informed(mine, axis):
             continue
-        calibration = calibration_of(model, axis, white_sd_dps(mine, axis))
+        calibration = calibration_of(model, axis, of_slopes.get(axis) or white_sd_dps(mine, axis))
         fitted = model.noise_on(axis).white_sd_dps is not None
         if not fitted:
             calibration = replace(calibration, noise=Noise(calibration.noise.white_sd_dps, DRIFT_SD_DPS, DRIFT_TAU_S))

@@ -52,7 +52,7 @@ def render(model: Model, axis: str = "z", rate_hz: float = 145.0, table_dps: flo
 def render_calibration(calibration: Calibration, rate_hz: float = 145.0, table_dps: float = 78.0) -> str:
     """The header's text for priors and columns."""
     columns = calibration.columns
-    lacking = [c.effect.id for c in columns if not c.effect.on_device]
+    lacking = [c.effect.id for c in columns if not c.effect.runs_on_device(c.values)]
     if lacking:
         raise InputError(f"model {calibration.name}: {lacking[0]} does not run on the device; take it out to export")
     if len(columns) > MAX_COLUMNS:

@@ -88,7 +88,7 @@ def _as_it_is(own: Comparison, held: Kept) -> Comparison:
         clean = replace(fitted, noise=noise_beside(own.fit.axes[axis], axis, own.where).noise)
         white[axis] = own.white_power[axis]
         squares[axis] = MeanSquares.of(heldout.predictions(held.fit.on(axis), folds))
-        floors[axis] = _with_model_error(floor_of(clean, folds, white[axis]), fitted, held.of_model[axis])
+        floors[axis] = _with_model_error(floor_of(clean, folds, white[axis], own.fit.axes[axis]), fitted, held.of_model[axis])
         axes[axis] = fitted
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in axes}
     angles = None if own.angles is None else Angles.of(held.fit, folds, held.of_model)

@@ -2,7 +2,9 @@
 
 Each candidate is judged beside the model alone. The signal of a strong cause can raise others that have nothing to do with
 it: a dead band makes jumps, a lost carry makes wide waves, and a scale that differs with the direction makes the square of the
-rate. A candidate keeps the decision ``add`` only if it still gains with the better ones of its axis in the model.
+rate. A candidate keeps the decision ``add`` only if it still gains with the better ones of its axis in the model. A tone in
+place of a line that belongs to another passed candidate is judged last. It is fitted to samples and the other to block means.
+Their gains do not compare, and only the model with the other shows what is left for the tone.
 
 Slow effects can also hide each other: a curve over temperature hides a hysteresis, and alone neither predicts held-out data.
 Where no candidate of an axis passes, those that were suggested are compared as sets. Effects of time hide each other most: if a
@@ -28,6 +30,7 @@ from gyrocal.diagnosis.sets import choose, fitted_together
 from gyrocal.effects.base import Effect
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.policy import POLICY
+from gyrocal.recording.session import AXES
 from gyrocal.threads import each
 
 
@@ -37,7 +40,13 @@ def beside_better(candidates: Sequence[Candidate], comparison: Comparison) -> li
     Rivals of a better one stay, because the session cannot tell which of them acts.
     """
     tested = sum(c.decision != "not_measurable" for c in candidates)
-    passed = sorted((c for c in candidates if c.decision == "add"), key=lambda c: -(c.gain or 0.0))
+    named, runs = [c for c in candidates if c.decision == "add"], comparison.fit.session.runs
+
+    def of_another(c: Candidate) -> bool:
+        known = [(o.effect, o.values) for o in named if o.axis == c.axis and o is not c]
+        return c.effect.repeats(c.values, runs, AXES.index(c.axis), known)
+
+    passed = sorted(named, key=lambda c: (of_another(c), -(c.gain or 0.0)))
 
     def unproven(axis: str) -> list[Candidate]:
         first, *others = (c for c in passed if c.axis == axis)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from gyrocal import plausibility, tails
+from gyrocal.diagnosis import levels
 from gyrocal.diagnosis.angles import Angles, by_angle
 from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
@@ -185,7 +186,8 @@ def measure(
     misfit = find_misfit(fitted, {axis: m.remainder for axis, m in on.items()}, judged, progress)
 
     def floor(axis: str) -> Floor:
-        return floor_of(noise_beside(fitted.axes[axis], axis, misfit.found), folds, white[axis])
+        noise = noise_beside(fitted.axes[axis], axis, misfit.found)
+        return floor_of(noise, folds, white[axis], levels.beside_findings(fitted.axes[axis], axis, misfit.found))
 
     floors = dict(zip(fitted.axes, each(floor, fitted.axes, session.rows), strict=True))
     squares = {axis: m.squares for axis, m in on.items()}

@@ -94,7 +94,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         gain = gain_se = None
     excess = Explained(None, False) if gain is None else explained(current, fitted, signal, chance)
     contradicted = (
-        (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and _without_mean(term))
+        (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and without_mean(term))
         or effect.contradicted(term.values, excess.part) or _outdone(current.fit, fitted, effect)
         or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))
     )  # fmt: skip
@@ -170,7 +170,7 @@ def _with(fit: AxisFit, term: Term) -> AxisFit:
     return fit_noise(design, start=with_noise(design, fit.noise, carry_spreads(fit, design)))
 
 
-def _without_mean(term: Term) -> bool:
+def without_mean(term: Term) -> bool:
     """True if an effect that should have a common mean over the runs has none that differs from zero."""
     mean = [(abs(term.values[n]), term.se.get(n, 0.0)) for n in term.effect.used(term.values) if n in term.values]
     return all(size < POLICY.mean_errors * se for size, se in mean)

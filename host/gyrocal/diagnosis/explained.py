@@ -42,7 +42,11 @@ def explained(current: Current, fitted: AxisFit, signal: Array, chance: float) -
         return Explained(None, False)
     before, after = current.squares, current.squares_of(fitted)
     significant = chance < POLICY.false_discovery_rate
-    floor = current.floor_of(fitted) if significant else current.comparison.floors[current.axis]
+    known = current.comparison.floors[current.axis]
+    floor = current.floor_of(fitted) if significant else known
+    if fitted.design.n_blocks.sum() > current.comparison.fit.axes[current.axis].design.n_blocks.sum():
+        # the noise of a fit to samples holds the lines that the candidate leaves
+        floor = replace(floor, all=min(floor.all, known.all), within=min(floor.within, known.within))
     if not any(t.effect.fast or t.effect.fault_of(t.values) for t in fitted.terms[len(current.fit.terms) :]):
         before, after = _slow_part(before, floor), _slow_part(after, floor)
     part = part_of(Level.of(before, floor), Level.of(after, floor), current.comparison.cycles)

@@ -25,6 +25,7 @@ from gyrocal.inference.expected import expected, of_cycle, removed
 from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.heldout import Fold, Prediction
 from gyrocal.inference.noise_search import LEAST_WHITE_DPS
+from gyrocal.inference.noise_shape import beyond_color, of_slopes
 from gyrocal.inference.reml import LARGEST_SPREAD, Spreads
 from gyrocal.noise.spectrum import Spectrum, spectrum
 from gyrocal.policy import POLICY
@@ -170,16 +171,19 @@ def pooled(squares: Iterable[MeanSquares], floors: Iterable[Floor]) -> Level:
     return Level.of(MeanSquares(mean(s.all for s, _ in pairs), mean(s.within for s, _ in pairs), samples), floor)
 
 
-def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float) -> Floor:
+def floor_of(axis: AxisFit, folds: Sequence[Fold], white_power: float, clean: AxisFit | None = None) -> Floor:
     """The floor for the prediction of held-out samples by ``axis``, whose noise is ``white_power`` (dps^2) within blocks.
 
-    The floor is the sum of the independent parts of the noise; a part that neither of these two contains is added here.
+    The floor is the sum of the independent parts of the noise; a part that neither of these two contains is added here. The
+    noise of measured angles that their slopes keep is taken as ``clean``, the fit beside the findings, leaves it.
     """
     power = expected(axis, folds)
     samples = max(power.samples, 1.0)
     between = 1 - power.blocks / samples  # the fraction of the scatter that is within blocks
     error, error_within = difference_errors(axis, folds)
     within = white_power * between + power.within / samples
+    if of_slopes(axis):
+        within += beyond_color(clean or axis) * power.blocks / samples
     of_cycles = min((power.squares - power.within) / samples, _largest_of_cycles(axis))
     return Floor(within + of_cycles, within, error / samples, error_within / samples, white_power, white_power * between)
 
@@ -193,12 +197,17 @@ def _largest_of_cycles(axis: AxisFit) -> float:
     return square
 
 
+def beside_findings(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
+    """The fit with the probes' findings as further columns."""
+    shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
+    return beside(current, axis, shapes) if shapes else current
+
+
 def noise_beside(current: AxisFit, axis: str, where: Sequence[Finding]) -> AxisFit:
     """The fit with the noise that remains beside the probes' findings, which otherwise counts the misfit as noise."""
-    shapes = [f.shape for f in where if f.axis == axis and f.shape is not None]
-    if not shapes:
+    clean = beside_findings(current, axis, where)
+    if clean is current:
         return current
-    clean = beside(current, axis, shapes)
     same = clean.spreads.scenario.size == current.spreads.scenario.size
     scenario = clean.spreads.scenario if same else current.spreads.scenario
     return replace(current, noise=clean.noise, spreads=Spreads(current.spreads.run, scenario))

@@ -14,13 +14,15 @@ from gyrocal.diagnosis.candidate import Candidate, best_first
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.current import Current
 from gyrocal.diagnosis.decision import decide, with_q_values, without_unphysical
-from gyrocal.diagnosis.evidence import judge, not_measurable
+from gyrocal.diagnosis.evidence import judge, not_measurable, without_mean
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.one_clock import refuted
 from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.rivals import with_groups, with_suggested_groups
 from gyrocal.effects import base
 from gyrocal.effects.base import Effect
+from gyrocal.error_model.term import Term
+from gyrocal.inference.registering import symmetric
 from gyrocal.threads import each
 from gyrocal.variables.rate import Rate
 from gyrocal.variables.reading import Reading
@@ -48,6 +50,7 @@ def candidates(
     if wrong:
         kept = [_contradicted(c) if (c.effect.id, c.axis) in wrong else c for c in alone]
         judged = as_sets(kept, comparison)
+    judged = _symmetric(judged, comparison)
     unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
     return sorted(with_suggested_groups(without_unphysical(judged), unnamed), key=best_first)
 
@@ -75,6 +78,27 @@ def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Findin
 def _contradicted(c: Candidate) -> Candidate:
     """The candidate, which another axis contradicts."""
     return replace(c, decision="suggest" if c.decision == "add" else c.decision, group=(), enough=False, contradicted=True)
+
+
+def _symmetric(judged: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:
+    """The candidates with the misalignment against a three-axis reference as a fit of the model with it on both axes has it.
+
+    Each was fitted at the alignment of the model without misalignment, where the two of a pair differ by a rotation. One of a
+    rotation alone, which leaves nothing that differs from zero, is not to be added.
+    """
+    if not comparison.fit.session.three_axes:
+        return list(judged)
+    terms = {(c.effect.id, c.axis): replace(Term.of(c.effect, c.axis, c.values), se=c.se) for c in judged if c.values}
+    found = symmetric(terms)
+    out = []
+    for c in judged:
+        term = found.get((c.effect.id, c.axis))
+        if term is not None and term.values != c.values:
+            c = replace(c, values=term.values, se=term.se)
+            if c.decision == "add" and without_mean(term):
+                c = replace(c, decision="suggest", group=())
+        out.append(c)
+    return out
 
 
 def _on_axis(current: Current, own: Sequence[Effect], unless: float, progress: Progress | None) -> list[Candidate]:

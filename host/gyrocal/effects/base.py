@@ -243,6 +243,10 @@ class Effect(Described):
         """The index of each column's spread. Columns that share a spread have the same index (a cosine and its sine)."""
         return list(range(len(self.used(values))))
 
+    def runs_on_device(self, values: Mapping[str, float]) -> bool:
+        """True if ``effects/<id>.c`` has every column of these values."""
+        return self.on_device
+
     def device_arguments(self, values: Mapping[str, float]) -> list[tuple[float, ...]]:
         """The arguments of ``effects/<id>.c`` for each column (only for effects with ``on_device``)."""
         return [tuple(values[name] for name in self.nonlinear)] * len(self.groups(values))

@@ -5,12 +5,12 @@ Both are taken from the residuals of a first fit, and kept where the likelihood 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.inference.blocks import Blocks, known_dps
+from gyrocal.inference.blocks import BLOCK_S, Blocks, known_dps
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.inference.noise_search import fit_noise, white_start, with_noise
 from gyrocal.inference.turns import with_errors_of_turns
@@ -82,6 +82,54 @@ def of_slopes(current: AxisFit) -> bool:
     return any(r.measured_rates is not None and r.measured_rates.derived for r in runs)
 
 
+def beyond_color(current: AxisFit) -> float:
+    """The variance of one sample's noise by which block means exceed the colour of the fit, dps^2; negative if they have less.
+
+    The noise of a smoothed slope has a spectrum that no autoregression and no angle at the ends of blocks describes exactly.
+    Lines do not count, and below ``LOWEST_HZ`` only a lack does: more is there drift or an effect that the model lacks.
+    """
+    angle, power = _without_lines(current)
+    if angle.size < BANDS * LEAST_IN_BAND:
+        return 0.0
+    beyond, slow = power - _modelled(current, angle), angle < 2 * np.pi * LOWEST_HZ * BLOCK_S
+    return float(beyond[~slow].sum() + min(0.0, beyond[slow].sum())) / angle.size * _usual_level(current)
+
+
+def noise_of_means(current: AxisFit, seconds: float) -> float:
+    """Standard deviation of one sample's noise as means over some ``seconds`` show it, deg/s.
+
+    Above ``LOWEST_HZ`` it is that of the residuals without lines, below that of the fit, or of the residuals if they have less:
+    more is there drift or a misfit.
+    """
+    angle, power = _without_lines(current)
+    if angle.size < BANDS * LEAST_IN_BAND:
+        return current.noise.white_sd_dps * _usual_level(current) ** 0.5
+    slow, modelled = angle < 2 * np.pi * LOWEST_HZ * BLOCK_S, _modelled(current, angle)
+    power = np.where(slow, modelled * min(1.0, float(power[slow].sum() / modelled[slow].sum())), power)
+    turns = angle / (2 * np.pi)
+    passed = (np.sinc(turns * seconds / BLOCK_S) / np.sinc(turns)) ** 2
+    return float(np.sqrt((power * passed).sum() / passed.sum() * _usual_level(current)))
+
+
+def _usual_level(current: AxisFit) -> float:
+    """The mean over the blocks of the noise's variance over that to which their weights refer."""
+    return float(np.mean(np.concatenate([b.n / b.precision for b in current.design.blocks])))
+
+
+def _modelled(current: AxisFit, angle: Array) -> Array:
+    """The power of the fit's white and coloured noise, dps^2, at angles [k] per block."""
+    return current.noise.white_sd_dps**2 * current.design.color.density(angle)
+
+
+def _without_lines(current: AxisFit) -> tuple[Array, Array]:
+    """Angles [k] per block and the power [k] of the residuals there, dps^2, as :func:`_periodogram` has them, without lines."""
+    angle, power = _periodogram(current, np.ones, 0.0)
+    for band in np.array_split(np.argsort(angle), BANDS) if angle.size >= BANDS else ():
+        level = float(np.median(power[band])) / np.log(2)
+        power[band] = np.where(power[band] > level * np.log(angle.size / POLICY.floor_line_chance), level, power[band])
+    return angle, power
+
+
 def _with_noise_of_angle(current: AxisFit) -> AxisFit:
     """The fit with the likeliest noise of the angle at the ends of the blocks.
 
@@ -149,6 +197,26 @@ def _color(current: AxisFit) -> float:
 
     The autoregression whose spectrum is parallel to the periodogram of the residuals above ``LOWEST_HZ``.
     """
+    angle, power = _periodogram(current)
+    if angle.size < BANDS * LEAST_IN_BAND:
+        return 0.0
+    order = np.argsort(angle)
+    bands = np.array_split(order, BANDS)
+    power = np.maximum(power, np.finfo(np.float64).tiny)
+    level = np.array([np.log(np.median(power[band])) for band in bands])
+    middle = np.array([float(np.mean(np.cos(angle[band]))) for band in bands])
+    off = level[:, None] + np.log(1 + COLORS**2 - 2 * COLORS * middle[:, None])
+    color = float(COLORS[int(np.argmin(off.var(axis=0)))])
+    return color if abs(color) > POLICY.color_errors / np.sqrt(2 * angle.size) else 0.0
+
+
+def _periodogram(
+    current: AxisFit, window_of: Callable[[int], Array] = np.hanning, lowest_hz: float = LOWEST_HZ
+) -> tuple[Array, Array]:  # fmt: skip
+    """Angles [k] per block, rad, above ``lowest_hz``, and the power [k] of the residuals there of all runs.
+
+    The power of white noise is the variance of one sample, dps^2.
+    """
     angles: list[Array] = []
     powers: list[Array] = []
     for i, b in enumerate(current.design.blocks):
@@ -157,19 +225,10 @@ def _color(current: AxisFit) -> float:
             continue
         step_s = float(b.t_s[-1] - b.t_s[0]) / (m - 1)
         residual = current.block_residuals(i) * np.sqrt(b.precision)
-        power = np.abs(np.fft.rfft((residual - residual.mean()) * np.hanning(m))) ** 2 / m
+        window = window_of(m)
+        power = np.abs(np.fft.rfft((residual - residual.mean()) * window)) ** 2 / (window @ window)
         angle = 2 * np.pi * np.fft.rfftfreq(m)
-        fast = (angle > 2 * np.pi * LOWEST_HZ * step_s) & (angle < 0.98 * np.pi)
+        fast = (angle > 2 * np.pi * lowest_hz * step_s) & (angle < 0.98 * np.pi)
         angles.append(angle[fast].astype(np.float64))
         powers.append(power[fast].astype(np.float64))
-    angle = np.concatenate([*angles, np.zeros(0)])
-    if angle.size < BANDS * LEAST_IN_BAND:
-        return 0.0
-    order = np.argsort(angle)
-    bands = np.array_split(order, BANDS)
-    power = np.maximum(np.concatenate(powers), np.finfo(np.float64).tiny)
-    level = np.array([np.log(np.median(power[band])) for band in bands])
-    middle = np.array([float(np.mean(np.cos(angle[band]))) for band in bands])
-    off = level[:, None] + np.log(1 + COLORS**2 - 2 * COLORS * middle[:, None])
-    color = float(COLORS[int(np.argmin(off.var(axis=0)))])
-    return color if abs(color) > POLICY.color_errors / np.sqrt(2 * angle.size) else 0.0
+    return np.concatenate([*angles, np.zeros(0)]), np.concatenate([*powers, np.zeros(0)])

@@ -32,6 +32,11 @@ class Color:
         """The variance of a block over that of white noise with the same density at low frequencies."""
         return (1 - self.neighbours) / (1 + self.neighbours) + 2 * self.of_angle
 
+    def density(self, angle: Array) -> Array:
+        """The spectral density of block means over that at low frequencies, at angles [k] per block, rad."""
+        neighbours = (1 - self.neighbours) ** 2 / np.abs(1 - self.neighbours * np.exp(-1j * angle)) ** 2
+        return np.asarray(neighbours + 2 * self.of_angle * (1 - np.cos(angle)))
+
     def whitened(self, columns: Array, joined: Mask) -> Array:
         """Columns [q, m] with the noise white; ``joined`` [m - 1] is False between blocks with a gap, where it starts again."""
         if self.of_angle:

@@ -18,7 +18,9 @@ Mask = np.ndarray[Any, np.dtype[np.bool_]]
 Index = np.ndarray[Any, np.dtype[np.intp]]
 
 TRIMMED = 5
-"""Samples at each end of a stretch of angles whose slope is not relied on."""
+"""Samples at each end of a stretch of angles whose slope is not relied on, at the least."""
+STRAIGHT = 2.0
+"""Nearer than this to an end, in widths of the spline, the spline becomes straight and its slope has twice the noise."""
 GAP_STEPS = 3.5
 """An angle that is missing for more of its usual steps than this gives no rate in between."""
 SEGMENT, LEAST_SEGMENT = 256, 64
@@ -90,10 +92,13 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
         for t, angle, of_piece in zip(times_s, angles_deg, noises_deg, strict=True)
     ])  # fmt: skip
     sds = _typical(times_s, noises_deg) if steadier else []
+    trimmed = max([TRIMMED, *(int(np.ceil(STRAIGHT * width)) for width in widths)])
     for piece, at_s, angle_deg in zip(pieces, times_s, angles_deg, strict=True):
+        if piece.size <= 2 * trimmed:
+            continue
         curves = np.column_stack([smooth_by(at_s, a, width) for a, width in zip(angle_deg.T, widths, strict=True)])
         slopes = CubicSpline(at_s, curves)
-        inner = slice(TRIMMED, piece.size - TRIMMED)
+        inner = slice(trimmed, piece.size - trimmed)
         inside = (t_s >= at_s[inner][0]) & (t_s <= at_s[inner][-1])
         rates[inside] = slopes(t_s[inside], 1)
         for k, sd in enumerate(sds):

@@ -18,7 +18,7 @@ def whole_steps(full_scale_dps: float, step_dps: float) -> float:
 
 def at_full_scale(run: Run, axis: int, full_scale_dps: float) -> NDArray[np.bool_]:
     """Mask [n] of the readings of an axis at the stated full scale or beyond, which count as clipped."""
-    step_dps = run.lsb_dps or float(run.step_dps[axis])
+    step_dps = run.count_dps(axis)
     return np.asarray(np.abs(run.gyro_dps[:, axis]) >= whole_steps(full_scale_dps, step_dps) - 0.5 * step_dps)
 
 

@@ -45,7 +45,7 @@ class _Column:
 
 def render(model: Model, rate_hz: float | None) -> Rendered:
     """The text of ``correction.h``."""
-    held = [t for t in model.terms if t.values and t.effect.on_device and not t.effect.uncorrected]
+    held = [t for t in model.terms if t.values and t.effect.runs_on_device(t.values) and not t.effect.uncorrected]
     columns = {axis: [c for t in held if t.axis == axis for c in _columns(t)] for axis in AXES}
     ids = dict.fromkeys(c.effect_id for axis in AXES for c in columns[axis])
     about = [axis for axis in AXES if any(t.axis == axis and t.effect.role is Role.SCALE and t.values for t in model.terms)]
