@@ -113,6 +113,8 @@ def patch(residuals: Sequence[Array], rate_hz: float, lines_hz: Sequence[float] 
 
 def _cells(residuals: Sequence[Array], rate_hz: float, lines_hz: Sequence[float]) -> _Cells | None:
     length = round(SECONDS * rate_hz)
+    if length < 2 * LEAST_FREQUENCIES:
+        return None
     frequency = np.fft.rfftfreq(length, 1 / rate_hz)
     use = (frequency >= LOWEST_HZ) & (frequency < rate_hz / 2)
     for hz in lines_hz:
