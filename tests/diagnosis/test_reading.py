@@ -86,6 +86,7 @@ def test_a_reading_that_dwells_everywhere_is_not_clipped() -> None:
     assert effect("saturation").fault is not None
     assert all(effect("saturation").fault.detect([run], axis) is None for axis in range(3))
 
+
 @pytest.mark.parametrize("step_dps", [0.05, 0.1])
 def test_a_log_with_few_decimals_is_named_quantization(step_dps: float) -> None:
     """Steps that are no whole number of counts were told as a bit of the reading, and named by nothing."""
@@ -102,3 +103,17 @@ def test_a_log_with_few_decimals_is_named_quantization(step_dps: float) -> None:
     named = [c for c in diagnose(session).candidates if c.decision == "add"]
     assert {c.effect.id for c in named} == {"quantization"}
     assert all(c.values["lsb_dps"] == pytest.approx(step_dps) for c in named)
+
+
+def test_coarse_counts_that_stay_longest_at_the_largest_value_are_not_clipped() -> None:
+    """A run whose noise is below a count leaves its largest value in the last part alone, and another one never does."""
+    rng = np.random.default_rng(9)
+    made = []
+    for i, (rate_dps, slow_dps) in enumerate(((150.0, -0.07), (60.0, -0.07), (150.0, 0.0))):
+        level_dps = 0.94 * rate_dps - 4.08 + np.where(np.arange(6000) < 4000, 0.0, slow_dps)[:, None]
+        gyro = np.rint((level_dps + rng.normal(0, 0.01, (6000, 3))) / 0.14) * 0.14
+        made.append(make_run(np.arange(6000) / 100.0, gyro, table_rate_dps=rate_dps, scenario=f"s{i}"))
+    fault = effect("saturation").fault
+    assert fault is not None
+    for runs in (made[:1], made):
+        assert all(found is None or found.chance > 1e-4 for found in (fault._constant(runs, axis) for axis in range(3)))  # type: ignore[attr-defined]

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from gyrocal.effects.base import effect, effects, parse
+from gyrocal.effects.base import effect, effects
 from gyrocal.errors import InputError
 from gyrocal.recording.session import Run
+from gyrocal.simulation.planted import parse
 
 from .conftest import MakeRun
 

@@ -11,7 +11,7 @@ import importlib.util
 import inspect
 import pkgutil
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cache
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Case", "Effect", "Law", "Mask", "OfEachRun", "Parameter", "Role", "Values", "effect", "effects", "elapsed_s", "load",
-    "parse", "stack", "table_angle_rad", "with_role",
+    "stack", "table_angle_rad", "with_role",
 ]
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -344,28 +344,6 @@ def effect(effect_id: str) -> Effect:
 def with_role(role: Role) -> Effect:
     """The effect with this role in eq. (4)."""
     return next(kind for kind in effects().values() if kind.role is role)
-
-
-def parse(text: str, find: Callable[[str], Described] = effect) -> tuple[str, Values]:
-    """Parse ``ID[:name=value[,name=value...]]`` of the command line into an id and values.
-
-    ``find`` returns the effect or noise with an id. Raises InputError for an unknown id or name, or an invalid number.
-    """
-    effect_id, _, rest = text.partition(":")
-    kind = find(effect_id.strip())
-    values: Values = {}
-    for part in filter(None, (p.strip() for p in rest.split(","))):
-        name, equals, value = part.partition("=")
-        name = kind.parameter(name.strip()).name
-        try:
-            values[name] = float(value)
-        except ValueError:
-            raise InputError(f"--effect {text}: {part!r} is not name=value with a number") from None
-        if not equals or not np.isfinite(values[name]):
-            raise InputError(f"--effect {text}: {part!r} is not name=value with a finite number")
-        if refusal := kind.parameter(name).refusal(values[name]):
-            raise InputError(f"--effect {text}: {refusal}")
-    return kind.id, values
 
 
 def is_left_of_a_line(

@@ -95,25 +95,26 @@ class Saturation(ReadingFault):
         return Detected({"full_scale_dps": limit}, {}, chance)
 
     def _constant(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """Readings that do not leave the largest value for far longer than they stay at any other value.
+        """Runs that never leave the largest value, where a line through the other runs predicts far more.
 
-        Where the rate is so far beyond the range that all noise is clipped, no reading lies just below the largest value. By
-        chance, a stay is as long as a geometric distribution says whose mean is the longest stay at another value.
+        If the rate is so far beyond the range that all noise is clipped, no reading lies just below the largest value. By
+        chance, a run stays at one value as long as a geometric distribution says whose mean is the longest stay in other runs.
         """
-        sizes = [np.abs(r.gyro_dps[:, axis]) for r in runs]
-        limit = float(max(size.max() for size in sizes))
-        heaped = sum(int(np.count_nonzero(size > limit - ROUNDING_DPS)) for size in sizes)
-        if heaped < LEAST_HEAPED or heaped > MOST_HEAPED * sum(size.size for size in sizes):
+        mine = [r for r in (r.about(AXES[axis]) for r in runs) if r.axis_index == axis and not r.rate_is_mean]
+        limit = max((float(np.abs(r.gyro_dps[:, axis]).max()) for r in mine), default=0.0)
+        limited = [bool(np.all(np.abs(r.gyro_dps[:, axis]) > limit - ROUNDING_DPS)) for r in mine]
+        others = [r for r, at in zip(mine, limited, strict=True) if not at]
+        rates = np.array([float(np.mean(r.rate_dps)) for r in others])
+        if rates.size < 2 or not np.all(np.isfinite(rates)) or np.ptp(rates) <= END * limit:
             return None
-        at, elsewhere = [], [1]
-        for r, size in zip(runs, sizes, strict=True):
-            begins = np.flatnonzero(np.diff(r.gyro_dps[:, axis], prepend=np.nan) != 0)
-            stays = np.diff(np.append(begins, size.size))
-            limited = size[begins] > limit - ROUNDING_DPS
-            at += stays[limited].tolist()
-            elsewhere += stays[~limited].tolist()
-        again = 1 - 1 / (max(elsewhere) + 1)
-        return Detected({"full_scale_dps": limit}, {}, float(again ** (sum(at) - len(at))))
+        line = np.polynomial.Polynomial.fit(rates, [float(np.mean(r.gyro_dps[:, axis])) for r in others], 1)
+        beyond = [len(r) for r, at in zip(mine, limited, strict=True)
+                  if at and abs(float(line(float(np.mean(r.rate_dps))))) > BEYOND * limit]  # fmt: skip
+        if sum(beyond) < LEAST_HEAPED:
+            return None
+        begins = [np.flatnonzero(np.diff(r.gyro_dps[:, axis], prepend=np.nan, append=np.nan) != 0) for r in others]
+        again = 1 - 1 / (max(int(np.diff(at).max()) for at in begins) + 1)
+        return Detected({"full_scale_dps": limit}, {}, float(again ** (sum(beyond) - len(beyond))))
 
     def _plateau(self, runs: Sequence[Run], axis: int) -> Detected | None:
         """Readings that stay near the largest one, in either sense, while a measured true rate is far beyond.

@@ -79,10 +79,10 @@ def _sample_rate(session: Session) -> list[Warning]:
     def text(run: Run | None) -> str:
         one = run or hit[0]
         rate = rates[one.file]
-        has = f"has {rate:.4g} samples a second"
+        has, gap = f"has {rate:.4g} samples a second", ""
         if abs(rate / session.sample_rate_hz - 1) > POLICY.sample_rate_off:  # an import states the rate of the times
-            has += f", session.toml says sample_rate_hz = {session.sample_rate_hz:g}"
-        if _too_slow(rate, one) and (gap := _gap(one)):
+            has, gap = f"{has}, session.toml says sample_rate_hz = {session.sample_rate_hz:g}", _gap(one)
+        if _too_slow(rate, one) and gap:
             return f"Is t_s in {_unit(rate, one)}? It {has}. But {gap}"
         if _too_slow(rate, one):
             unit = _unit(rate, one)

@@ -41,6 +41,7 @@ from gyrocal.simulation.campaigns import (
     of_plan,
 )
 from gyrocal.simulation.climate import ROOM_SD_C, Day
+from gyrocal.simulation.planted import parse
 from gyrocal.simulation.truth import TRUTH_FORMAT, RunTruth, check_new, saved
 
 RATE_HZ = 145.0
@@ -150,7 +151,7 @@ def simulate(
     same part where that was simulated with this seed and these effects. Returns both; ``out`` None: nothing is written.
     """
     _check(campaign, seconds, plan, add_to)
-    wanted = [base.parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
+    wanted = [parse(e, _kind) if isinstance(e, str) else (_kind(e[0]).id, dict(e[1])) for e in effects]
     check_new(out)
     chosen = CAMPAIGNS[campaign]
     runs_of = chosen.plan(scenarios, seconds) if plan is None else of_plan(plan)
