@@ -21,6 +21,8 @@ LEAST_HEAPED, MOST_HEAPED = 10, 0.8
 """Fewest readings at the limit, and the largest fraction. Where nearly all are there, nothing below shows the noise."""
 SHOWN = 1e-4
 """Probability under noise above which a heap is no clipping."""
+COARSE = 0.5
+"""Noise in counts below which the readings of a run may all be equal."""
 END = 0.02
 """Readings within this fraction of the largest one are at the end of a range whose readings were corrected afterwards."""
 BEYOND = 1.05
@@ -75,9 +77,12 @@ class Saturation(ReadingFault):
         upper bound for the count at that value. Slow noise dwells at a value: every dwell counts once.
         """
         step_dps = float(max(r.step_dps[axis] for r in runs)) or grid_dps([r.gyro_dps[:, axis] for r in runs])
-        half = max(1, round(BELOW * white_sd_dps(runs, axis) / step_dps / 2))  # counts in each of the two bands
+        white_dps = white_sd_dps(runs, axis)
+        half = max(1, round(BELOW * white_dps / step_dps / 2))  # counts in each of the two bands
         sizes = [np.abs(r.gyro_dps[:, axis]) for r in runs]
-        sizes = [size for size in sizes if np.ptp(size) > (2 * half - 0.5) * step_dps]  # others do not reach below the limit
+        count_dps = min((float(r.step_dps[axis]) for r in runs if r.step_dps[axis] > 0), default=np.inf)
+        if white_dps < COARSE * count_dps:  # a run that stands at one or two counts shows no noise below them
+            sizes = [size for size in sizes if np.ptp(size) > 1.5 * count_dps]
         limit = max((float(size.max()) for size in sizes), default=0.0)
         heaped = sum(int(np.count_nonzero(size > limit - ROUNDING_DPS)) for size in sizes)
         if heaped < LEAST_HEAPED or heaped > MOST_HEAPED * sum(size.size for size in sizes):
