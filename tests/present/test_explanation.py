@@ -68,5 +68,6 @@ def test_the_bars_of_a_step_say_from_where_to_where_the_error_fell() -> None:
 def test_the_verdict_names_every_axis_of_the_missing_effect() -> None:
     kind = effects()["g_sensitivity"]
     found = [Candidate(kind, "z", "add"), Candidate(kind, "x", "add"), Candidate(kind, "y", "suggest")]
-    diagnosis = Diagnosis("add", found, None, SimpleNamespace())  # type: ignore[arg-type]
+    compared = SimpleNamespace(fit=SimpleNamespace(session=SimpleNamespace(runs=())))
+    diagnosis = Diagnosis("add", found, None, compared)  # type: ignore[arg-type]
     assert verdict_text(diagnosis).startswith("Missing: sensitivity to gravity and acceleration on x, z. ")

@@ -269,16 +269,20 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
     names, everything = axis_names(after)
     old, new = before.pooled, after.pooled
     pairs = [(names[axis], before.per_axis[axis], after.per_axis[axis]) for axis in after.per_axis]
-    figures = [(name, b.floor_dps, a.excess_dps, b.excess_dps) for name, a, b in [*pairs, (everything, old, new)]]
-    unit = unit_of(v for _, *values in figures for v in values)
-    rows = [[name, *(unit.text(v, 2) for v in values)] for name, *values in figures]
+    figures = [
+        (name, b.excess_se_dps, [a.floor_dps, b.excess_dps, a.excess_dps])
+        for name, b, a in [*pairs, (everything, old, new)]
+    ]  # fmt: skip
+    unit = unit_of(v for *_, values in figures for v in values)
+    rows = [[name, *(unit.text(v, 2, error) for v in values)] for name, error, values in figures]
     table(f"Held-out excess error over the noise floor, {unit.name}", ["axis:", "floor", "before", "after"], rows)
     stdout.print(f"{model}: {', '.join(after.fit.model.ids)}")
     part = explained(before.pooled, after.pooled, before.cycles)
     if part is not None:
         few = before.cycles < POLICY.few_cycles
         where = ", within power cycles" if few else ""
-        a, b = (unit.text(v.excess_within_dps if few else v.excess_dps, 2) for v in (new, old))
+        told = (v.excess_within_dps if few else v.excess_dps for v in (new, old))
+        a, b = (unit.text(v, 2, old.excess_within_se_dps if few else old.excess_se_dps) for v in told)
         stdout.print(f"{part:.1%} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
     stdout.print(headline(after), style="bold")
 
