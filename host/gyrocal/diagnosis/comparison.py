@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from gyrocal import plausibility, tails
-from gyrocal.diagnosis import levels
 from gyrocal.diagnosis.angles import Angles, by_angle
 from gyrocal.diagnosis.drawn import described, drawn_power, most_visible, variance
 from gyrocal.diagnosis.finding import Finding
@@ -25,12 +24,13 @@ from gyrocal.diagnosis.levels import (
     Level,
     MeanSquares,
     Remainder,
+    beside_findings,
     floor_of,
     noise_beside,
     pooled,
     spectrum_of,
     white_power,
-)
+)  # fmt: skip
 from gyrocal.diagnosis.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.probes import of_session
@@ -187,7 +187,7 @@ def measure(
 
     def floor(axis: str) -> Floor:
         noise = noise_beside(fitted.axes[axis], axis, misfit.found)
-        return floor_of(noise, folds, white[axis], levels.beside_findings(fitted.axes[axis], axis, misfit.found))
+        return floor_of(noise, folds, white[axis], beside_findings(fitted.axes[axis], axis, misfit.found))
 
     floors = dict(zip(fitted.axes, each(floor, fitted.axes, session.rows), strict=True))
     squares = {axis: m.squares for axis, m in on.items()}
