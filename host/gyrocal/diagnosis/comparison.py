@@ -30,7 +30,7 @@ from gyrocal.diagnosis.levels import (
     pooled,
     spectrum_of,
     white_power,
-)  # fmt: skip
+)
 from gyrocal.diagnosis.misfit import Misfit, find_misfit, of_frequency
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.probes import of_session
