@@ -49,7 +49,6 @@ class Pyramid:
         samples = np.lib.format.open_memmap(folder / "samples.npy", "w+", np.float32, (channels, n))
         samples[:] = np.nan
         fill(samples)
-        samples.flush()
         low: Array = samples
         high: Array = samples
         mean: Array = samples

@@ -230,6 +230,7 @@ def folded(
     series: list[Options] = []
     for k, axis in enumerate(axes):
         x, y = points[panel.key(axis)], points[axis] * unit.per_dps
+        ends = _ends(x[mine])
         period = panel.variable.period
         last: Options = {} if period is None else {"max": period, "min": 0, "interval": period / 8}
         cx, cy, se = found[axis].centre, found[axis].mean * unit.per_dps, found[axis].se * unit.per_dps
@@ -242,12 +243,12 @@ def folded(
         ys.append(charts.axis(p, gridIndex=k))
         for i in shown:
             one = points["run"] == i
-            own_x, own_y, *_ = binned(x[one], y[one], BINS, _ends(x[mine]))
+            own_x, own_y, *_ = binned(x[one], y[one], BINS, ends)
             few = {"showSymbol": own_x.size < FEW, "symbolSize": 7}
             style = {"opacity": 0.35}
-            series.append(charts.line("each recording", _broken(x[mine], own_x, own_y), p.axes[axis], on=k, style=style, **few))
+            series.append(charts.line("each recording", _broken(ends, own_x, own_y), p.axes[axis], on=k, style=style, **few))
         few = {"showSymbol": cx.size < FEW, "symbolSize": 6}
-        series.append(charts.line("mean of all", _broken(x[mine], cx, cy), p.ink, on=k, style={"width": 2.2}, **few))
+        series.append(charts.line("mean of all", _broken(ends, cx, cy), p.ink, on=k, style={"width": 2.2}, **few))
         means = _rows(found[axis].low, found[axis].high, cy - 2 * se, cy + 2 * se)
         series.append(charts.band(WITHIN, means, p.ink, 0.18, on=k))
     entries = [charts.entry("mean of all", "line"), charts.entry(WITHIN, "band", 0.3)]
@@ -288,18 +289,14 @@ def _ends(x: Any) -> tuple[float, float]:
     return (float(there.min()), float(there.max())) if there.size else (0.0, 1.0)
 
 
-def _width(x: Any) -> float:
-    """The width of a bin over values [n]."""
-    low, high = _ends(x)
-    return (high - low) / BINS or 1.0
 
-
-def _broken(x: Any, centre: Any, mean: Any) -> list[Any]:
-    """A line through the means of bins over ``x``, without strokes over stretches that hold no values."""
+def _broken(ends: tuple[float, float], centre: Any, mean: Any) -> list[Any]:
+    """A line through the means of bins between two ends, without strokes over stretches that hold no values."""
     pairs = _pairs(centre, mean)
+    apart = GAP * ((ends[1] - ends[0]) / BINS or 1.0)
     out: list[Any] = []
     for k, pair in enumerate(pairs):
-        if k and pair[0] - pairs[k - 1][0] > GAP * _width(x):
+        if k and pair[0] - pairs[k - 1][0] > apart:
             out.append([(pair[0] + pairs[k - 1][0]) / 2, None])
         out.append(pair)
     return out
