@@ -197,7 +197,8 @@ def first_plot(folder: Path, browser: Any) -> tuple[float, str]:
         page.locator('[role=img][aria-label="Timeline"] canvas').wait_for(timeout=1e3 * PATIENCE_S)
         took, (server, *workers) = time.monotonic() - began, map(busy_s, family(pid))
         page.close()
-    return took, f"processor time, side by side: page {server:.1f} s, worker {max(workers):.1f} s; load {os.getloadavg()[0]:.1f}"
+    busy = f"page {server:.1f} s, worker {max(workers):.1f} s"
+    return took, f"processor time, side by side: {busy}; load {os.getloadavg()[0]:.1f}"
 
 
 def looked_at(folder: Path, browser: Any, rows: int) -> bool:
