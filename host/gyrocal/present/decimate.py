@@ -70,7 +70,8 @@ class Pyramid:
     def window(self, channel: int, start: int, stop: int, stretches: int) -> Stretches:
         """Rows ``start:stop`` of a channel, as at most so many intervals.
 
-        Short windows are not reduced. The bounds of an interval are those of the stored level, within 6 % of its length.
+        Short windows are not reduced. The bounds between intervals are those of the stored level, within 6 % of their length;
+        no sample beyond the window counts.
         """
         n = stop - start
         if n <= 2 * stretches:
@@ -79,15 +80,18 @@ class Pyramid:
         size, level = 1, -1
         while level + 1 < len(self.levels) and size * FACTOR * FACTOR <= n / stretches:
             size, level = size * FACTOR, level + 1
-        low, high, mean = (self.samples,) * 3 if level < 0 else self.levels[level]
         first, last = start // size, -(-stop // size)
         edges = np.unique(np.linspace(first, last, stretches + 1).astype(np.intp))
         inside = edges[:-1] - first
         bounds = np.clip(edges.astype(float) * size, start, stop - 1)
+        stored = (self.samples,) * 3 if level < 0 else self.levels[level]
+        low, high, mean = (np.array(one[channel, first:last], dtype=float) for one in stored)
+        for k, cell in ((0, slice(start, min(stop, (first + 1) * size))), (-1, slice(max(start, (last - 1) * size), stop))):
+            part = np.asarray(self.samples[channel, cell], dtype=float)
+            low[k], high[k], mean[k] = np.fmin.reduce(part), np.fmax.reduce(part), means(part, [0])[0]
         return Stretches(
-            bounds[:-1], bounds[1:], np.fmin.reduceat(low[channel, first:last], inside).astype(float),
-            np.fmax.reduceat(high[channel, first:last], inside).astype(float), means(mean[channel, first:last], inside),
-        )  # fmt: skip
+            bounds[:-1], bounds[1:], np.fmin.reduceat(low, inside), np.fmax.reduceat(high, inside), means(mean, inside)
+        )
 
 
 def means(values: Array, starts: Any) -> Array:
