@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gyrocal.present.bins import binned, cells
+from gyrocal.present.bins import binned, cells, plateaus
 
 
 def test_bins_are_means_with_their_errors() -> None:
@@ -65,3 +65,17 @@ def test_without_offsets_the_error_is_that_of_the_noise() -> None:
     run, place = np.repeat(np.arange(24), 600), np.tile(np.arange(6), 2400)
     found = cells(place, rng.normal(0, 2, run.size), run, 6)
     assert np.median(found.se) == pytest.approx(2 / 2400**0.5, rel=0.3)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_plateau_is_one_bin_and_a_ramp_has_none(seed: int) -> None:
+    """The border of two equal bins at -78.1 dps parted the recordings at -78 dps, and a line joined the two parts."""
+    rng = np.random.default_rng(seed)
+    levels = np.array([-150.0, -78.0, -30.0, 0.0, 30.0, 78.0, 150.0])
+    rate_dps = np.repeat(levels, 200) * (1 + 2e-3 * rng.standard_normal(1400))
+    edges = plateaus(rate_dps)
+    assert edges is not None
+    assert np.histogram(rate_dps, edges)[0].tolist() == [200] * 7
+    assert binned(rate_dps, rate_dps, 48).centre == pytest.approx(levels, abs=0.2)
+    assert plateaus(rng.uniform(-150, 150, 1400)) is None
+    assert plateaus(np.concatenate([rate_dps, np.linspace(0, 30, 100)])) is None

@@ -17,6 +17,34 @@ ONE_VALUE = 0.01
 """Part of a bin's width within which values count as one."""
 
 
+HUNDREDTHS = 200
+"""Parts of a variable's range in which its values are looked for: half a hundredth each."""
+MOST_PLATEAUS = 10
+APART, NARROW = 2, 8
+"""Empty parts that divide two plateaus at least, and the parts that one plateau takes at most."""
+
+
+def plateaus(x: Array) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    """Edges [k + 1] between the k values that ``x`` [n] takes, if these are a few with nothing between them; else None.
+
+    A table that turns evenly holds its rate to a part of a hundredth. Equal bins would divide some of these rates.
+    """
+    if x.size == 0:
+        return None
+    low, high = float(x.min()), float(x.max())
+    if low == high:
+        return np.array([low - 0.5, high + 0.5])
+    part = np.minimum(((x - low) / (high - low) * HUNDREDTHS).astype(np.intp), HUNDREDTHS - 1)
+    there = np.flatnonzero(np.bincount(part, minlength=HUNDREDTHS))
+    gap = np.flatnonzero(np.diff(there) > APART)
+    first, last = there[np.concatenate([[0], gap + 1])], there[np.concatenate([gap, [-1]])]
+    if first.size > MOST_PLATEAUS or int((last - first).max()) >= NARROW:
+        return None
+    middle = low + (last[:-1] + 1 + first[1:]) / 2 * (high - low) / HUNDREDTHS
+    beyond = (high - low) / HUNDREDTHS
+    return np.concatenate([[low - beyond], middle, [high + beyond]])
+
+
 class Cells(NamedTuple):
     """Means [k] of values in places, their standard errors [k], and the means [recordings, k] of each recording.
 
@@ -69,8 +97,9 @@ class Binned(NamedTuple):
 def binned(x: Array, y: Array, bins: int, run: Index | None = None) -> Binned:
     """Means of ``y`` [n] in equal bins of ``x`` [n], without empty bins. Values that are not finite are left out.
 
-    The bins reach from the lowest to the highest value of ``x``. A bin that holds one value of ``x`` alone, as a face or a
-    direction, has it in its middle. ``run`` [n] numbers the recordings from 0; without it all values are of one.
+    The bins reach from the lowest to the highest value of ``x``; each of its :func:`plateaus` is one. A bin that holds one
+    value of ``x`` alone, as a face or a direction, has it in its middle. ``run`` [n] numbers the recordings from 0; without it
+    all values are of one.
     """
     use = np.isfinite(x) & np.isfinite(y)
     run = np.zeros(x.size, dtype=np.intp) if run is None else run
@@ -81,15 +110,24 @@ def binned(x: Array, y: Array, bins: int, run: Index | None = None) -> Binned:
         return Binned(none, none, none, none, none, np.zeros((runs, 0)))
     low, high = float(x.min()), float(x.max())
     width = (high - low) / bins or 1.0
-    place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)
+    edges = plateaus(x)
+    if edges is None:
+        place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)
+    else:
+        place, bins = np.searchsorted(edges, x, side="right") - 1, edges.size - 1
     found = cells(place, y, run, bins)
     kept = np.isfinite(found.mean)
-    first, last = np.full(bins, np.inf), np.full(bins, -np.inf)
-    np.minimum.at(first, place, x)
-    np.maximum.at(last, place, x)
     centre = (np.bincount(place, x, bins) / np.maximum(np.bincount(place, minlength=bins), 1))[kept]
-    one = (last - first)[kept] < ONE_VALUE * width
+    one = np.full(centre.size, edges is not None) | _of_one_value(x, place, bins, width)[kept]
     middle = np.where(one, centre, low + (np.flatnonzero(kept) + 0.5) * width)
     of_runs = np.full((runs, centre.size), np.nan)
     of_runs[: len(found.of_runs)] = found.of_runs[:, kept]
     return Binned(centre, found.mean[kept], found.se[kept], middle - width / 2, middle + width / 2, of_runs)
+
+
+def _of_one_value(x: Array, place: Index, bins: int, width: float) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Whether the values of ``x`` [n] in each bin [bins] are one."""
+    first, last = np.full(bins, np.inf), np.full(bins, -np.inf)
+    np.minimum.at(first, place, x)
+    np.maximum.at(last, place, x)
+    return np.asarray(last - first < ONE_VALUE * width)

@@ -256,7 +256,7 @@ def hero(
     low, high, step = _extent(shown, factor)
     moved: Options = {"animationDurationUpdate": 1100, "animationEasingUpdate": "cubicInOut", **MOTION}
     halves = [(b - a) / 2 for a, b in zip(shown.edges, shown.edges[1:], strict=False)]
-    half = min(halves) if halves else 0.5
+    half = 0.02 * (shown.centres[-1] - shown.centres[0]) or 0.5 if shown.few else min(halves, default=0.5)
     filled = [
         [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
         for x, y, s in zip(shown.centres, curve, se, strict=True)

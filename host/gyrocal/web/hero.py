@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gyrocal.present.bins import cells
+from gyrocal.present.bins import cells, plateaus
 from gyrocal.recording.session import Array
 from gyrocal.web.against import Panel, panels
 from gyrocal.web.views import Picture
@@ -113,20 +113,10 @@ def _edges(x: Array, panel: Panel) -> Array:
     if panel.variable.period is not None:
         return np.linspace(0, panel.variable.period, BINS + 1)
     low, high = float(x.min()), float(x.max())
-    if _takes_few(x):
-        few = _different(x)
-        middle = (few[1:] + few[:-1]) / 2
-        return np.concatenate([[low - 1e-6 * max(1.0, abs(low))], middle, [high + 1e-6 * max(1.0, abs(high))]])
+    few = plateaus(x)
+    if few is not None:
+        return few
     return np.linspace(low, high + 1e-6 * (high - low), BINS + 1)
-
-
-def _different(x: Array) -> Array:
-    return np.unique(np.round(x.astype(float), 6))
-
-
-def _takes_few(x: Array) -> bool:
-    """True if a variable takes a few values only, as the rate of a table that turns evenly."""
-    return bool(_different(x).size <= BINS // 4)
 
 
 def _places(x: Array, edges: Array) -> Any:
@@ -160,7 +150,7 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     edges, centres, left, se, curve = (c.tolist() for c in (edges, mean(x), 1e3 * mean(y), 1e3 * se, 1e3 * mean(s)))
     shown = Picture(
         panel.name, axis, panel.label, run, file, edges, centres, left, se, curve,
-        few=_takes_few(x), marks=dict(panel.variable.marks),
+        few=plateaus(x) is not None, marks=dict(panel.variable.marks),
     )  # fmt: skip
     each = [mean for _, mean in of_each_run(shown, points)]
     return replace(shown, reach=(min(each), max(each))) if each else shown
