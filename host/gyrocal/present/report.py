@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -198,8 +198,8 @@ def by_effect(candidates: Iterable[Candidate]) -> str:
     return ", ".join(f"{effect_id} ({', '.join(on)})" for effect_id, on in axes.items())
 
 
-def verdict_text(d: Diagnosis) -> str:
-    """The diagnosis in one or two sentences."""
+def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
+    """The diagnosis in one or two sentences; ``called`` gives the name of an effect from its id."""
     best = d.best
     if d.verdict == "implausible":
         return BLOCKED
@@ -208,13 +208,14 @@ def verdict_text(d: Diagnosis) -> str:
         cause = best.effect.cause_in(d.comparison.fit.session.runs).split(". ")[0]
         return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}."
     if d.verdict == "ambiguous" and best is not None:
-        return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
+        group = ", ".join(map(called, best.group))
+        return f"One of {group}; this session cannot tell which. To part them: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
         where = f"on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}"
         suggested = unproven(d)
         if suggested:
-            ids = " or ".join(c.effect.id for c in suggested)
+            ids = " or ".join(called(c.effect.id) for c in suggested)
             proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         return f"Something is there that no effect of the library explains: {where}."

@@ -51,7 +51,8 @@ def evidence(card: Card) -> list[tuple[str, str]]:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
         rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))
     if card.looks_like:
-        rows.append(("cannot be told from", ", ".join(card.looks_like)))
+        if not card.doubts:
+            rows.append(("cannot be told from", ", ".join(card.looks_like)))
         rows.append(("to part them", judged["next_measurement"]))
     elif judged["decision"] == "suggest" and judged["next_measurement"]:
         rows.append(("to be sure", judged["next_measurement"]))

@@ -148,11 +148,15 @@ class DiagnosePanel:
         step, found = self.bench.latest, self.bench.diagnosed
         if step is None:
             return
-        cards = [] if found is None else found.cards
-        cards = [c for c in cards if c.judged["effect"] == step.effect and c.judged["decision"] in ("add", "suggest")]
-        cards = [c for c in cards if c.judged["axis"] in step.axes]
+        every = [c for c in ([] if found is None else found.cards) if c.judged["effect"] == step.effect]
+        cards = [c for c in every if c.judged["decision"] in ("add", "suggest") and c.judged["axis"] in step.axes]
         for card in cards:
             self._card(card, added=True)
+        others = {c.judged["axis"] for c in every if c.judged["decision"] == "add"} - step.axes
+        if others:
+            ui.label(
+                f"It is not in the model on {', '.join(sorted(others))}, where it is not certain for itself beside the rest."
+            ).classes("small")
         if not cards:
             self._by_hand(step)
 
