@@ -100,7 +100,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     assert page.get_by_text(f"The excess error within power cycles went from {before} to {after} mdps.").is_visible()
     in_all = " → ".join(mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
     floor = mdps(added["after"]["floor_dps"], 2)
-    told = f"With each power cycle's own offset and scale: {in_all} mdps over a floor of {floor} mdps."
+    told = f"With what differs between power cycles, offset and scale: {in_all} mdps over a floor of {floor} mdps."
     assert page.get_by_text(told).is_visible()
     part = 1 - (added["after"]["excess_within_dps"] / added["before"]["excess_within_dps"]) ** 2
     assert page.get_by_text(f"{part:.1%} of its square explained").is_visible()

@@ -68,12 +68,20 @@ def level_unit(c: Comparison) -> RateUnit:
     return unit_of(v for level in (*c.per_axis.values(), c.pooled) for v in (level.rms_dps, level.floor_dps))
 
 
+def level_unit_name(c: Comparison) -> str:
+    """The unit of :func:`level_rows`."""
+    return level_unit(c).name if c.angles is None else "deg"
+
+
 def level_rows(c: Comparison) -> list[list[str]]:
     """Axis, rms, floor, excess, its standard error and the excess within power cycles; the last row is all axes.
 
-    They are in the unit that :func:`level_unit` gives, to the second digit of the excess's standard error.
+    They are to the second digit of the excess's standard error. Angles have no excess within power cycles.
     """
     names, everything = axis_names(c)
+    if c.angles is not None:
+        of_axes = [(names[axis], c.angles.level(axis)) for axis in c.per_axis]
+        return [[*angle_row(*of), UNKNOWN] for of in (*of_axes, (everything, c.angles.level()))]
     unit = level_unit(c)
     return [
         [name, *(unit.text(x, 2, v.excess_se_dps) for x in told)]
@@ -102,10 +110,8 @@ def print_comparison(c: Comparison) -> None:
         unit = level_unit(c).name
         table("", ["axis:", *(f"{of} {unit}" for of in ("rms", "floor", "excess", "±", "within cycles"))], level_rows(c))
     else:
-        names, everything = axis_names(c)
-        levels = [angle_row(names[axis], c.angles.level(axis)) for axis in c.per_axis]
         title = "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
-        table(title, ANGLES, [*levels, angle_row(everything, c.angles.level())])
+        table(title, ANGLES, [row[: len(ANGLES)] for row in level_rows(c)])
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     print_note(reference_words(c))
     print_note(stand_in_words(c))
@@ -295,7 +301,7 @@ def write_page(path: Path, c: Comparison) -> None:
     drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
-        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit(c).name,
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit_name(c),
         where=c.where, pictures=drawn,
         parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
         note=c.note,

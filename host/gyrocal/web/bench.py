@@ -205,7 +205,7 @@ class Bench:
         model = found.fit.model
         return ModelView(
             model.toml(), compared, report.headline(found), report.level_rows(found),
-            report.level_unit(found).name, _effects(model), _holdable(model), traces, against, levels,
+            report.level_unit_name(found), _effects(model), _holdable(model), traces, against, levels,
             residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
             residuals.allan(),
         )  # fmt: skip

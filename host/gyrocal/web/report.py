@@ -14,7 +14,7 @@ from gyrocal.effects import base
 from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
-from gyrocal.present.report import headline, level_rows, level_unit, parameter
+from gyrocal.present.report import headline, level_rows, level_unit_name, parameter
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
@@ -47,7 +47,7 @@ def page(
     open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
-        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit(found).name,
+        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit_name(found),
         where=found.where, pictures=drawn, bars=bars, top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall,
         story=story, missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),

@@ -73,8 +73,8 @@ def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapp
     """
     found = [(f["axis"], RMS.search(f["note"])) for f in where]
     rms_dps = [(axis, float(told[1]) * (1e-3 if told[2] == "mdps" else 1.0)) for axis, told in found if told]
-    excess = {axis: level["excess_dps"] for axis, level in per_axis.items()}
-    if not any(excess.get(axis) is not None and size > excess[axis] for axis, size in rms_dps):
+    excess = {axis: level.get("excess_dps") for axis, level in per_axis.items()}  # none where angles are judged
+    if not any((of_axis := excess.get(axis)) is not None and size > of_axis for axis, size in rms_dps):
         return ""
     return (
         "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
@@ -87,7 +87,7 @@ def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
 
     ``per_axis`` is that of ``gyrocal compare --json``.
     """
-    known = {a: (e["excess_dps"], e["excess_se_dps"]) for a, e in per_axis.items()}
+    known = {a: (e.get("excess_dps"), e.get("excess_se_dps")) for a, e in per_axis.items()}
     beyond = [a for a, (e, se) in known.items() if e is not None and se is not None and e > POLICY.excess_errors * se]
     if not beyond:
         return ""
