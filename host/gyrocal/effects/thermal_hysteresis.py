@@ -25,7 +25,7 @@ class ThermalHysteresis(Effect):
         "After the temperature turns round, the bias moves from one branch to the other over a few degrees, and it stays "
         "where it is while the temperature rests."
     )
-    equation = "amplitude_dps·(T - p)/(width_c/2), where p follows T at a distance of width_c/2 at most (play operator)"
+    equation = "amplitude_dps·(T - h)/(width_c/2), where h follows T at a distance of width_c/2 at most (play operator)"
     looks_like = (
         "thermal_lag, if the temperature always changes at the same speed; drift and colored_noise, if the temperature goes "
         "up and down only once"

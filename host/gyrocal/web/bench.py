@@ -239,13 +239,20 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
     cards = [
         Card(
             c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,
-            [_title(i) for i in c.group if i != c.effect.id], report.sizes(c),
+            [_title(i) for i in c.group if i != c.effect.id], _size(c),
             doubts(c, found.comparison, found.candidates), few,
             _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
         )
         for c in found.candidates
     ]  # fmt: skip
     return DiagnosisView(found.verdict, report.verdict_text(found, lambda i: _title(i).lower()), cards, found.unknown)
+
+
+def _size(c: Candidate) -> str:
+    """The fitted parameters, and those of the equation that the session does not need."""
+    without = [p.name for p in c.effect.parameters if c.values and p.name not in c.values and p.name in c.effect.equation]
+    size = report.sizes(c)
+    return f"{size}; without {' and '.join(without)}" if without else size
 
 
 def _title(effect_id: str) -> str:

@@ -99,7 +99,7 @@ def _best(
         if panel.variable.name == "reading" or against not in ("", panel.variable.name):  # a reading holds the effect itself
             continue
         x = points[panel.key(axis)]
-        use = there & np.isfinite(x)
+        use = there & np.isfinite(x) & np.isfinite(signal)
         if np.count_nonzero(use) < 0.9 * np.count_nonzero(there) or np.count_nonzero(use) < 4 * LEAST or np.ptp(x[use]) == 0:
             continue
         place = _places(x[use], _edges(x[use], panel))

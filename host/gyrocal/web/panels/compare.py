@@ -154,7 +154,8 @@ class ComparePanel:
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
                     for finding, place in list(zip(view.compared["where"], view.places, strict=True))[:MOST_NAMED]:
-                        against = variables()[finding["against"]].quantity
+                        shown = PANELS.get(place.view)
+                        against = shown.label.partition(",")[0] if shown else variables()[finding["against"]].quantity
                         if not place.view:
                             text = f"{finding['axis']}: {finding['note']}; it shows from one reading to the next, in no picture"
                             ui.label(text).classes("finding plain")

@@ -179,7 +179,7 @@ class DiagnosePanel:
         passed = judged["decision"] == "add"
         alone = passed and not card.looks_like
         proven = not card.doubts
-        word = "fits the evidence" if alone else "one of several" if passed else "a hint, not enough to be sure"
+        word = "proven" if alone else "one of several" if passed else "a hint, not enough to be sure"
         with ui.element("article").classes(f"card {'add' if passed and not added else ''}"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
@@ -352,8 +352,8 @@ class DiagnosePanel:
         with self.calibration:
             with ui.row().classes("tight"):
                 ui.html("<h2>Calibration error</h2>", sanitize=False)
-                ui.label(CALIBRATION_ERROR).classes("dim small")
                 bar = ui.element("div").classes("tools")
+            ui.label(CALIBRATION_ERROR).classes("dim small")
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
             elif not found.errors:
