@@ -20,7 +20,7 @@ REFERENCE_C = 25.0
 TURNING = "a run in which the table turns about this axis at a known rate"
 TURNING_AT_ALL = "a run in which the table turns at a known rate"
 VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
-MOVING_TEMPERATURE = "a temp_c column that moves by 1 degC or more over the session"
+MOVING_TEMPERATURE = "a temp_c column that moves by 1 °C or more over the session"
 
 LOST_IN_BLOCKS_HZ = 2.5
 """Frequency above which means over blocks of a tenth of a second lose more than a tenth of a wave's amplitude, Hz."""

@@ -154,7 +154,7 @@ def _noise_unknown(session: Session) -> list[Warning]:
     """``noise_unknown``: a measured column whose noise hides in its motion, and how much that noise may attenuate at most."""
     columns: list[tuple[str, str, str, str, Callable[[Run], Smoothed | None]]] = [
         ("true rate", "dps", "the scale", "ref_noise_dps", lambda run: run.smooth_rate),
-        ("temperature", "degC", "the temperature coefficients", "temp_noise_c", lambda run: run.smooth_temp),
+        ("temperature", "°C", "the temperature coefficients", "temp_noise_c", lambda run: run.smooth_temp),
     ]
     out = []
     for name, unit, of, key, column in columns:

@@ -18,6 +18,7 @@ from gyrocal.effects.base import Effect
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
+from gyrocal.units import to_read
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
@@ -145,7 +146,7 @@ def moved_rows(moved: Sequence[Moved]) -> list[list[str]]:
     return [
         [f"{m.effect} {m.name}", m.axis, f"{m.file:.6g}", "-" if m.session is None else f"{m.session:.6g}",
          "-" if m.session is None else f"{m.session - m.file:+.3g}", "-" if m.se is None else f"{m.se:.2g}",
-         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else m.unit]
+         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else to_read(m.unit)]
         for m in moved
     ]  # fmt: skip
 
@@ -244,7 +245,7 @@ def sizes(c: Candidate) -> str:
 
 def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) -> str:
     """The values of an effect's parameters, as text; a fraction is told in percent."""
-    units = {p.name: p.unit for p in effect.parameters}
+    units = {p.name: to_read(p.unit) for p in effect.parameters}
     shown: dict[str, str] = {}
     for name, value in values.items():
         unit, error = units.get(name, units.get(name.removesuffix("_sd"), "")), se.get(name)
@@ -311,7 +312,7 @@ def parameter_rows(c: Comparison) -> list[list[Any]]:
     """Rows of effect, axis, parameter, value, standard error and unit."""
     rows = []
     for listed in c.fit.model.lines():
-        units = {p.name: p.unit for p in listed.kind.parameters}
+        units = {p.name: to_read(p.unit) for p in listed.kind.parameters}
         for name, value in listed.values.items():
             se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))

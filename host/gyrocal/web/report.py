@@ -15,6 +15,7 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit, parameter
+from gyrocal.units import CELSIUS, to_read
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
@@ -24,7 +25,7 @@ from gyrocal.web.words import evidence, method, unseen
 
 CORRELATED = 0.3
 """Correlations of less are not listed."""
-UNITS = {"_dps_per_c": "dps/degC", "_dps": "dps", "_deg": "deg", "_c": "degC", "_g": "g", "_hz": "Hz", "_s": "s"}
+UNITS = {"_dps_per_c": f"dps/{CELSIUS}", "_dps": "dps", "_deg": "deg", "_c": CELSIUS, "_g": "g", "_hz": "Hz", "_s": "s"}
 """Units by the ends of names, for parameters that no effect declares."""
 
 
@@ -99,7 +100,7 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     kinds = base.effects()
 
     def unit(effect: str, name: str) -> str:
-        declared = {p.name: p.unit for p in kinds[effect].parameters} if effect in kinds else {}
+        declared = {p.name: to_read(p.unit) for p in kinds[effect].parameters} if effect in kinds else {}
         known = declared.get(name) or declared.get(name.removesuffix("_sd"))
         return known or next((u for end, u in UNITS.items() if name.endswith(end)), "")
 
