@@ -83,3 +83,10 @@ def test_every_offer_says_what_is_written() -> None:
     assert [m.kind for m in ways] == ["face", "leave_out", "accept"]
     assert all(m.told.endswith(".") and ("session.toml" in m.told or "files stay" in m.told) for m in ways)
     assert mends({"code": "first_sample", "axis": None, "file": None, "text": "", "blocking": False}) == []
+
+
+def test_the_only_run_in_the_fits_is_not_offered_to_be_left_out() -> None:
+    warning = {"code": "first_sample", "axis": "x", "file": "1.csv", "text": "", "blocking": False}
+    assert [m.kind for m in mends(warning)] == ["leave_out"]
+    assert [m.kind for m in mends(warning, last_run="2.csv")] == ["leave_out"]
+    assert mends(warning, last_run="1.csv") == []

@@ -36,8 +36,11 @@ class Mend:
     file: str | None
 
 
-def mends(warning: dict[str, Any]) -> list[Mend]:
-    """The ways to mend what a warning of ``--json`` speaks of, the surest first; empty if only the user can."""
+def mends(warning: dict[str, Any], last_run: str | None = None) -> list[Mend]:
+    """The ways to mend what a warning of ``--json`` speaks of, the surest first; empty if only the user can.
+
+    ``last_run`` is the file of the only run in the fits, which is not left out; None if there are several.
+    """
     code, axis, file = warning["code"], warning["axis"], warning["file"]
     which = file or ("every run" if axis is None else f"every run about {axis}")
     toml = f"session.toml (its present text is kept as {KEPT_AS})"
@@ -55,7 +58,7 @@ def mends(warning: dict[str, Any]) -> list[Mend]:
     if code == "unit_rad_s":
         told = "A new session is written beside this one, in which what is in rad/s is in dps. It is then opened."
         offer("units", "Convert to dps", told)
-    if file is not None:
+    if file is not None and file != last_run:
         told = f"{file} is left out of the fits. The session's files stay as they are; the choice is kept in workbench.json."
         offer("leave_out", f"Leave {file} out", told)
     if warning["blocking"]:

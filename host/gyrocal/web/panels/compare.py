@@ -101,7 +101,8 @@ class ComparePanel:
             left = {} if self.bench.step is None else self.bench.step.view.left
             with ui.element("div").classes("beside"):
                 floor = None if self.bench.step is None else self.bench.step.view.compared.get("floor_dps")
-                strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), self.bench.excluded, self._include)
+                excluded, last_run = self.bench.excluded, self.bench.last_run
+                strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), excluded, last_run, self._include)
                 if self.pressed is not None:
                     ui.run_javascript(REFOCUS % self.pressed)
                 runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
