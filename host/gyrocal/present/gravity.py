@@ -21,6 +21,7 @@ from gyrocal.gravity.scene import Scene
 from gyrocal.present.output import emit, plus_minus, stdout, table
 from gyrocal.present.report import ANGLES, BLOCKED, MOVED, REJECTED_SHOWN, angle_row, deg, moved_rows, print_warnings, sizes
 from gyrocal.recording.session import Session
+from gyrocal.units import percentage
 
 
 def show_calibration(
@@ -149,7 +150,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
 
 def _candidate(c: Candidate) -> list[str]:
     return [
-        c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
         "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c),
     ]  # fmt: skip
 

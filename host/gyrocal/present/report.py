@@ -18,7 +18,7 @@ from gyrocal.effects.base import Effect
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
-from gyrocal.units import to_read
+from gyrocal.units import percentage, to_read
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
@@ -163,7 +163,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
     rows = [
-        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
          "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
         for c in (*passed, *rejected[:REJECTED_SHOWN])
     ]  # fmt: skip
@@ -284,7 +284,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
         where = ", within power cycles" if few else ""
         told = (v.excess_within_dps if few else v.excess_dps for v in (new, old))
         a, b = (unit.text(v, 2, old.excess_within_se_dps if few else old.excess_se_dps) for v in told)
-        stdout.print(f"{part:.1%} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
+        stdout.print(f"{percentage(part, 1)} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
     stdout.print(headline(after), style="bold")
 
 

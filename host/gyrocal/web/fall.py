@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, pooled
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.policy import POLICY
+from gyrocal.units import percentage
 
 NOTHING = 5e-4
 """A part of the squared excess that is zero in the digits that are shown."""
@@ -80,7 +81,9 @@ class Fall:
             return ""
         if abs(self.part) < NOTHING:
             return "nothing of its square explained"
-        return f"{self.part:.1%} of its square explained" if self.part > 0 else f"its square grew by {-self.part:.1%}"
+        if self.part < 0:
+            return f"its square grew by {percentage(-self.part, 1)}"
+        return f"{percentage(self.part, 1)} of its square explained"
 
     @property
     def sentence(self) -> str:

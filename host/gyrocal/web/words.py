@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gyrocal.present.output import plus_minus
+from gyrocal.units import percentage
 from gyrocal.web.views import Card
 
 if TYPE_CHECKING:
@@ -99,7 +100,10 @@ def explains(part: float, axis: str, *, within: bool) -> str:
     where = f"on {axis}, within power cycles" if within else f"on {axis}"
     if part <= 0:
         return f"nothing of the excess error {where}"
-    return f"{part:.0%} of the squared excess error {where}; its rms falls by {1 - max(0.0, 1 - part) ** 0.5:.0%}"
+    squared = f"{percentage(part)} of the squared excess error {where}"
+    if part >= 1:
+        return f"{squared}: what is left is within the noise floor"
+    return f"{squared}, which makes the error itself {percentage(1 - (1 - part) ** 0.5)} smaller"
 
 
 LEFT_OUT = {
