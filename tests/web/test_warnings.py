@@ -46,7 +46,7 @@ def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[...,
     before = header.read_text()
     page = look(f"{served.url}compare")
     page.get_by_role("button", name="Change the face of 008_down.csv").click()
-    page.get_by_text("The face of 008_down.csv is changed, from up to down or from down to up, in session.toml").wait_for()
+    page.get_by_text('face = "up" of 008_down.csv becomes face = "down"').wait_for()
     page.get_by_role("button", name="Cancel").click()
     page.get_by_role("button", name="Do it").wait_for(state="hidden")
     assert header.read_text() == before
