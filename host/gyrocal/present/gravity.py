@@ -19,7 +19,19 @@ from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
 from gyrocal.gravity.scene import Scene
 from gyrocal.present.output import emit, plus_minus, stdout, table
-from gyrocal.present.report import ANGLES, BLOCKED, MOVED, REJECTED_SHOWN, angle_row, deg, moved_rows, print_warnings, sizes
+from gyrocal.present.report import (
+    ANGLES,
+    BLOCKED,
+    MOVED,
+    REJECTED_SHOWN,
+    angle_row,
+    deg,
+    moved_rows,
+    print_note,
+    print_warnings,
+    sizes,
+)
+from gyrocal.present.verdict import stands_on
 from gyrocal.recording.session import Session
 from gyrocal.units import percentage
 
@@ -122,6 +134,7 @@ def print_comparison(c: Comparison) -> None:
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
+    print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold", markup=False)
 
 

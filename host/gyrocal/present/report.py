@@ -18,6 +18,7 @@ from gyrocal.effects.base import Effect
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
+from gyrocal.present.verdict import stands_on
 from gyrocal.units import percentage, to_read
 from gyrocal.warning import Warning, by_weight, line
 
@@ -116,6 +117,7 @@ def print_comparison(c: Comparison) -> None:
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
         print_note(c.note)
+    print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold")
 
 
@@ -298,7 +300,7 @@ def write_page(path: Path, c: Comparison) -> None:
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit(c).name,
         where=c.where, pictures=drawn,
         parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
-        note=c.note,
+        note=c.note, stands_on=stands_on(c.to_json()),
     )  # fmt: skip
     page.write(path, text)
 

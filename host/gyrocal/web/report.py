@@ -15,6 +15,7 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit, parameter
+from gyrocal.present.verdict import stands_on
 from gyrocal.units import CELSIUS, to_read
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
@@ -57,7 +58,7 @@ def page(
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
         bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
-        unseen=unseen, percent=percent,
+        unseen=unseen, percent=percent, stands_on=stands_on(compared),
     )  # fmt: skip
 
 
