@@ -110,6 +110,34 @@ def acceleration_of_tenths(run: Run) -> tuple[Array, Array] | None:
     return None if acc_g is None else (means_of_tenths(acc_g), means_of_tenths(acc_g**2))
 
 
+LEAST_TURN_RAD = 0.05
+"""Least change of the direction of gravity that is a change of pose, and no drift of the accelerometer."""
+
+
+def pose_changes(runs: Sequence[Run]) -> bool:
+    """True if the direction of the acceleration, as means over seconds show it, changes between or within runs.
+
+    In one pose gravity is constant. What an accelerometer then shows beyond it is its own drift, which follows the temperature
+    as a gyroscope's bias does, and nothing can be told to depend on the acceleration.
+    """
+    found = [means for r in runs if (means := _acceleration_by_second(r)) is not None]
+    if not found:
+        return False
+    mean_g = np.vstack(found)
+    direction = mean_g / np.maximum(np.linalg.norm(mean_g, axis=1, keepdims=True), 1e-300)
+    return bool(np.any(np.linalg.norm(direction - direction[0], axis=1) >= LEAST_TURN_RAD))
+
+
+@once_a_run
+def _acceleration_by_second(run: Run) -> Array | None:
+    """Mean acceleration of each second of a run that has samples, shape [m, 3], g."""
+    acc_g = acceleration_g(run)
+    if acc_g is None or not len(acc_g):
+        return None
+    starts = np.unique(np.floor(run.t_s - run.t_s[0]), return_index=True)[1]
+    return np.asarray(np.add.reduceat(acc_g, starts, axis=0) / np.diff([*starts, len(acc_g)])[:, None])
+
+
 def means_of_tenths(values: Array) -> Array:
     """Means of ``values`` [n, k] over ten successive parts of a run, as even as possible; shape [min(n, 10), k]."""
     edges = np.linspace(0, len(values), min(10, len(values)) + 1).astype(np.intp)
