@@ -183,17 +183,33 @@ def peak_mb(pid: int) -> list[float]:
 def large(folder: Path, rows: int) -> bool:
     """Pass a session of so many rows through the engine and the browser. Returns True if every aim was met."""
     campaign(folder / "large", rows)
-    with chromium() as browser, served(folder, "large") as (url, began, pid):
-        page = browser.new_page(viewport={"width": 1280, "height": 720})
+    with chromium() as browser:
+        took, busy = sorted(first_plot(folder, browser) for _ in range(3))[1]
+        print(f"first plot after the command       {took:5.1f} s   (aim {FIRST_PLOT_S:g}; median of 3; {busy})", flush=True)
+        return looked_at(folder, browser, rows) and took <= FIRST_PLOT_S
+
+
+def first_plot(folder: Path, browser: Any) -> tuple[float, str]:
+    """Seconds from the command to the first plot of the large session, and the processor time until then in words."""
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    with served(folder, "large") as (url, began, pid):
         page.goto(url)
         page.locator('[role=img][aria-label="Timeline"] canvas').wait_for(timeout=1e3 * PATIENCE_S)
         took, (server, *workers) = time.monotonic() - began, map(busy_s, family(pid))
-        busy = f"processor time, side by side: page {server:.1f} s, worker {max(workers):.1f} s; load {os.getloadavg()[0]:.1f}"
-        print(f"first plot after the command       {took:5.1f} s   (aim {FIRST_PLOT_S:g}; {busy})", flush=True)
+        page.close()
+    busy = f"page {server:.1f} s, worker {max(workers):.1f} s"
+    return took, f"processor time, side by side: {busy}; load {os.getloadavg()[0]:.1f}"
+
+
+def looked_at(folder: Path, browser: Any, rows: int) -> bool:
+    """Time the views and the zooming of the large session. Returns True if every aim was met."""
+    with served(folder, "large") as (url, began, pid):
+        page = browser.new_page(viewport={"width": 1280, "height": 720})
+        page.goto(url)
         ready(page, PATIENCE_S)
         print(f"model held against it              {time.monotonic() - began:5.1f} s", flush=True)
         zooms = math.ceil(math.log2(rows / FEWEST))
-        met = told(looks(page, zooms), rows) and took <= FIRST_PLOT_S
+        met = told(looks(page, zooms), rows)
         steps = np.diff(page.evaluate(f"() => {CHART}.getOption().series[0].data.filter(p => p[1] !== null).map(p => p[0])"))
         print(f"zoomed in {zooms} times: {len(steps) + 1} points, {np.median(steps) * RATE_HZ:.2f} sample apart", flush=True)
         server, *others = peak_mb(pid)

@@ -44,6 +44,22 @@ def session(motion: Callable[[np.random.Generator], Array], error_dps: Callable[
     return make_session(*made)
 
 
+def seven_rates(rng: np.random.Generator) -> Array:
+    """Seven levels that the table holds to a thousandth, with nothing measured between them."""
+    level = rng.choice([-150.0, -78.0, -30.0, 0.0, 30.0, 78.0, 150.0], 12)
+    return np.repeat(level, -(-T_S.size // 12))[: T_S.size] * (1 + 1e-3 * rng.standard_normal())
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_no_wave_is_told_between_rates_that_nobody_measured(seed: int) -> None:
+    """A cubic at seven rates was also told as a wave over the rate with a period of 46.7 deg/s."""
+    found = diagnose(session(seven_rates, lambda rate: 3e-8 * rate**3, seed))
+    assert found.comparison.where
+    assert not any("wave over the rate" in finding.note for finding in found.comparison.where)
+    assert found.best is not None
+    assert "scale_nonlinearity" in (found.best.effect.id, *found.best.group)
+
+
 @pytest.mark.parametrize("motion", [by_hand, staircase])
 @pytest.mark.parametrize("period_dps", [28.0, 44.0])
 def test_a_wave_over_the_rate_is_unknown(motion: Callable[[np.random.Generator], Array], period_dps: float) -> None:

@@ -111,3 +111,26 @@ def test_the_noise_of_coarse_counts_beside_ramps_is_no_whole_count(sd_dps, count
     assert found.noise.sd == pytest.approx(np.std(measured_dps - rate_dps), rel=0.2)
     rest = rate_dps == 0
     assert np.mean(found.at_rest().values[rest] == 0) > 0.97
+
+
+@pytest.mark.parametrize("held", [160, 37])
+def test_set_points_are_no_noise_where_the_sensor_follows_them(held: int) -> None:
+    """Steps were taken for noise of 100 deg/s, which hid the whole run as a rest."""
+    rng = np.random.default_rng(held)
+    points = np.repeat(rng.choice([-150.0, -78.0, -30.0, 0.0, 30.0, 78.0, 150.0], 60), held)
+    gyro = 1.004 * points + 0.3 + rng.normal(0, 0.05, points.size)
+    found = smoothed(points, None, gyro)
+    assert found.noise.sd < 0.1
+    assert np.abs(found.values - points).max() < 0.3
+
+
+@pytest.mark.parametrize("repeats", [1, 10])
+def test_the_noise_of_a_reference_is_not_bounded_by_a_better_sensor(repeats: int) -> None:
+    rng = np.random.default_rng(repeats)
+    t_s = np.arange(0, 200, 0.01 * repeats)
+    true = 78 * np.sin(0.3 * t_s)
+    measured = np.repeat(true + rng.normal(0, 0.4, t_s.size), repeats)
+    gyro = np.repeat(true, repeats) + rng.normal(0, 0.05, measured.size)
+    alone, beside = smoothed(measured), smoothed(measured, None, gyro)
+    assert beside.noise.sd == pytest.approx(alone.noise.sd)
+    assert beside.noise.estimated

@@ -101,7 +101,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     assert page.get_by_text(f"The excess error within power cycles went from {before} to {after} mdps.").is_visible()
     in_all = " → ".join(mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
     floor = mdps(added["after"]["floor_dps"], 2)
-    told = f"With each power cycle's own offset and scale: {in_all} mdps over a floor of {floor} mdps."
+    told = f"With what differs between power cycles, offset and scale: {in_all} mdps over a floor of {floor} mdps."
     assert page.get_by_text(told).is_visible()
     part = 1 - (added["after"]["excess_within_dps"] / added["before"]["excess_within_dps"]) ** 2
     assert page.get_by_text(f"{part:.1%} of its square explained").is_visible()
@@ -210,7 +210,8 @@ def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -
     for view in views:
         page.get_by_role("button", name=view, exact=True).click()
         page.locator(f'[role=img][aria-label="{view}"] canvas').wait_for()
-        few = view in ("Rate", "Accel. z", "Face", "Direction", "Level")  # one point for each value, and one for each run
+        # one point for each value, and one for each run
+        few = view in ("Rate", "Accel. z", "Face", "Direction", "Size of the rate")
         page.wait_for_function(f"(least) => {MOST} > least", arg=0 if few else 10)
 
 

@@ -2,11 +2,13 @@
 
 Its error returns many times over the range of the rate. An asymmetry of the scale or the steps of a staircase, which look like
 a tone, explain a part of it. The period is searched in the residual; it is at most half of the range, because a longer wave is
-a polynomial of the rate, as effects of the library are.
+a polynomial of the rate, as effects of the library are, and each period must hold several of the rates that were measured:
+between them nothing shows a wave.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -22,18 +24,29 @@ from gyrocal.recording.session import Array, Run
 from gyrocal.variables.rate import Rate
 from gyrocal.variables.shapes import Columns
 
+FEWEST_CYCLES, STEP = 2.0, 0.25
+"""Periods over the range of the rate that are tried: the fewest, and the step from one to the next."""
+ALIKE = 0.01
+"""Part of the range of the rate within which rates count as one."""
+NEARLY_ALL = 0.95
+"""Part of the blocks whose rates count."""
+
 
 @dataclass(frozen=True)
 class RateWave:
     """The wave over the rate that describes a residual best.
 
-    ``gain`` is what white noise alone would gain in log-likelihood with it, ``penalty`` the logarithm of the number of periods
-    that were tried.
+    ``gain`` is what white noise alone would gain in log-likelihood with it, ``looks`` the number of periods that were tried.
     """
 
     shape: Columns
     gain: float
-    penalty: float
+    looks: int
+
+    @property
+    def penalty(self) -> float:
+        """The logarithm of the number of periods that were tried."""
+        return math.log(self.looks)
 
 
 def rate_wave(current: AxisFit) -> RateWave | None:
@@ -43,7 +56,11 @@ def rate_wave(current: AxisFit) -> RateWave | None:
         return None
     rates = np.concatenate([b.mean(true_rate_dps(b.run)[:, None])[:, 0] for b in blocks])
     span = float(np.ptp(rates))
-    if not np.isfinite(span) or span == 0 or np.unique(np.round(100 * (rates - rates.min()) / span)).size < POLICY.least_rates:
+    if not np.isfinite(span) or span == 0:
+        return None
+    most = min(POLICY.most_rate_cycles, _different(rates) / POLICY.rates_per_wave)
+    cycles = np.arange(FEWEST_CYCLES, most + STEP / 2, STEP)
+    if cycles.size == 0:
         return None
     weight = np.sqrt(np.concatenate([b.n for b in blocks]))
     residual = np.concatenate([current.block_residuals(i) for i in range(len(blocks))]) * weight
@@ -55,28 +72,37 @@ def rate_wave(current: AxisFit) -> RateWave | None:
         wave = np.linalg.qr(wave - known @ (known.T @ wave))[0]
         return float(np.sum((wave.T @ residual) ** 2))
 
-    cycles = _cycles()
     powers = [power(c) for c in cycles]
     best = int(np.argmax(powers))
     period_dps = span / float(cycles[best])
-    words = f"as a wave over the rate with a period of {period_dps:.3g} deg/s"
+    words = f"as a wave over the rate with a period of {period_dps:.3g} dps"
     gain = 0.5 * powers[best] / current.noise.white_sd_dps**2
-    return RateWave(Columns(_of(period_dps), 2, words), gain, float(np.log(cycles.size)))
+    return RateWave(Columns(_of(period_dps), 2, words), gain, cycles.size)
 
 
 def over_rate(current: AxisFit, axis: str, alarm: float) -> Finding | None:
     """Test for a wave over the rate. The chance counts every period that was tried."""
     wave = rate_wave(current)
-    looks = _cycles().size
-    if wave is None or float(tails.chi_square(2 * wave.gain, 2)) * looks >= alarm:
+    if wave is None or float(tails.chi_square(2 * wave.gain, 2)) * wave.looks >= alarm:
         return None
-    found = probe(current, axis, Rate.name, wave.shape, alarm / looks)
-    return None if found is None or found.chance * looks >= alarm else replace(found, chance=found.chance * looks)
+    found = probe(current, axis, Rate.name, wave.shape, alarm / wave.looks)
+    return None if found is None or found.chance * wave.looks >= alarm else replace(found, chance=found.chance * wave.looks)
 
 
-def _cycles() -> Array:
-    """The numbers of periods over the range of the rate that are tried."""
-    return np.arange(2.0, POLICY.most_rate_cycles, 0.25)
+def _different(rates_dps: Array) -> int:
+    """The number of rates [blocks] that differ by more than a hundredth of their range, without those of few blocks.
+
+    A block in which the rate steps has a mean between both levels, and does not show what the sensor reads there.
+    """
+    ordered = np.sort(rates_dps)
+    width = ALIKE * (ordered[-1] - ordered[0])
+    held, at = [], 0
+    while at < ordered.size:
+        beyond = int(np.searchsorted(ordered, ordered[at] + width, side="right"))
+        held.append(beyond - at)
+        at = beyond
+    together = np.cumsum(np.sort(held)[::-1])
+    return int(np.searchsorted(together, NEARLY_ALL * ordered.size)) + 1
 
 
 def _of(period_dps: float) -> Callable[[Run], Array]:

@@ -148,10 +148,10 @@ class Diagnosis:
         smaller="errors that are too small beside a misfit of one axis hide an error of the clock",
         chosen_by="chosen by judgement",
     )  # fmt: skip
-    least_rates: int = threshold(
-        8, "number of different rates, in hundredths of their range, from which on a wave over the rate is looked for",
+    rates_per_wave: float = threshold(
+        4.0, "number of different rates, to a hundredth of their range, for each period of a wave over the rate",
         larger="such a wave in a staircase of few levels is given the name of another effect",
-        smaller="a wave follows any error of a few rates, and known effects of the rate lose their names",
+        smaller="a wave follows any error of a few rates, between which nobody measured, and known effects lose their names",
         chosen_by="pytest tests/diagnosis/test_rate_wave.py",
     )  # fmt: skip
     most_rate_cycles: float = threshold(

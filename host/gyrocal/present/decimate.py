@@ -49,7 +49,6 @@ class Pyramid:
         samples = np.lib.format.open_memmap(folder / "samples.npy", "w+", np.float32, (channels, n))
         samples[:] = np.nan
         fill(samples)
-        samples.flush()
         low: Array = samples
         high: Array = samples
         mean: Array = samples
@@ -71,7 +70,8 @@ class Pyramid:
     def window(self, channel: int, start: int, stop: int, stretches: int) -> Stretches:
         """Rows ``start:stop`` of a channel, as at most so many intervals.
 
-        Short windows are not reduced. The bounds of an interval are those of the stored level, within 6 % of its length.
+        Short windows are not reduced. The bounds between intervals are those of the stored level, within 6 % of their length;
+        no sample beyond the window counts.
         """
         n = stop - start
         if n <= 2 * stretches:
@@ -80,15 +80,18 @@ class Pyramid:
         size, level = 1, -1
         while level + 1 < len(self.levels) and size * FACTOR * FACTOR <= n / stretches:
             size, level = size * FACTOR, level + 1
-        low, high, mean = (self.samples,) * 3 if level < 0 else self.levels[level]
         first, last = start // size, -(-stop // size)
         edges = np.unique(np.linspace(first, last, stretches + 1).astype(np.intp))
         inside = edges[:-1] - first
         bounds = np.clip(edges.astype(float) * size, start, stop - 1)
+        stored = (self.samples,) * 3 if level < 0 else self.levels[level]
+        low, high, mean = (np.array(one[channel, first:last], dtype=float) for one in stored)
+        for k, cell in ((0, slice(start, min(stop, (first + 1) * size))), (-1, slice(max(start, (last - 1) * size), stop))):
+            part = np.asarray(self.samples[channel, cell], dtype=float)
+            low[k], high[k], mean[k] = np.fmin.reduce(part), np.fmax.reduce(part), means(part, [0])[0]
         return Stretches(
-            bounds[:-1], bounds[1:], np.fmin.reduceat(low[channel, first:last], inside).astype(float),
-            np.fmax.reduceat(high[channel, first:last], inside).astype(float), means(mean[channel, first:last], inside),
-        )  # fmt: skip
+            bounds[:-1], bounds[1:], np.fmin.reduceat(low, inside), np.fmax.reduceat(high, inside), means(mean, inside)
+        )
 
 
 def means(values: Array, starts: Any) -> Array:
@@ -97,48 +100,6 @@ def means(values: Array, starts: Any) -> Array:
     total = np.add.reduceat(np.where(there, values, 0.0), starts, axis=-1, dtype=float)
     count = np.add.reduceat(there, starts, axis=-1, dtype=float)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1.0), np.nan))
-
-
-ONE_VALUE = 0.01
-"""Part of a bin's width within which values count as one."""
-
-
-class Binned(NamedTuple):
-    """Means of x and y in bins [k], the standard errors of those of y [k], and the ends of the bins [k]."""
-
-    centre: Array
-    mean: Array
-    se: Array
-    low: Array
-    high: Array
-
-
-def binned(x: Array, y: Array, bins: int, ends: tuple[float, float] | None = None) -> Binned:
-    """Means of ``y`` [n] in equal bins of ``x`` [n], without empty bins. Values that are not finite are left out.
-
-    The bins reach from the lowest to the highest value of ``x``, or over ``ends``, outside which no value may lie. A bin that
-    holds one value of ``x`` alone, as a face or a direction, has it in its middle.
-    """
-    use = np.isfinite(x) & np.isfinite(y)
-    x, y = np.asarray(x[use], dtype=float), np.asarray(y[use], dtype=float)
-    if x.size == 0:
-        return Binned(*np.zeros((5, 0)))
-    low, high = ends or (float(x.min()), float(x.max()))
-    width = (high - low) / bins or 1.0
-    place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)
-    count = np.bincount(place, minlength=bins)
-    kept = count > 0
-    n = count[kept]
-    mean = np.bincount(place, y, bins)[kept] / n
-    scatter = np.bincount(place, (y - mean[np.cumsum(kept)[place] - 1]) ** 2, bins)[kept]
-    error = np.sqrt(scatter / np.maximum(n - 1, 1) / n)
-    first, last = np.full(bins, np.inf), np.full(bins, -np.inf)
-    np.minimum.at(first, place, x)
-    np.maximum.at(last, place, x)
-    first, last = first[kept], last[kept]
-    centre = np.bincount(place, x, bins)[kept] / n
-    middle = np.where(last - first < ONE_VALUE * width, centre, low + (np.flatnonzero(kept) + 0.5) * width)
-    return Binned(centre, mean, error, middle - width / 2, middle + width / 2)
 
 
 def by_octave(x: Array, y: Array, stretches: int) -> tuple[Array, Stretches]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,12 +70,20 @@ def level_unit(c: Comparison) -> RateUnit:
     return unit_of(v for level in (*c.per_axis.values(), c.pooled) for v in (level.rms_dps, level.floor_dps))
 
 
+def level_unit_name(c: Comparison) -> str:
+    """The unit of :func:`level_rows`."""
+    return level_unit(c).name if c.angles is None else "deg"
+
+
 def level_rows(c: Comparison) -> list[list[str]]:
     """Axis, rms, floor, excess, its standard error and the excess within power cycles; the last row is all axes.
 
-    They are in the unit that :func:`level_unit` gives, to the second digit of the excess's standard error.
+    They are to the second digit of the excess's standard error. Angles have no excess within power cycles.
     """
     names, everything = axis_names(c)
+    if c.angles is not None:
+        of_axes = [(names[axis], c.angles.level(axis)) for axis in c.per_axis]
+        return [[*angle_row(*of), UNKNOWN] for of in (*of_axes, (everything, c.angles.level()))]
     unit = level_unit(c)
     return [
         [name, *(unit.text(x, 2, v.excess_se_dps) for x in told)]
@@ -104,10 +112,8 @@ def print_comparison(c: Comparison) -> None:
         unit = level_unit(c).name
         table("", ["axis:", *(f"{of} {unit}" for of in ("rms", "floor", "excess", "±", "within cycles"))], level_rows(c))
     else:
-        names, everything = axis_names(c)
-        levels = [angle_row(names[axis], c.angles.level(axis)) for axis in c.per_axis]
         title = "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
-        table(title, ANGLES, [*levels, angle_row(everything, c.angles.level())])
+        table(title, ANGLES, [row[: len(ANGLES)] for row in level_rows(c)])
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     print_note(reference_words(c))
     print_note(stand_in_words(c))
@@ -201,8 +207,8 @@ def by_effect(candidates: Iterable[Candidate]) -> str:
     return ", ".join(f"{effect_id} ({', '.join(on)})" for effect_id, on in axes.items())
 
 
-def verdict_text(d: Diagnosis) -> str:
-    """The diagnosis in one or two sentences."""
+def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
+    """The diagnosis in one or two sentences; ``called`` gives the name of an effect from its id."""
     best = d.best
     if d.verdict == "implausible":
         return BLOCKED
@@ -211,13 +217,14 @@ def verdict_text(d: Diagnosis) -> str:
         cause = best.effect.cause_in(d.comparison.fit.session.runs).split(". ")[0]
         return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}."
     if d.verdict == "ambiguous" and best is not None:
-        return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
+        group = ", ".join(map(called, best.group))
+        return f"One of {group}; this session cannot tell which. To part them: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
         where = f"on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}"
         suggested = unproven(d)
         if suggested:
-            ids = " or ".join(c.effect.id for c in suggested)
+            ids = " or ".join(called(c.effect.id) for c in suggested)
             proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         return f"Something is there that no effect of the library explains: {where}."
@@ -297,7 +304,7 @@ def write_page(path: Path, c: Comparison) -> None:
     drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
-        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit(c).name,
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit_name(c),
         where=c.where, pictures=drawn,
         parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
         note=c.note, stands_on=stands_on(c.to_json()),

@@ -246,7 +246,9 @@ class Run:
         if measured is not None and measured.derived:
             return measured.steadier_about(self.axis_index, self.registration)
         known = np.isfinite(reference)
-        found = smoothed(reference[known], self.reference.ref_noise_dps).at_rest()
+        found = smoothed(
+            reference[known], self.reference.ref_noise_dps, self.gyro_dps[known, self.axis_index]
+        ).at_rest()
         return found if known.all() else found.at(self.sample_s, self.sample_s[known])
 
     @cached_property

@@ -98,14 +98,18 @@ class Smoothed:
         return Smoothed(np.interp(t_s, known_s, self.values), np.interp(t_s, known_s, self.error), self.noise)
 
 
-def smoothed(values: Array, stated_sd: float | None = None) -> Smoothed:
+def smoothed(values: Array, stated_sd: float | None = None, same: Array | None = None) -> Smoothed:
     """An evenly sampled column [n] smoothed. Samples that hold the previous value count as one reading.
 
     ``stated_sd`` is the noise that the user states; it is used only where the noise cannot be estimated. A column whose
-    noise is neither estimated nor stated is not smoothed.
+    noise is neither estimated nor stated is not smoothed. ``same`` [n] is another sensor's reading of the same motion, which
+    bounds the noise: steps from one set point to the next are noise by their spectrum, but that sensor shows them too.
     """
     readings, which = _held(values)
     noise = noise_level(readings)
+    if same is not None:
+        first = np.flatnonzero(np.diff(which, prepend=-1))
+        noise = _at_most(noise, readings, same[first])
     if not noise.estimated and stated_sd is not None:
         noise = NoiseLevel(stated_sd, 0.0, estimated=False, stated=True)
     centre = float(readings.mean())
@@ -175,6 +179,17 @@ def noise_level(values: Array) -> NoiseLevel:
     if not falling and level > quiet.sd**2 * (1 + SIGNIFICANT * np.hypot(scatter, quiet.relative_se)) > 0:
         return quiet
     return NoiseLevel(float(np.sqrt(level)), float(scatter), estimated=not falling)
+
+
+def _at_most(noise: NoiseLevel, readings: Array, same: Array) -> NoiseLevel:
+    """The noise of readings [n], or as its upper bound what another sensor's readings [n] leave of them, if that is less."""
+    known = np.isfinite(same)
+    if known.sum() < 5 or np.ptp(same[known]) == 0:
+        return noise
+    columns = np.column_stack([np.ones(same.size), same])[known]
+    left = noise_level(readings[known] - columns @ np.linalg.lstsq(columns, readings[known], rcond=None)[0])
+    less = noise.sd**2 > left.sd**2 * (1 + SIGNIFICANT * np.hypot(noise.relative_se, left.relative_se))
+    return replace(left, estimated=False) if less else noise
 
 
 def _between_starts(values: Array) -> NoiseLevel:

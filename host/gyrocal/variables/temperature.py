@@ -22,6 +22,7 @@ FEW_STEPS = 2
 class Temperature(Variable):
     name, title, quantity, unit, order = "temperature", "Temperature", "temperature", CELSIUS, 3
     symbols: ClassVar = {"temp_c": Symbol(f"temperature, {CELSIUS}", lambda run, axis: temperature_c(run))}
+    letters = ("T",)
     searched = ("temp_c",)
 
     def values(self, run: Run, axis: int) -> Array | None:

@@ -206,7 +206,7 @@ class Bench:
         model = found.fit.model
         return ModelView(
             model.toml(), compared, report.headline(found), report.level_rows(found),
-            report.level_unit(found).name, _effects(model), _holdable(model), traces, against, levels,
+            report.level_unit_name(found), _effects(model), _holdable(model), traces, against, levels,
             residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
             residuals.allan(),
         )  # fmt: skip
@@ -246,7 +246,7 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
         )
         for c in found.candidates
     ]  # fmt: skip
-    return DiagnosisView(found.verdict, report.verdict_text(found), cards, found.unknown)
+    return DiagnosisView(found.verdict, report.verdict_text(found, lambda i: _title(i).lower()), cards, found.unknown)
 
 
 def _title(effect_id: str) -> str:
@@ -260,7 +260,7 @@ def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture 
     if c.signal is None or c.signal.size != samples.size or not np.isfinite(drawn[c.axis]).any():
         return None
     files = {b.run.index: b.run.file for b in blocks}
-    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files, c.effect.shown_against)
+    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files, c.effect.shown_against, c.effect.equation)
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:

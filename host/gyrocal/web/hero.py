@@ -1,19 +1,20 @@
 """The picture of an effect: the residual against the variable that the effect depends on, and the effect's curve through it.
 
-The variable is found from the effect's own signal: it is the one of which the signal is most nearly a function. An effect whose
+The variable is one of the effect's equation if the effect's own signal is nearly a function of it over these recordings, else
+the one of which the signal is most nearly a function. An effect whose
 phase differs from run to run is a function of nothing over all runs; it is shown in the run where it is largest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from gyrocal.present.bins import cells, plateaus
 from gyrocal.recording.session import Array
-from gyrocal.web import charts
 from gyrocal.web.against import Panel, panels
 from gyrocal.web.views import Picture
 
@@ -29,16 +30,19 @@ Points = Mapping[str, Array]
 
 
 def picture(
-    axis: str, signal: Array, points: Points, files: Mapping[int, str], against: str = ""
+    axis: str, signal: Array, points: Points, files: Mapping[int, str], against: str = "", equation: str = ""
 ) -> Picture | None:
     """The picture of an effect on an axis.
 
     ``signal`` [blocks] is the fitted effect in block means, deg/s, and ``points`` the residual's block means with every
-    variable, as :func:`gyrocal.web.prepare.points` gives them. ``against`` is the only variable to be tried, if given. None if
-    no variable has values.
+    variable, as :func:`gyrocal.web.prepare.points` gives them. ``against`` is the only variable to be tried, if given; those
+    of the ``equation`` come first. None if no variable has values.
     """
     there = np.isfinite(points[axis])
-    best = _best(axis, signal, points, there, against)
+    own = [panel for panel in panels() if panel.in_equation(equation)]
+    best = _best(axis, signal, points, there, against, own)
+    if best is None or best[1] < A_FUNCTION:
+        best = _best(axis, signal, points, there, against)
     if best is None:
         return None
     panel, part = best
@@ -68,7 +72,7 @@ def left_now(shown: Picture, points: Points) -> list[float]:
 
 def of_each_run(shown: Picture, points: Points) -> list[tuple[float, float]]:
     """The mean of each run at each value of a variable that takes a few values only: value and mdps. Else empty."""
-    if shown.run is not None or len(shown.centres) >= charts.FEW:
+    if shown.run is not None or not shown.few:
         return []
     panel = next(p for p in panels() if p.name == shown.view)
     x, y, run = points[panel.key(shown.axis)], points[shown.axis], points["run"]
@@ -83,10 +87,15 @@ def _of_run(points: Points, run: int | None) -> Any:
     return np.ones(points["run"].size, dtype=bool) if run is None else points["run"] == run
 
 
-def _best(axis: str, signal: Array, points: Points, there: Any, against: str) -> tuple[Panel, float] | None:
-    """The panel of which the signal is most nearly a function, and the part of its variance that this describes."""
+def _best(
+    axis: str, signal: Array, points: Points, there: Any, against: str, among: Sequence[Panel] | None = None
+) -> tuple[Panel, float] | None:
+    """The panel of which the signal is most nearly a function, and the part of its variance that this describes.
+
+    It is one of all panels, or ``among`` some.
+    """
     parts: list[tuple[float, int, Panel]] = []
-    for panel in panels():
+    for panel in panels() if among is None else among:
         if panel.variable.name == "reading" or against not in ("", panel.variable.name):  # a reading holds the effect itself
             continue
         x = points[panel.key(axis)]
@@ -113,10 +122,9 @@ def _edges(x: Array, panel: Panel) -> Array:
     if panel.variable.period is not None:
         return np.linspace(0, panel.variable.period, BINS + 1)
     low, high = float(x.min()), float(x.max())
-    few = np.unique(np.round(x.astype(float), 6))
-    if few.size <= BINS // 4:  # as a rate that has a few values
-        middle = (few[1:] + few[:-1]) / 2
-        return np.concatenate([[low - 1e-6 * max(1.0, abs(low))], middle, [high + 1e-6 * max(1.0, abs(high))]])
+    few = plateaus(x)
+    if few is not None:
+        return few
     return np.linspace(low, high + 1e-6 * (high - low), BINS + 1)
 
 
@@ -135,6 +143,7 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     x, y = points[panel.key(axis)], points[axis]
     use = np.isfinite(x) & np.isfinite(y) & _of_run(points, run)
     x, y, s = (np.asarray(v[use], dtype=float) for v in (x, y, signal))
+    of_run = points["run"][use]
     if run is not None:  # the offset of a run is not the effect's
         y, s = y - y.mean(), s - s.mean()
     s = s + _moved(y - s, *(np.asarray(points[p.key(axis)][use], dtype=float) for p in panels() if p.name == "rate"))
@@ -146,9 +155,11 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(place, values, edges.size - 1)[kept] / count[kept])
 
-    scatter = np.bincount(place, (y - s - np.bincount(place, y - s, edges.size - 1)[place] / count[place]) ** 2, edges.size - 1)
-    se = np.sqrt(scatter[kept] / (count[kept] - 1) / count[kept])
-    columns = (edges, mean(x), 1e3 * mean(y), 1e3 * se, 1e3 * mean(s))
-    shown = Picture(panel.name, axis, panel.label, run, file, *(c.tolist() for c in columns))
+    se = cells(place, y - s, of_run, edges.size - 1).se[kept]
+    edges, centres, left, se, curve = (c.tolist() for c in (edges, mean(x), 1e3 * mean(y), 1e3 * se, 1e3 * mean(s)))
+    shown = Picture(
+        panel.name, axis, panel.label, run, file, edges, centres, left, se, curve,
+        few=plateaus(x) is not None, marks=dict(panel.variable.marks),
+    )  # fmt: skip
     each = [mean for _, mean in of_each_run(shown, points)]
     return replace(shown, reach=(min(each), max(each))) if each else shown

@@ -15,12 +15,14 @@ from gyrocal.diagnosis.rate_unit import part_unit
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
-from gyrocal.present.decimate import Pyramid, binned
+from gyrocal.present.bins import binned
+from gyrocal.present.decimate import Pyramid
 from gyrocal.present.spectra import Curve, against_frequency, against_order
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
+from gyrocal.variables.reading import Reading
 from gyrocal.variables.shapes import ShapeOfEachRun, Steps, TableWave
 from gyrocal.web.against import opened_by, panels
 from gyrocal.web.views import Place
@@ -97,6 +99,8 @@ def place(finding: Finding, of: dict[str, Any]) -> Place:
     if finding.against == Frequency.name:
         low, high = finding.band_hz or _named_hz(finding.note)
         return Place(Frequency.name, low, high)
+    if finding.against == Reading.name and finding.shape is None:
+        return Place("")  # it shows from one reading to the next, and not against their size
     kind = variables()[finding.against]
     own = [p for p in panels() if p.variable is kind]
     apart = isinstance(finding.shape, ShapeOfEachRun)

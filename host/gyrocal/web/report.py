@@ -14,7 +14,7 @@ from gyrocal.effects import base
 from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
-from gyrocal.present.report import headline, level_rows, level_unit, parameter
+from gyrocal.present.report import headline, level_rows, level_unit_name, parameter
 from gyrocal.present.verdict import stands_on
 from gyrocal.units import CELSIUS, to_read
 from gyrocal.web import charts, scatter
@@ -49,7 +49,7 @@ def page(
     open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
-        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit(found).name,
+        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit_name(found),
         where=found.where, pictures=drawn, bars=bars, top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall,
         story=story, missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),
@@ -132,4 +132,6 @@ def _commands(name: str, story: Sequence[Change]) -> list[str]:
 
 def _drawn(card: Card) -> str:
     assert card.signature is not None
-    return charts.signature_svg(card.signature.dots, card.signature.line, card.signature.title)
+    return charts.signature_svg(
+        card.signature.dots, card.signature.line, card.signature.title, few=card.signature.few
+    )

@@ -33,7 +33,7 @@ def strip(
     """
     worst = max(left.values(), default=0.0)
     with ui.element("section").classes("face strip").props('aria-label="runs"'):
-        told = f"coloured by excess error, at most {_told(worst)}; full colour is {_told(max(worst, floor))}"
+        told = f"each coloured by its own excess error, at most {_told(worst)}; full colour is {_told(max(worst, floor))}"
         told = told if left else "excess error not known yet"
         out = f"; {len(excluded)} left out" if excluded else ""
         plural = "s" if len(runs) > 1 else ""

@@ -62,8 +62,9 @@ class Recording:
 class Place:
     """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names.
 
-    ``about_means`` is True for a finding of another size in each run: each run is then drawn about its own mean.
-    ``part`` is the unit of a finding in proportion to the rate: the residual is then drawn as a part of the rate.
+    ``view`` is empty if no picture shows it. ``about_means`` is True for a finding of another size in each run: each run is
+    then drawn about its own mean. ``part`` is the unit of a finding in proportion to the rate: the residual is then drawn as
+    a part of the rate.
     """
 
     view: str
@@ -121,7 +122,8 @@ class Picture:
 
     ``left`` are the means [k] of the residual in the bins that ``edges`` [k + 1] bound, ``se`` their standard errors and
     ``curve`` the means of the fitted effect, mdps. ``run`` is the index of the only run that is shown, None for all runs.
-    ``reach`` are the lowest and the highest mean of a single run, mdps, if each is drawn beside those of all.
+    ``reach`` are the lowest and the highest mean of a single run, mdps, if each is drawn beside those of all. ``few`` is True
+    if the variable takes a few values, between which nothing was measured; ``marks`` are the words of values that have them.
     """
 
     view: str
@@ -135,6 +137,8 @@ class Picture:
     se: list[float]
     curve: list[float]
     reach: tuple[float, float] = (0.0, 0.0)
+    few: bool = False
+    marks: dict[float, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -144,6 +148,7 @@ class Signature:
     title: str
     dots: list[tuple[float, float]]
     line: list[tuple[float, float]]
+    few: bool
 
 
 @dataclass(frozen=True)
@@ -171,7 +176,7 @@ class Card:
             return None
         where = "all recordings" if shown.run is None else shown.file
         dots, line = (list(zip(shown.centres, y, strict=True)) for y in (shown.left, shown.curve))
-        return Signature(f"against {shown.x_label.partition(',')[0]}, {where}", dots, line)
+        return Signature(f"against {shown.x_label.partition(',')[0]}, {where}", dots, line, shown.few)
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus
 from gyrocal.units import percentage
-from gyrocal.web.views import Card
+from gyrocal.web.views import Card, Holdable
 
 if TYPE_CHECKING:
     from gyrocal.web.state import Workbench
@@ -51,7 +52,8 @@ def evidence(card: Card) -> list[tuple[str, str]]:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
         rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))
     if card.looks_like:
-        rows.append(("cannot be told from", ", ".join(card.looks_like)))
+        if not card.doubts:
+            rows.append(("cannot be told from", ", ".join(card.looks_like)))
         rows.append(("to part them", judged["next_measurement"]))
     elif judged["decision"] == "suggest" and judged["next_measurement"]:
         rows.append(("to be sure", judged["next_measurement"]))
@@ -72,13 +74,36 @@ def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapp
     """
     found = [(f["axis"], RMS.search(f["note"])) for f in where]
     rms_dps = [(axis, float(told[1]) * (1e-3 if told[2] == "mdps" else 1.0)) for axis, told in found if told]
-    excess = {axis: level["excess_dps"] for axis, level in per_axis.items()}
-    if not any(excess.get(axis) is not None and size > excess[axis] for axis, size in rms_dps):
+    excess = {axis: level.get("excess_dps") for axis, level in per_axis.items()}  # none where angles are judged
+    if not any((of_axis := excess.get(axis)) is not None and size > of_axis for axis, size in rms_dps):
         return ""
     return (
         "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
         "cycles, and the excess is only what lies beyond it."
     )
+
+
+def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
+    """The sentence that a model which fits needs if the excess of an axis differs from zero; empty if none does.
+
+    ``per_axis`` is that of ``gyrocal compare --json``.
+    """
+    known = {a: (e.get("excess_dps"), e.get("excess_se_dps")) for a, e in per_axis.items()}
+    beyond = [a for a, (e, se) in known.items() if e is not None and se is not None and e > POLICY.excess_errors * se]
+    if not beyond:
+        return ""
+    return (
+        f"The excess on {' and '.join(beyond)} differs from zero, but no test finds a shape in it. It counts as noise while "
+        f"it is below {percentage(POLICY.least_excess)} of the noise floor within power cycles, or not certain there."
+    )
+
+
+def held_by_hand(holdable: Sequence[Holdable]) -> str:
+    """What a model that does not fit holds by hand; empty if nothing."""
+    held = [f"{p.name} of {p.title.lower()} on {p.axis} at {p.value:g} {p.unit}".rstrip() for p in holdable if p.held]
+    if not held:
+        return ""
+    return f"The model holds {'; '.join(held)}. The misfit may be that of this value: Free under Parameters fits it again."
 
 
 CALIBRATION_ERROR = (

@@ -157,6 +157,10 @@ class ComparePanel:
                 with ui.row().classes("tight").style("margin-top: 4px"):
                     for finding, place in list(zip(view.compared["where"], view.places, strict=True))[:MOST_NAMED]:
                         against = variables()[finding["against"]].quantity
+                        if not place.view:
+                            text = f"{finding['axis']}: {finding['note']}; it shows from one reading to the next, in no picture"
+                            ui.label(text).classes("finding plain")
+                            continue
                         ui.button(
                             f"{finding['axis']}, against {against}: {finding['note']}",
                             on_click=lambda f=finding, p=place: self._look_at(f["axis"], p),
