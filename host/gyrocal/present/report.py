@@ -18,6 +18,8 @@ from gyrocal.effects.base import Effect
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
+from gyrocal.present.verdict import stands_on
+from gyrocal.units import percentage, to_read
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
@@ -121,6 +123,7 @@ def print_comparison(c: Comparison) -> None:
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
         print_note(c.note)
+    print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold")
 
 
@@ -151,7 +154,7 @@ def moved_rows(moved: Sequence[Moved]) -> list[list[str]]:
     return [
         [f"{m.effect} {m.name}", m.axis, f"{m.file:.6g}", "-" if m.session is None else f"{m.session:.6g}",
          "-" if m.session is None else f"{m.session - m.file:+.3g}", "-" if m.se is None else f"{m.se:.2g}",
-         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else m.unit]
+         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else to_read(m.unit)]
         for m in moved
     ]  # fmt: skip
 
@@ -168,7 +171,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
     rows = [
-        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
          "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
         for c in (*passed, *rejected[:REJECTED_SHOWN])
     ]  # fmt: skip
@@ -251,7 +254,7 @@ def sizes(c: Candidate) -> str:
 
 def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) -> str:
     """The values of an effect's parameters, as text; a fraction is told in percent."""
-    units = {p.name: p.unit for p in effect.parameters}
+    units = {p.name: to_read(p.unit) for p in effect.parameters}
     shown: dict[str, str] = {}
     for name, value in values.items():
         unit, error = units.get(name, units.get(name.removesuffix("_sd"), "")), se.get(name)
@@ -290,7 +293,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
         where = ", within power cycles" if few else ""
         told = (v.excess_within_dps if few else v.excess_dps for v in (new, old))
         a, b = (unit.text(v, 2, old.excess_within_se_dps if few else old.excess_se_dps) for v in told)
-        stdout.print(f"{part:.1%} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
+        stdout.print(f"{percentage(part, 1)} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
     stdout.print(headline(after), style="bold")
 
 
@@ -304,7 +307,7 @@ def write_page(path: Path, c: Comparison) -> None:
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit_name(c),
         where=c.where, pictures=drawn,
         parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
-        note=c.note,
+        note=c.note, stands_on=stands_on(c.to_json()),
     )  # fmt: skip
     page.write(path, text)
 
@@ -318,7 +321,7 @@ def parameter_rows(c: Comparison) -> list[list[Any]]:
     """Rows of effect, axis, parameter, value, standard error and unit."""
     rows = []
     for listed in c.fit.model.lines():
-        units = {p.name: p.unit for p in listed.kind.parameters}
+        units = {p.name: to_read(p.unit) for p in listed.kind.parameters}
         for name, value in listed.values.items():
             se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))

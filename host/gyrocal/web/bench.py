@@ -20,6 +20,7 @@ from gyrocal.inference import heldout
 from gyrocal.policy import POLICY
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
+from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
 from gyrocal.web.budget import of_answers
@@ -222,7 +223,7 @@ def _holdable(model: Model) -> list[Holdable]:
     return [
         Holdable(
             t.effect_id, t.effect_id if t.effect_id in own else t.effect.title, t.axis, name, t.values[name], t.se.get(name),
-            t.effect.parameter(name).unit, name in t.held,
+            to_read(t.effect.parameter(name).unit), name in t.held,
         )
         for t in model.terms for name in t.holdable
     ]  # fmt: skip

@@ -165,6 +165,11 @@ NARROW = 560
 """Width of a chart in px below which its legend has a line of its own."""
 
 
+LEGEND_LINE_PX = 20
+SHORT_LEGEND = 3
+"""Methods whose names stand on one line on a phone."""
+
+
 def fitting(wide: Options, narrow: Options) -> list[Options]:
     """The parts of a chart's options that depend on its width, which ECharts chooses by itself whenever that changes."""
     return [{"query": {"maxWidth": NARROW}, "option": narrow}, {"option": wide}]
@@ -345,9 +350,16 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
                 "lineStyle": {"color": colour, "width": 3 if m == order[-1] else 1.5}, "itemStyle": {"color": colour},
             })  # fmt: skip
     first = "first seconds of each face"
+
+    def below(legend_px: int) -> Options:
+        return {"title": [{"top": 6 + legend_px}] * 2, "grid": [{"top": 24 + legend_px}] * 2}
+
+    lines = 2 if len(order) > SHORT_LEGEND else 1
+
     return base(
         p,
-        legend={**legend(p, [{"name": m} for m in order], top=0), "itemWidth": 24}, tooltip=tooltip(p, ["%", unit.name], "s"),
+        legend={**legend(p, [{"name": m} for m in order], top=0, type="plain"), "itemWidth": 24},
+        media=fitting(below(LEGEND_LINE_PX), below(lines * LEGEND_LINE_PX)), tooltip=tooltip(p, ["%", unit.name], "s"),
         toolbox=BOX, units=["%", unit.name], axisPointer={"link": [{"xAxisIndex": "all"}]},
         grid=[grid(left=58, right="56%", top=44, bottom=36), grid(left="59%", right=14, top=44, bottom=36)],
         title=[title(p, "scale, %", 26, 58), title(p, f"bias, {unit.name}", 26, "59%")],

@@ -15,6 +15,8 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit_name, parameter
+from gyrocal.present.verdict import stands_on
+from gyrocal.units import CELSIUS, to_read
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
@@ -24,7 +26,7 @@ from gyrocal.web.words import evidence, method, unseen
 
 CORRELATED = 0.3
 """Correlations of less are not listed."""
-UNITS = {"_dps_per_c": "dps/degC", "_dps": "dps", "_deg": "deg", "_c": "degC", "_g": "g", "_hz": "Hz", "_s": "s"}
+UNITS = {"_dps_per_c": f"dps/{CELSIUS}", "_dps": "dps", "_deg": "deg", "_c": CELSIUS, "_g": "g", "_hz": "Hz", "_s": "s"}
 """Units by the ends of names, for parameters that no effect declares."""
 
 
@@ -56,7 +58,7 @@ def page(
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
         bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
-        unseen=unseen, percent=percent,
+        unseen=unseen, percent=percent, stands_on=stands_on(compared),
     )  # fmt: skip
 
 
@@ -99,7 +101,7 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     kinds = base.effects()
 
     def unit(effect: str, name: str) -> str:
-        declared = {p.name: p.unit for p in kinds[effect].parameters} if effect in kinds else {}
+        declared = {p.name: to_read(p.unit) for p in kinds[effect].parameters} if effect in kinds else {}
         known = declared.get(name) or declared.get(name.removesuffix("_sd"))
         return known or next((u for end, u in UNITS.items() if name.endswith(end)), "")
 

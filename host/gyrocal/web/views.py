@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
+NOT_JUDGED = "not judged"
+"""In the name of an axis that has a blocking warning, in the rows of a comparison."""
 NOT_NAMED = "sensor not named"
 """The sensor of a session whose session.toml names none."""
 

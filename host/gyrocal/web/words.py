@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus
+from gyrocal.units import percentage
 from gyrocal.web.views import Card, Holdable
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
         return ""
     return (
         f"The excess on {' and '.join(beyond)} differs from zero, but no test finds a shape in it. It counts as noise while "
-        f"it is below {POLICY.least_excess:.0%} of the noise floor within power cycles, or not certain there."
+        f"it is below {percentage(POLICY.least_excess)} of the noise floor within power cycles, or not certain there."
     )
 
 
@@ -124,7 +125,10 @@ def explains(part: float, axis: str, *, within: bool) -> str:
     where = f"on {axis}, within power cycles" if within else f"on {axis}"
     if part <= 0:
         return f"nothing of the excess error {where}"
-    return f"{part:.0%} of the squared excess error {where}; its rms falls by {1 - max(0.0, 1 - part) ** 0.5:.0%}"
+    squared = f"{percentage(part)} of the squared excess error {where}"
+    if part >= 1:
+        return f"{squared}: what is left is within the noise floor"
+    return f"{squared}, which makes the error itself {percentage(1 - (1 - part) ** 0.5)} smaller"
 
 
 LEFT_OUT = {

@@ -32,7 +32,7 @@ class CalibratePanel:
         self.axis = "" if self.bench.session is None else self.bench.session.axis
         self.training: Training | None = None
         """The training whose progress is shown."""
-        with ui.element("div").classes("two fill"):
+        with ui.element("div").classes("two answering fill"):
             self.answers = ui.element("section").classes("face column tight").props('aria-label="scale and bias"')
             with ui.element("div").classes("scroll"):
                 self.network = ui.element("section").classes("face column tight").props('aria-label="network"')
@@ -91,7 +91,7 @@ class CalibratePanel:
                     "dim small"
                 )
             rows = ui.element("div").props('role="region" aria-label="answers" tabindex="0"')
-            with rows.classes("scroll grow sideways long"):
+            with rows.classes("scroll grow sideways long answers"):
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
             for meaning in scatter.meanings(found.estimates):
                 ui.label(meaning).classes("dim small")
@@ -244,7 +244,7 @@ def _command(command: str) -> None:
 
 
 COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
-"""With the bias's unit to be put in."""
+"""With the bias's unit to be put in. The axis is left out where all answers are of one, which stands above the table."""
 
 
 def _table(estimates: list[dict[str, Any]]) -> str:
@@ -257,7 +257,11 @@ def _table(estimates: list[dict[str, Any]]) -> str:
         ]
         for e in estimates
     ]  # fmt: skip
-    return plain([name.format(unit.name) for name in COLUMNS], rows, [not e["trusted"] for e in estimates])
+    columns = [name.format(unit.name) for name in COLUMNS]
+    if len({e["axis"] for e in estimates}) == 1:
+        at = columns.index("axis:")
+        columns, rows = columns[:at] + columns[at + 1 :], [row[:at] + row[at + 1 :] for row in rows]
+    return plain(columns, rows, [not e["trusted"] for e in estimates])
 
 
 def _errors(errors: list[dict[str, Any]]) -> str:
