@@ -17,6 +17,7 @@ from gyrocal.variables.shapes import Transient
 from gyrocal.web import charts, plots, prepare
 from gyrocal.web.against import ChangeOfRate, panels
 from gyrocal.web.hero import picture
+from gyrocal.web.small_picture import signature_svg
 from gyrocal.web.strip import share
 
 
@@ -97,7 +98,7 @@ def test_a_recording_far_from_the_mean_lies_within_the_picture() -> None:
 
 
 def test_the_dots_of_a_small_picture_are_not_under_its_line() -> None:
-    svg = charts.signature_svg([(-1.0, -30.0), (1.0, 30.0)], [(-1.0, -30.0), (1.0, 30.0)], "face", few=True)
+    svg = signature_svg([(-1.0, -30.0), (1.0, 30.0)], [(-1.0, -30.0), (1.0, 30.0)], "face", few=True)
     assert svg.index("<circle") > svg.index("<polyline")
     for x, y, r in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', svg):
         assert float(r) <= float(x) <= 220 - float(r)
@@ -154,7 +155,7 @@ def test_between_rates_that_were_not_measured_no_curve_is_drawn() -> None:
     assert shown.few
     curve = charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["words"])["series"][0]
     assert (curve["lineStyle"]["width"], curve["symbol"], len(curve["data"])) == (0, "rect", 7)
-    small = charts.signature_svg([(0.0, 1.0)] * 3, [(0.0, 1.0), (1.0, 2.0), (2.0, 0.0)], "rate", few=True)
+    small = signature_svg([(0.0, 1.0)] * 3, [(0.0, 1.0), (1.0, 2.0), (2.0, 0.0)], "rate", few=True)
     assert small.count("<polyline") == 3
 
 

@@ -20,6 +20,7 @@ from gyrocal.units import CELSIUS, to_read
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
+from gyrocal.web.small_picture import signature_svg
 from gyrocal.web.told import Change
 from gyrocal.web.views import CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
@@ -132,6 +133,6 @@ def _commands(name: str, story: Sequence[Change]) -> list[str]:
 
 def _drawn(card: Card) -> str:
     assert card.signature is not None
-    return charts.signature_svg(
+    return signature_svg(
         card.signature.dots, card.signature.line, card.signature.title, few=card.signature.few
     )
