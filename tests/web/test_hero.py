@@ -222,3 +222,12 @@ def test_an_effect_is_drawn_against_a_variable_of_its_equation() -> None:
     other = picture("z", 0.02 * np.sin(2 * np.pi * since_s / 15), of, {}, equation=GSensitivity.equation)
     assert other is not None
     assert other.view == "power_on_time"  # what is no function of its own variable here is drawn as before
+
+
+def test_an_effect_that_acts_only_where_there_is_no_residual_has_no_picture() -> None:
+    """Turns of known angle have no residual within the run; the diagnosis of such a session ended in an error."""
+    of = points(4000)
+    assert picture("z", np.full(4000, -0.064), of, {}) is None
+    turning = np.arange(4000) > 3000
+    of["z"] = np.where(turning, np.nan, of["z"])
+    assert picture("z", np.where(turning, 5.0, -0.064), of, {}) is None

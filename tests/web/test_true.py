@@ -128,6 +128,7 @@ def test_the_card_counts_in_squares_and_says_what_is_left_of_the_rms(
     assert explains(1.0, "z", within=False) == (
         "100% of the squared excess error on z: what is left is within the noise floor"
     )
+    assert "as means over 0.1 s show it (a faster one is left)" in explains(0.99, "z", within=False, means=True)
     assert "nothing" in explains(-0.3, "z", within=True)
     for card in ripple[3].cards:
         told = dict(evidence(card))
