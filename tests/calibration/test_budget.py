@@ -196,6 +196,6 @@ def test_the_command_prints_the_budget(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["calibrate", str(tmp_path / "s")]) == 0
     text = capsys.readouterr().out
     assert "Where the error comes from" in text
-    assert ", 6 s" in text
+    assert "from the first 6 s of 2 recordings" in text
     assert "The largest known source is" in text
     assert "To lower it," in text

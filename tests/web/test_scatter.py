@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gyrocal.calibration.taken import Taken
 from gyrocal.web.charts import LIGHT
 from gyrocal.web.export import as_csv
 from gyrocal.web.scatter import Scatter, meanings, options, sentences
@@ -19,7 +20,7 @@ def estimates(bias_mdps: list[float], error_mdps: float, flags: tuple[str, ...] 
         {
             "scenario": f"s{i:03d}", "method": "model", "seconds": 6.0, "axis": "z", "scale": 0.01, "scale_se": 1e-4,
             "bias_dps": 1e-3 * value, "bias_se_dps": 1e-3 * error_mdps, "misfit": 1.0, "flags": list(flags),
-            "trusted": not flags,
+            "trusted": not flags, "taken": Taken(first=2, seconds=6.0),
         }
         for i, value in enumerate(bias_mdps)
     ]  # fmt: skip

@@ -51,7 +51,7 @@ class Budget:
 
 def of_answers(found: Sequence[Estimate]) -> Budget | None:
     """The budget that `gyrocal calibrate` prints; None if no answer is trusted."""
-    from gyrocal.present.budget import headline, shown
+    from gyrocal.present.budget import answered, headline, shown
 
     best = shown(found)
     if best is None:
@@ -59,7 +59,7 @@ def of_answers(found: Sequence[Estimate]) -> Budget | None:
     rows = sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
     lines = tuple(Line(row.source, row.scale, row.bias_dps, row.in_se, row.advice) for row in rows)
     unit = unit_of(e.bias_dps for e in found)
-    return Budget(f"{best.scenario}, axis {best.axis}, {best.method}, {best.seconds:g} s", lines, headline(best.budget), unit)
+    return Budget(answered(best), lines, headline(best.budget), unit)
 
 
 def of_gravity(rows: Sequence[GravityRow], unit: RateUnit = MDPS) -> tuple[Budget, ...]:

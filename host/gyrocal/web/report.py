@@ -15,9 +15,11 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import headline, level_rows, level_unit, parameter
+from gyrocal.present.taken import cell
 from gyrocal.web import charts, scatter
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
+from gyrocal.web.tables import number
 from gyrocal.web.told import Change
 from gyrocal.web.views import CalibrationView, Card, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
@@ -56,7 +58,7 @@ def page(
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
         bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
-        unseen=unseen, percent=percent,
+        unseen=unseen, percent=percent, recordings=cell, number=number,
     )  # fmt: skip
 
 

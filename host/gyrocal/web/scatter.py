@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gyrocal.calibration.taken import Taken
 from gyrocal.diagnosis.rate_unit import rate_text, rounded, unit_of
 from gyrocal.present.output import plus_minus
+from gyrocal.present.taken import each, part, words
 from gyrocal.web import charts
 from gyrocal.web.charts import Options, Palette
 from gyrocal.web.words import METHODS
@@ -46,10 +48,12 @@ class Scatter:
 
 
 def longest(found: Sequence[Estimate], axis: str) -> dict[str, list[Estimate]]:
-    """The answers of an axis from the longest time, by method, the richest first."""
+    """The answers of an axis from whole recordings, or else from the longest time, by method, the richest first."""
     mine = [e for e in found if e["axis"] == axis]
+    whole = [e for e in mine if not e["taken"].first]
     most = max((e["seconds"] for e in mine), default=0.0)
-    by = {method: [e for e in mine if e["method"] == method and e["seconds"] == most] for method in ORDER}
+    used = whole or [e for e in mine if e["seconds"] == most]
+    by = {method: [e for e in used if e["method"] == method] for method in ORDER}
     return {method: answers for method, answers in by.items() if answers}
 
 
@@ -62,13 +66,13 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
         unit = unit_of(e["bias_dps"] for e in answers)
         bias = Scatter.of(answers, "bias_dps", "bias_se_dps", 1.0)
         scale = Scatter.of(answers, "scale", "scale_se", 1e2)
-        head = f"Axis {axis}, by {METHODS[method]} from the first {answers[0]['seconds']:g} s"
+        head = f"Axis {axis}, by {METHODS[method]}"
         if bias is not None and scale is not None:
             told.append(
-                f"{head}: over {bias.cycles} power cycles the bias scatters by {rate_text(bias.sd)} about "
-                f"{unit.text(bias.mean, 1, bias.error)} {unit.name}, each answer's own error is {rate_text(bias.error)}; the "
-                f"scale scatters by {rounded(scale.sd, scale.sd, 0)} % about {rounded(scale.mean, scale.error, 4)} %, own "
-                f"error {rounded(scale.error, scale.error, 4)} %."
+                f"{head} from {each(e['taken'] for e in answers)}, in each of {bias.cycles} power cycles: the bias scatters by "
+                f"{rate_text(bias.sd)} about {unit.text(bias.mean, 1, bias.error)} {unit.name}, each answer's own error is "
+                f"{rate_text(bias.error)}; the scale scatters by {rounded(scale.sd, scale.sd, 0)} % about "
+                f"{rounded(scale.mean, scale.error, 4)} %, own error {rounded(scale.error, scale.error, 4)} %."
             )
             parts = [name for name, one in (("bias", bias), ("scale", scale)) if one.beyond]
             if parts:
@@ -81,8 +85,9 @@ def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
             if one["bias_dps"] is not None and one["scale"] is not None:
                 factors = (("scale_se", 1e2), ("bias_se_dps", unit.per_dps))
                 scale_se, bias_se = (None if one[name] is None else f * one[name] for name, f in factors)
+                head = head if len(answers) == 1 else f"{head} in power cycle {one['scenario']}"
                 told.append(
-                    f"{head}: scale {plus_minus(100 * one['scale'], scale_se, '%')}, "
+                    f"{head} from {words(one['taken'])}: scale {plus_minus(100 * one['scale'], scale_se, '%')}, "
                     f"bias {plus_minus(unit.per_dps * one['bias_dps'], bias_se, unit.name)}."
                 )
     doubted = sum(not e["trusted"] for e in found)
@@ -117,7 +122,7 @@ APART = 0.22
 def options(p: Palette, found: Sequence[Estimate], axis: str) -> Options:
     """The biases of all power cycles with their errors, by method, hollow where not trusted; empty for one cycle."""
     by = longest(found, axis)
-    seconds = next((answers[0]["seconds"] for answers in by.values()), 0.0)
+    of = part(next((e["taken"] for answers in by.values() for e in answers), Taken()))
     cycles = list(dict.fromkeys(e["scenario"] for answers in by.values() for e in answers))
     unit = unit_of(e["bias_dps"] for answers in by.values() for e in answers)
     f = unit.per_dps
@@ -144,7 +149,7 @@ def options(p: Palette, found: Sequence[Estimate], axis: str) -> Options:
     return charts.base(
         p, series=series, units=[unit.name], toolbox=charts.BOX, tooltip=charts.tooltip(p, [unit.name]),
         legend=charts.legend(p, [charts.entry(METHODS[method], "dots") for method in known], right=12),
-        title=charts.title(p, f"bias, {unit.name}, first {seconds:g} s; hollow: not trusted", 2, 12),
+        title=charts.title(p, f"bias, {unit.name}, {of}; hollow: not trusted", 2, 12),
         grid=charts.grid(left=58, right=12, bottom=24),
         media=charts.fitting({"legend": {"top": 0}, "grid": {"top": 26}}, {"legend": {"top": 20}, "grid": {"top": 46}}),
         xAxis=charts.axis(p, kind="category", data=cycles, axisTick={"show": False}),

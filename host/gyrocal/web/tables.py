@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 
+from gyrocal.diagnosis.rate_unit import UNKNOWN
+
 
 def plain(columns: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequence[bool] = ()) -> str:
     """A table as HTML. Columns whose names end in a colon are text. The last cell of ``marked`` rows is highlighted."""
@@ -20,4 +22,4 @@ def plain(columns: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequenc
 
 def number(value: object, form: str, factor: float = 1.0) -> str:
     """A formatted number, or a dash for None."""
-    return format(factor * value, form) if isinstance(value, int | float) else "–"
+    return format(factor * value, form) if isinstance(value, int | float) else UNKNOWN

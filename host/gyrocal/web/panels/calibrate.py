@@ -12,6 +12,7 @@ from nicegui import ui
 
 from gyrocal.diagnosis.rate_unit import percent, unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
+from gyrocal.present.taken import cell
 from gyrocal.web import scatter
 from gyrocal.web.state import Topic
 from gyrocal.web.tables import number, plain
@@ -63,7 +64,7 @@ class CalibratePanel:
         self.answers.clear()
         found = self.bench.calibration
         with self.answers:
-            ui.html("<h2>Scale and bias from the first seconds</h2>", sanitize=False)
+            ui.html("<h2>Scale and bias</h2>", sanitize=False)
             if self.bench.step is None:
                 ui.label(not_yet(self.bench)).classes("dim")
                 if self.bench.session is None and not self.bench.opening:
@@ -243,7 +244,7 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
+COLUMNS = ("power cycle:", "axis:", "method:", "recordings:", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
 """With the bias's unit to be put in."""
 
 
@@ -251,7 +252,7 @@ def _table(estimates: list[dict[str, Any]]) -> str:
     unit = unit_of(e["bias_dps"] for e in estimates)
     rows = [
         [
-            e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), *percent(e["scale"], e["scale_se"]),
+            e["scenario"], e["axis"], method(e["method"]), cell(e["taken"]), *percent(e["scale"], e["scale_se"]),
             *unit.pair(e["bias_dps"], e["bias_se_dps"]),
             number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
         ]

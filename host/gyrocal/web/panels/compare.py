@@ -323,7 +323,7 @@ def _figures(view: ModelView, tone: str, above: str) -> None:
                 (f"excess{sure}, {unit}", excess, f"excess {tone}"),
             ):  # fmt: skip
                 with ui.element("div").classes(f"figure {kind}"):
-                    ui.html(f"<b>{'–' if value == UNKNOWN else value}</b>", sanitize=False)
+                    ui.html(f"<b>{value}</b>", sanitize=False)
                     ui.label(name)
         known = [f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN]
         told = f"excess by axis, {unit}: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
