@@ -117,6 +117,23 @@ def test_a_fitted_model_splits_noise_as_its_parts_do() -> None:
     assert (drift.source, drift.scale) == ("drift", pytest.approx(answer.scale_se, rel=1e-3))
 
 
+@pytest.mark.parametrize("both_directions", [False, True])
+def test_no_turns_are_asked_for_that_were_made(both_directions: bool) -> None:
+    """The Earth's rate keeps its sign where the table turns the other way, so both ways on each face cancel it."""
+    runs = session(both_directions=both_directions).runs
+    (row,) = (r for r in beside(runs, "z", None) if r.source == "Earth's rate")
+    assert ("turn in both directions" in row.advice) == (not both_directions)
+    assert "state latitude_deg" in row.advice
+    assert row.bias_dps == 0.0, "rounding errors are no share"
+    assert (row.scale == 0.0) == both_directions
+
+
+@pytest.mark.parametrize("method", ["cnn", "model"])
+def test_the_model_of_a_campaign_is_not_asked_for_where_it_is_given(method: str) -> None:
+    assert any("--model" in row.advice for row in at_6_s(session(), method).budget)
+    assert not any("--model" in row.advice for row in at_6_s(session(), method, CAMPAIGN).budget)
+
+
 def test_without_a_latitude_the_earths_row_is_the_bound_of_all_places_and_says_how_to_correct_it() -> None:
     found = rows(at_6_s(session()))["Earth's rate"]
     assert found.scale == pytest.approx(15.041067 / 3600 / TABLE_DPS, abs=1e-12), "its sign follows the face as w does"

@@ -51,7 +51,11 @@ def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
     assert [bias for _, bias, _ in answers] == pytest.approx([-1.0, 0.0, 1.0, 5.0])
     assert [error for _, _, error in answers] == pytest.approx([2.0] * 4)
     assert [filled for *_, filled in points] == [1, 1, 1, 0]
-    assert "first 6 s" in drawn["title"]["text"]
+    for words in [drawn["title"]["text"], *(of["option"]["title"]["text"] for of in drawn["media"])]:
+        assert "first 6 s" in words
+        assert "bars: ± 2 standard errors" in words
+    ends = [(low, high) for _, _, low, high, _ in points]
+    assert ends == [pytest.approx((bias - 4.0, bias + 4.0)) for _, bias, _ in answers]
     rows = list(csv.DictReader(as_csv(drawn).splitlines()))
     assert [(row["x"], row["unit"]) for row in rows] == [("s000", "mdps"), ("s001", "mdps"), ("s002", "mdps"), ("s000", "mdps")]
 

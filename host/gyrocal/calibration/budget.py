@@ -5,8 +5,9 @@ The squares of the sources that the standard error contains add up to its square
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,11 @@ ADVICE = {
     TEMPERATURE: "calibrate at the temperature of use, or record temp_c, which shows how far the temperature moves",
 }
 ALIGN = "align the sensor's axis with the table's; the accelerometer's own offset hides the last degree"
-BOTH_WAYS = "turn in both directions on each face"
+BOTH_WAYS, STATE_LATITUDE = "turn in both directions on each face", "state latitude_deg in session.toml"
+LONGER, OTHER_NETWORK = "record longer runs", "take the model's answer, or train a network for this model"
+NO_EARTH = "nothing: the runs turn in both directions on each face"
+NO_CLOCK = "nothing: the rate is known without the sensor's clock"
+NO_TEMPERATURE = "nothing: the model holds what the temperature changes"
 MORE_TURNS = "measure the table's rate over more turns, and state the smaller table_rate_se_dps"
 
 
@@ -105,8 +110,8 @@ def by_evidence(evidence: Evidence, answer: Answer, *, widened: bool = False) ->
 
 
 def by_network(answer: Answer, runs: Sequence[Run]) -> list[BudgetRow]:
-    """The one source of a network's answer with a prior: what it states itself."""
-    return _rows([NETWORK], variances(answer, runs)[None])
+    """The one source of a network's answer with a model's prior: what it states itself."""
+    return _rows([NETWORK], variances(answer, runs)[None], {NETWORK: OTHER_NETWORK})
 
 
 def by_fit(answer: Answer, runs: Sequence[Run]) -> list[BudgetRow]:
@@ -114,8 +119,10 @@ def by_fit(answer: Answer, runs: Sequence[Run]) -> list[BudgetRow]:
     return _rows([FIT], variances(answer, runs)[None])
 
 
-def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer) -> list[BudgetRow]:
+def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer, *, fitted: bool = False) -> list[BudgetRow]:
     """The sources of an answer by the model, whose covariance is linear in those of noise, drift and priors.
+
+    ``fitted`` is true for the model of a campaign.
 
     Of alternatives that exclude each other, the middle one is taken. What the average over them adds belongs to the effects.
     """
@@ -139,7 +146,7 @@ def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer) 
     total, stated = parts.sum(0), variances(answer, runs)
     parts *= np.minimum(1.0, stated / total)
     parts[-1] += np.maximum(stated - total, 0.0)
-    return _rows([WHITE, DRIFT, PRIOR, EFFECTS], parts)
+    return _rows([WHITE, DRIFT, PRIOR, EFFECTS], parts, {EFFECTS: LONGER} if fitted else {})
 
 
 def variances(answer: Answer, runs: Sequence[Run]) -> Array:
@@ -161,10 +168,9 @@ def beside(runs: Sequence[Run], axis: str, spread_c: float | None, modelled: Seq
         rows.append(BudgetRow(TILT, float(1 - np.cos(np.deg2rad(tilt_deg(views)))), 0.0, in_se=False, remedy=remedy))
     in_rate = all(run.latitude_deg is not None and run.reference_dps is None for run in views)  # by in_known_rate
     if EarthRate.id not in modelled and not in_rate:
-        remedy = "" if views[0].latitude_deg is None else BOTH_WAYS
-        rows.append(BudgetRow(EARTH, *earth_share(views), in_se=False, remedy=remedy))
+        rows.append(BudgetRow(EARTH, *earth_share(views), in_se=False, remedy=_of_earth(views)))
     by_angle = any(r.rate_is_mean or (r.measured_rates is not None and r.measured_rates.derived) for r in views)
-    rows.append(BudgetRow(CLOCK, CLOCK_SE if by_angle else 0.0, 0.0, in_se=False))
+    rows.append(BudgetRow(CLOCK, *((CLOCK_SE, 0.0, False) if by_angle else (0.0, 0.0, False, NO_CLOCK))))
     return [*rows, _of_temperature(spread_c, modelled)]
 
 
@@ -179,7 +185,15 @@ def _of_temperature(spread_c: float | None, modelled: Sequence[str]) -> BudgetRo
         f"calibrate at the temperature of use, or by a model with {missing}: without it, typical slopes are assumed over the "
         f"{spread_c:.2g} °C by which the session's temperature moves"
     )
-    return BudgetRow(TEMPERATURE, scale, bias_dps, in_se=False, remedy=remedy if missing else "")
+    return BudgetRow(TEMPERATURE, scale, bias_dps, in_se=False, remedy=remedy if missing else NO_TEMPERATURE)
+
+
+def _of_earth(runs: Sequence[Run]) -> str:
+    """What lowers the share of the Earth's rate and was not done yet: its sign goes with the face, not with the rate."""
+    stated = runs[0].latitude_deg is not None
+    if all(any(s * r.rate_dps.mean() > 0 for r in runs if r.face == f) for f in {r.face for r in runs} for s in (-1, 1)):
+        return NO_EARTH if stated else STATE_LATITUDE
+    return BOTH_WAYS if stated else ""
 
 
 def largest(rows: Sequence[BudgetRow]) -> BudgetRow | None:
@@ -212,8 +226,10 @@ def earth_share(runs: Sequence[Run]) -> tuple[float, float]:
     rate_dps = np.concatenate([run.rate_dps for run in runs])
     earth_dps = np.concatenate([np.full(len(run), vertical_dps * run.face_sign) for run in runs])
     columns = np.stack([rate_dps, np.ones(rate_dps.size)])
-    scale, bias_dps = np.linalg.lstsq(columns @ columns.T, columns @ earth_dps, rcond=None)[0]
-    return abs(float(scale)), abs(float(bias_dps))
+    scale, bias_dps = (abs(float(v)) for v in np.linalg.lstsq(columns @ columns.T, columns @ earth_dps, rcond=None)[0])
+    largest_dps = float(np.abs(rate_dps).max(initial=0.0))
+    least = ROUNDING * vertical_dps
+    return scale if scale * largest_dps > least else 0.0, bias_dps if bias_dps > least else 0.0
 
 
 def temperature_spread_c(session: Session) -> float | None:
@@ -231,11 +247,12 @@ def _of_table(runs: Sequence[Run]) -> BudgetRow:
     return BudgetRow(REFERENCE if measured else TABLE, None, 0.0, in_se=False)
 
 
-def _rows(names: Sequence[str], parts: Array) -> list[BudgetRow]:
-    """Rows of variances [rows, 2]; sources without a part beyond rounding errors are left out."""
+def _rows(names: Sequence[str], parts: Array, remedies: Mapping[str, str] = MappingProxyType({})) -> list[BudgetRow]:
+    """Rows of variances [rows, 2] with other ``remedies``; sources without a part beyond rounding errors are left out."""
     matters = (parts > ROUNDING * parts.sum(0)).any(1)
     roots = np.sqrt(np.maximum(parts, 0.0))
-    return [BudgetRow(n, float(s), float(b)) for n, (s, b), kept in zip(names, roots, matters, strict=True) if kept]
+    given = zip(names, roots, matters, strict=True)
+    return [BudgetRow(n, float(s), float(b), remedy=remedies.get(n, "")) for n, (s, b), kept in given if kept]
 
 
 def _line(w_dps: Array, variance: Array) -> Array:

@@ -344,7 +344,7 @@ def _by_model(runs: Sequence[Run], model: Model, of_slopes: Mapping[str, float])
             sources = by_evidence(evidence, answer)
         else:
             answer = replace(answer, scale_se=with_table(answer.scale_se, mine))
-            sources = by_posterior(calibration, mine, answer)
+            sources = by_posterior(calibration, mine, answer, fitted=fitted)
         modelled = [t.effect.id for t in model.on(axis) if t.effect.id != EarthRate.id]  # the estimator has no column for it
         found.append(Found(axis, mine, answer, sources=sources, modelled=modelled))
     return found

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gyrocal.calibration.budget import BudgetRow, largest
 from gyrocal.calibration.calibrate import POOLED, Estimate
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.diagnosis.rate_unit import percent, shares, unit_of
 from gyrocal.present.output import stdout, table
 from gyrocal.present.taken import words
 
@@ -23,10 +23,10 @@ def print_budget(found: Sequence[Estimate]) -> None:
     if best is None:
         return
     unit = unit_of(e.bias_dps for e in found)
-    rows = [
-        [row.source, _percent(row.scale), unit.pair(row.bias_dps, row.bias_dps)[0], "yes" if row.in_se else "no"]
-        for row in sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
-    ]
+    listed = sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
+    scale = shares([(row.scale, row.in_se) for row in listed], 100.0)
+    bias = shares([(row.bias_dps, row.in_se) for row in listed], unit.per_dps)
+    rows = [[row.source, s, b, "yes" if row.in_se else "no"] for row, s, b in zip(listed, scale, bias, strict=True)]
     columns = ["source:", "scale ± %", f"bias ± {unit.name}", "in the standard error:"]
     table(f"Where the error comes from: {answered(best)}", columns, rows)
     stdout.print(headline(best.budget), markup=False)

@@ -111,10 +111,12 @@ POINT = """(params, api) => {
     const middle = at(api.value(1)), low = at(api.value(2)), high = at(api.value(3)), colour = api.visual("color");
     return {type: "group", children: [
         {type: "line", shape: {x1: low[0], y1: low[1], x2: high[0], y2: high[1]}, style: {stroke: colour, lineWidth: 2}},
-        {type: "circle", shape: {cx: middle[0], cy: middle[1], r: 3.5},
+        {type: "circle", shape: {cx: middle[0], cy: middle[1], r: 3},
          style: {fill: api.value(4) ? colour : "%s", stroke: colour, lineWidth: 2}}]};
 }"""
 """Draws one answer with its error. The answers of a power cycle by several methods stand beside each other."""
+BARS = 2.0
+"""Standard errors from an answer to either end of its bar."""
 APART = 0.22
 """Distance between the methods, as a part of a power cycle's place."""
 
@@ -136,7 +138,7 @@ def options(p: Palette, found: Sequence[Estimate], axis: str) -> Options:
             [cycles.index(e["scenario"]), f * e["bias_dps"], f * (e["bias_se_dps"] or 0.0), e["trusted"]] for e in answers
         ]  # fmt: skip
         told = {"type": "scatter", "name": METHODS[method], "symbolSize": 0, "silent": True, "data": [r[:3] for r in rows]}
-        drawn = [[i, bias, bias - error, bias + error, int(trusted)] for i, bias, error, trusted in rows]
+        drawn = [[i, bias, bias - BARS * error, bias + BARS * error, int(trusted)] for i, bias, error, trusted in rows]
         series.append({**told, "itemStyle": {"color": colours[method]}})
         series.append({
             "type": "custom", "name": METHODS[method], "part": True, "data": drawn, "silent": True,
@@ -144,14 +146,18 @@ def options(p: Palette, found: Sequence[Estimate], axis: str) -> Options:
             ":renderItem": POINT % (APART * (k - 1), p.face), "tooltip": {"show": False},
         })  # fmt: skip
     ends = [v for s in series[1::2] for r in s["data"] for v in r[2:4]]
+    head, key = f"bias, {unit.name}, {of}", f"bars: ± {BARS:g} standard errors; hollow: not trusted"
     space = 0.05 * (max(ends) - min(ends)) or 1.0
     label: Options = {":formatter": charts.PLAIN, "showMinLabel": False, "showMaxLabel": False}
     return charts.base(
         p, series=series, units=[unit.name], toolbox=charts.BOX, tooltip=charts.tooltip(p, [unit.name]),
-        legend=charts.legend(p, [charts.entry(METHODS[method], "dots") for method in known], right=12),
-        title=charts.title(p, f"bias, {unit.name}, {of}; hollow: not trusted", 2, 12),
+        legend=charts.legend(p, [charts.entry(METHODS[method], "dots") for method in known], left=8),
+        title=charts.title(p, f"{head}; {key}", 2, 12),
         grid=charts.grid(left=58, right=12, bottom=24),
-        media=charts.fitting({"legend": {"top": 0}, "grid": {"top": 26}}, {"legend": {"top": 20}, "grid": {"top": 46}}),
+        media=charts.fitting(
+            {"title": {"text": f"{head}; {key}"}, "legend": {"top": 20}, "grid": {"top": 46}},
+            {"title": {"text": f"{head};\n{key}"}, "legend": {"top": 36}, "grid": {"top": 62}},
+        ),
         xAxis=charts.axis(p, kind="category", data=cycles, axisTick={"show": False}),
         yAxis=charts.axis(p, label=label, min=min(ends) - space, max=max(ends) + space),
     )  # fmt: skip
