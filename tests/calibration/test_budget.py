@@ -14,6 +14,7 @@ from gyrocal.calibration.calibrate import Estimate, calibrate
 from gyrocal.cli import main
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS, simulate
+from make_runs import make_run, make_session
 
 TABLE_DPS = 78.0
 CAMPAIGN = Path(str(files("gyrocal"))) / "data" / "table2" / "model.toml"
@@ -126,6 +127,26 @@ def test_no_turns_are_asked_for_that_were_made(both_directions: bool) -> None:
     assert "state latitude_deg" in row.advice
     assert row.bias_dps == 0.0, "rounding errors are no share"
     assert (row.scale == 0.0) == both_directions
+
+
+@pytest.mark.parametrize("turn_se_deg", [None, 1.8])
+def test_a_turn_by_hand_has_the_error_of_its_angle_and_not_of_a_table(turn_se_deg: float | None) -> None:
+    t_s = np.arange(round(8 * RATE_HZ)) / RATE_HZ
+    rest, turned = make_run(t_s, 0.1, table_rate_dps=0.0), make_run(t_s, 45.1, turn_deg=360.0)
+    of = make_session(rest, replace(turned, turn_se_deg=turn_se_deg))
+    (found,) = (e for e in calibrate(of) if e.axis == "z")
+    assert "table rate" not in rows(found)
+    row = rows(found)["turn angle"]
+    assert (row.scale, row.in_se) == (None if turn_se_deg is None else pytest.approx(1.8 / 360), False)
+    assert "turn_se_deg" in row.advice
+    assert not any("table" in row.advice for row in found.budget)
+
+
+def test_turns_that_the_fit_weighs_by_their_scatter_are_no_bound() -> None:
+    t_s = np.arange(100) / RATE_HZ
+    turns = [make_run(t_s, 0.0, turn_deg=angle) for angle in (360.0, -360.0)]
+    assert "turn angle" not in {row.source for row in beside(turns, "z", None, weighed=True)}
+    assert "turn angle" in {row.source for row in beside(turns[:1], "z", None, weighed=True)}
 
 
 @pytest.mark.parametrize("method", ["cnn", "model"])

@@ -36,7 +36,7 @@ ROUNDING = 1e-9
 WHITE, DRIFT, STEPS, SCATTER = "white noise", "drift", "resolution", "scatter beyond the noise"
 EFFECTS, NETWORK, PRIOR, FIT = "effects not excluded", "network", "prior", "fit of all power cycles"
 TABLE, REFERENCE, TILT, EARTH = "table rate", "reference", "tilt", "Earth's rate"
-CLOCK, TEMPERATURE = "sample clock", "temperature"
+TURN, CLOCK, TEMPERATURE = "turn angle", "sample clock", "temperature"
 
 ADVICE = {
     WHITE: "record longer runs",
@@ -49,12 +49,13 @@ ADVICE = {
     FIT: "record longer runs in more power cycles",
     TABLE: "measure the table's rate over many turns, and state table_rate_se_dps in session.toml",
     REFERENCE: "compare the reference with a known turn, because its own scale error is that of the answer",
-    TILT: "align the sensor's axis with the table's, and record the accelerometer, which shows the tilt",
-    EARTH: "state latitude_deg in session.toml, which corrects a table's known rate, or turn in both directions on each face",
+    TURN: "measure the angle of the turn, and state its error as turn_se_deg in session.toml",
+    TILT: "align the sensor's axis with the axis of rotation, and record the accelerometer, which shows the tilt",
+    EARTH: "state latitude_deg in session.toml, which corrects a known rate or turn, or turn in both directions on each face",
     CLOCK: "compare t_s with a better clock over an hour",
     TEMPERATURE: "calibrate at the temperature of use, or record temp_c, which shows how far the temperature moves",
 }
-ALIGN = "align the sensor's axis with the table's; the accelerometer's own offset hides the last degree"
+ALIGN = "align the sensor's axis with the axis of rotation; the accelerometer's own offset hides the last degree"
 BOTH_WAYS, STATE_LATITUDE = "turn in both directions on each face", "state latitude_deg in session.toml"
 LONGER, OTHER_NETWORK = "record longer runs", "take the model's answer, or train a network for this model"
 NO_EARTH = "nothing: the runs turn in both directions on each face"
@@ -155,14 +156,19 @@ def variances(answer: Answer, runs: Sequence[Run]) -> Array:
     return np.array([answer.scale_se**2 - table**2, answer.bias_se_dps**2])
 
 
-def beside(runs: Sequence[Run], axis: str, spread_c: float | None, modelled: Sequence[str] = ()) -> list[BudgetRow]:
-    """The table's rate, and bounds of the sources that no standard error contains, for an answer from ``runs``.
+def beside(
+    runs: Sequence[Run], axis: str, spread_c: float | None, modelled: Sequence[str] = (), *, weighed: bool = False
+) -> list[BudgetRow]:
+    """The true rate, and bounds of the sources that no standard error contains, for an answer from ``runs``.
 
     ``spread_c`` is the spread of the session's temperatures in degC. ``modelled`` are ids of effects that the method's model
-    corrects.
+    corrects. ``weighed`` is true if the standard error contains that of the turns' angles, as far as it is known.
     """
     views = [run.about(axis) for run in runs]
-    rows = [_of_table(views)]
+    turns = [run for run in runs if run.axis == axis and run.rate_is_mean and run.turn_deg]
+    rows = _of_turns(turns, weighed=weighed)
+    if not turns or any(run.table_rate_dps for run in views):
+        rows.append(_of_table(views))
     if not any(run.three_axes for run in views):
         remedy = "" if any(run.acc_g is None for run in views) else ALIGN
         rows.append(BudgetRow(TILT, float(1 - np.cos(np.deg2rad(tilt_deg(views)))), 0.0, in_se=False, remedy=remedy))
@@ -236,6 +242,15 @@ def temperature_spread_c(session: Session) -> float | None:
     """Largest less smallest temperature of a session, degC; None without a thermometer."""
     temps = [run.temp_c for run in session.runs if run.temp_c is not None]
     return float(max(np.nanmax(t) for t in temps) - min(np.nanmin(t) for t in temps)) if temps else None
+
+
+def _of_turns(turns: Sequence[Run], *, weighed: bool) -> list[BudgetRow]:
+    """The error of turns of which the angle is known: the largest that is stated, or None if one states none."""
+    if not turns or (weighed and (len(turns) > 1 or turns[0].turn_se_deg is not None)):  # several show it by their scatter
+        return []
+    relative = [None if r.turn_se_deg is None or not r.turn_deg else abs(r.turn_se_deg / r.turn_deg) for r in turns]
+    known = [of for of in relative if of is not None]
+    return [BudgetRow(TURN, max(known) if len(known) == len(turns) else None, 0.0, in_se=False)]
 
 
 def _of_table(runs: Sequence[Run]) -> BudgetRow:

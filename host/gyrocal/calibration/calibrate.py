@@ -273,7 +273,8 @@ def _estimate(task: _Task, scenario: str, method: str, span: float | None, found
     scale_se, bias_se_dps, misfit = (
         None if x is None or np.isnan(x) else x for x in (answer.scale_se, answer.bias_se_dps, answer.misfit)
     )
-    rows = (*sources, *beside(used, axis, task.temperature_spread_c, modelled)) if sources else ()
+    bounds = beside(used, axis, task.temperature_spread_c, modelled, weighed=scenario == POOLED) if sources else ()
+    rows = (*sources, *bounds)
     return Estimate(
         scenario, method, seconds, axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags), rows,
         taken,
