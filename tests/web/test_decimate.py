@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gyrocal.present.decimate import FACTOR, Pyramid, binned, by_octave
+from gyrocal.present.decimate import Pyramid, by_octave
 from gyrocal.present.spectra import Curve
 from gyrocal.web.charts import LIGHT
 from gyrocal.web.plots import STRETCHES, Timeline, curves
@@ -68,35 +68,6 @@ def test_missing_samples_are_no_extremes(tmp_path: Path) -> None:
     values[0, ::7] = 1.0
     seen = written(tmp_path / "p", values).window(0, 0, 10_000, 100)
     assert set(seen.low) | set(seen.high) | set(seen.mean) == {1.0}
-
-
-def test_bins_are_means_with_their_errors() -> None:
-    rng = np.random.default_rng(2)
-    x, y = rng.uniform(0, 10, 5000), rng.normal(3.0, 0.5, 5000)
-    centre, mean, error, low, high = binned(x, y, 10)
-    edges = np.linspace(x.min(), x.max(), 11)
-    for k in range(10):
-        inside = (x >= edges[k]) & ((x < edges[k + 1]) | (k == 9))
-        assert centre[k] == pytest.approx(x[inside].mean())
-        assert (low[k], high[k]) == pytest.approx((edges[k], edges[k + 1]))
-        assert mean[k] == pytest.approx(y[inside].mean())
-        assert error[k] == pytest.approx(y[inside].std(ddof=1) / np.sqrt(inside.sum()))
-
-
-def test_bins_leave_out_what_is_missing_and_what_is_empty() -> None:
-    centre, mean, *_ = binned(np.array([0.0, 1.0, np.nan, 10.0]), np.array([1.0, 3.0, 9.0, np.nan]), 5)
-    assert mean.tolist() == [1.0, 3.0]
-    assert centre.size == 2
-    assert binned(np.array([np.nan]), np.array([1.0]), 5)[0].size == 0
-    assert binned(np.array([2.0, 2.0]), np.array([1.0, 3.0]), 5)[1].tolist() == [2.0]
-
-
-def test_means_of_two_values_stand_at_these_values() -> None:
-    """A face is +1 or -1, in all runs and in each: a dot beside these values would be a face that does not exist."""
-    face, y = np.repeat([-1.0, 1.0], 30), np.arange(60.0)
-    assert binned(face, y, 48).centre.tolist() == [-1.0, 1.0]
-    assert binned(face[:30], y[:30], 48).centre.tolist() == [-1.0]
-    assert binned(face[30:], y[30:], 48).centre.tolist() == [1.0]
 
 
 def test_a_curve_by_octaves_keeps_its_line_and_every_low_point() -> None:
@@ -196,15 +167,3 @@ def test_the_part_of_a_spectrum_that_is_shown_lies_on_its_axis() -> None:
     drawn = curves(LIGHT, {"z": Curve(x, x, x)}, *words, [(38.68, 38.68, "a line")], (38.68 / 4, 38.68 * 4))
     zoom = drawn["dataZoom"][0]
     assert 0.01 < zoom["startValue"] < 38.68 < zoom["endValue"] == 50.0
-
-
-def test_a_mean_stands_where_its_data_are() -> None:
-    """Poses of -1, 0 and 1 g with noise, in 48 bins: dots stood at the middles of bins, up to 20 mg beside the poses."""
-    rng = np.random.default_rng(8)
-    x = np.repeat([-1.0, 0.0, 1.0], 400) + rng.normal(0, 1e-3, 1200)
-    found = binned(x, x, 48)
-    assert found.centre == pytest.approx(found.mean, abs=1e-12)
-    one = x[400:800]
-    own = binned(one, one, 48, (float(x.min()), float(x.max())))
-    assert set(own.low) <= set(found.low)  # the recording's bins are those of all
-    assert own.centre.size <= 2

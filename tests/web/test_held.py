@@ -40,6 +40,7 @@ def test_a_parameter_is_held_freed_and_undone(served: Any, look: Callable[..., A
     page.locator("summary", has_text="Parameters, 1 of 1 held").click()
     page.get_by_role("button", name=re.compile("^free tau_s")).click()
     page.locator("summary", has_text="Parameters, all 1 fitted").wait_for()
+    page.get_by_text("in the model, not proven").wait_for()  # its card stays
     assert '"held"' in (Path(served.folder) / "warm" / "workbench.json").read_text()
 
 

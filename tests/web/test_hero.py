@@ -96,7 +96,7 @@ def test_a_recording_far_from_the_mean_lies_within_the_picture() -> None:
 
 
 def test_the_dots_of_a_small_picture_are_not_under_its_line() -> None:
-    svg = charts.signature_svg([(-1.0, -30.0), (1.0, 30.0)], [(-1.0, -30.0), (1.0, 30.0)], "face")
+    svg = charts.signature_svg([(-1.0, -30.0), (1.0, 30.0)], [(-1.0, -30.0), (1.0, 30.0)], "face", few=True)
     assert svg.index("<circle") > svg.index("<polyline")
     for x, y, r in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', svg):
         assert float(r) <= float(x) <= 220 - float(r)
@@ -133,3 +133,72 @@ def test_a_finding_of_another_size_in_each_run_is_drawn_about_the_means_of_the_r
     assert "about its own mean" in drawn["title"][0]["text"]
     finding = Finding("z", "time", 5.0, 1e-6, 0.01, "", Transient(4.0))
     assert prepare.place(finding, of).about_means
+
+
+def of_seven_rates() -> dict[str, np.ndarray]:
+    """Forty-two recordings at seven rates, in both directions by turns, with an offset each."""
+    rng = np.random.default_rng(3)
+    run = np.repeat(np.arange(42), 30)
+    rate_dps = np.array([-150.0, 150.0, -78.0, 78.0, -30.0, 30.0, 0.0])[run % 7]
+    residual = 3e-8 * rate_dps**3 + 5e-3 * rng.standard_normal(42)[run] + 1e-3 * rng.standard_normal(run.size)
+    there = {panel.key(axis): np.full(run.size, np.nan) for panel in panels() for axis in "xyz"}
+    return {**there, "rate_z": rate_dps, "run": run, "x": residual, "y": residual, "z": residual}
+
+
+def test_between_rates_that_were_not_measured_no_curve_is_drawn() -> None:
+    """A cubic was drawn as straight lines from one rate to the next, with corners that it does not have."""
+    of = of_seven_rates()
+    shown = picture("z", 3e-8 * of["rate_z"] ** 3, of, {})
+    assert shown is not None
+    assert shown.few
+    curve = charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["words"])["series"][0]
+    assert (curve["lineStyle"]["width"], curve["symbol"], len(curve["data"])) == (0, "rect", 7)
+    small = charts.signature_svg([(0.0, 1.0)] * 3, [(0.0, 1.0), (1.0, 2.0), (2.0, 0.0)], "rate", few=True)
+    assert small.count("<polyline") == 3
+
+
+def test_the_band_of_a_picture_holds_what_differs_between_recordings() -> None:
+    """It was that of the samples, and means of what is noise lay eight standard errors outside."""
+    of = of_seven_rates()
+    shown = picture("z", 3e-8 * of["rate_z"] ** 3, of, {})
+    assert shown is not None
+    assert np.sqrt(np.mean(np.square(shown.se))) == pytest.approx(5 / 6**0.5, rel=0.4)
+
+
+def test_after_an_effect_was_added_the_line_is_not_called_the_effect() -> None:
+    of = points(400)
+    shown = picture("z", of["z"], of, {0: "000_up.csv"})
+    assert shown is not None
+    names = {s["name"] for s in charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["words"], added=True)["series"]}
+    assert charts.AFTER in names
+    assert not any("effect" in name for name in names)
+
+
+def test_every_recording_is_drawn_or_the_legend_says_how_many() -> None:
+    """Every second of 42 recordings was left out: all those in the positive direction."""
+    of = of_seven_rates()
+    panel = next(p for p in panels() if p.name == "rate")
+    drawn = plots.folded(charts.LIGHT, of, panel, range(42), ["z"])
+    lines = [s for s in drawn["series"] if s["name"] == "each recording" and s["data"]]
+    assert len(lines) == 42
+    many = {name: np.concatenate([v + 42 * k if name == "run" else v for k in range(6)]) for name, v in of.items()}
+    drawn = plots.folded(charts.LIGHT, many, panel, range(252), ["z"])
+    names = [entry["name"] for entry in drawn["legend"]["data"]]
+    told = next(name for name in names if "recordings" in name)
+    rates = [s["data"][0][0] for s in drawn["series"] if s["name"] == told and s["data"]]
+    assert told == f"{len(rates)} of 252 recordings"
+    counts = [sum(abs(r - rate) < 4 for r in rates) for rate in np.unique(of["rate_z"])]
+    assert min(counts) >= len(rates) / 21  # no rate is missing
+
+
+@pytest.mark.parametrize(("name", "words"), [("face", ["down", "up"]), ("direction", ["negative", "at rest", "positive"])])
+def test_what_is_no_number_has_words(name: str, words: list[str]) -> None:
+    """The crosshair said "1 ±1", as a value with its error."""
+    of = of_seven_rates()
+    of[name] = np.sign(of["rate_z"])
+    panel = next(p for p in panels() if p.name == name)
+    drawn = plots.folded(charts.LIGHT, of, panel, range(42), ["z"])
+    for script in (drawn["xAxis"][0]["axisLabel"][":formatter"], drawn["tooltip"][":formatter"]):
+        assert all(f'"{word}"' in script for word in words)
+        assert "±1" not in script
+    assert "±" not in drawn["xAxis"][0]["name"]

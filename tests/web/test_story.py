@@ -209,7 +209,8 @@ def test_every_view_draws_on_every_axis(served: Any, look: Callable[..., Any]) -
     for view in views:
         page.get_by_role("button", name=view, exact=True).click()
         page.locator(f'[role=img][aria-label="{view}"] canvas').wait_for()
-        few = view in ("Rate", "Accel. z", "Face", "Direction", "Level")  # one point for each value, and one for each run
+        # one point for each value, and one for each run
+        few = view in ("Rate", "Accel. z", "Face", "Direction", "Size of the rate")
         page.wait_for_function(f"(least) => {MOST} > least", arg=0 if few else 10)
 
 

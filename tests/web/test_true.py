@@ -46,7 +46,8 @@ def test_a_fall_by_nothing_is_told_as_nothing() -> None:
 
 def test_a_picture_of_two_values_shows_each_recording() -> None:
     """Two dots on a line through two points show nothing; the scatter of the recordings about them does."""
-    shown = Picture("face", "z", "face", None, "", [-1.0, 0.0, 1.0], [-1.0, 1.0], [-5.0, 5.0], [1.0, 1.0], [-5.0, 5.0])
+    both, means = [-1.0, 1.0], [-5.0, 5.0]
+    shown = Picture("face", "z", "face", None, "", [-1.0, 0.0, 1.0], both, means, [1.0, 1.0], means, few=True)
     run = np.repeat([0, 1, 2, 3], 3)
     points = {"run": run, "face": np.where(run < 2, -1.0, 1.0), "z": np.array([-6, -4, 1, 3])[run] * 1e-3}
     assert of_each_run(shown, points) == [pytest.approx(p) for p in ((-1.0, -6.0), (-1.0, -4.0), (1.0, 1.0), (1.0, 3.0))]

@@ -19,7 +19,9 @@ from gyrocal.present.report import sizes
 from gyrocal.variables.shapes import Steps
 from gyrocal.web import charts, plots, prepare
 from gyrocal.web.against import panels
-from gyrocal.web.words import above_excess, evidence, no_picture
+from gyrocal.web.models import Recipe, added
+from gyrocal.web.views import Holdable
+from gyrocal.web.words import above_excess, evidence, held_by_hand, no_picture, small_excess
 
 SCALE = 1e-4
 """The planted error of the rate's scale."""
@@ -88,7 +90,32 @@ def test_a_finding_in_proportion_to_the_rate_is_drawn_as_a_part_of_it() -> None:
     assert place.part is not None
     drawn = plots.folded(charts.LIGHT, points, panel, range(4), ["z"], plots.By(place.about_means, place.part))
     mean = next(s for s in drawn["series"] if s["name"] == "mean of all")
-    assert [y for _, y in mean["data"] if y is not None] == pytest.approx([1e6 * SCALE] * 48, abs=1e-3)
+    assert [y for _, y, *_ in mean["data"] if y is not None] == pytest.approx([1e6 * SCALE] * 48, abs=1e-3)
     assert drawn["title"][0]["text"].endswith("ppm of the rate")  # as the words say
     large = replace(finding, note="rms 780 mdps; most, +1.23% of the rate, from 5 s up")
     assert prepare.place(large, points).part is PERCENT
+
+
+def test_an_effect_that_was_removed_is_not_listed_as_added() -> None:
+    """The table of models named the effect of a branch whose cross had been pressed."""
+    add, held = Recipe("a", "lag", "Delay"), Recipe("b", "lag", "Delay", held="tau_s of delay on z held at 0.1 s")
+    mine = Recipe("c", "mine: k*rate**2", "mine", formula="mine: k*rate**2")
+    assert added([Recipe("default"), add, held, mine]) == ["Delay", "mine"]
+    assert added([add, mine, Recipe("d", "lag", "Delay", removed=True)]) == ["mine"]
+    assert added([add, mine, Recipe("d", "mine", "mine", removed=True)]) == ["Delay"]
+
+
+def test_an_excess_that_counts_as_noise_says_so() -> None:
+    """The model fitted beside an excess of 2.19 +- 0.45."""
+    def axes(excess: float, se: float) -> dict[str, dict[str, float]]:
+        return {"x": {"excess_dps": 1e-3, "excess_se_dps": 1e-3}, "y": {"excess_dps": excess, "excess_se_dps": se}}
+
+    assert "excess on y differs from zero" in small_excess(axes(2.19e-3, 0.45e-3))
+    assert small_excess(axes(0.8e-3, 0.45e-3)) == ""
+
+
+def test_a_misfit_beside_a_held_parameter_names_it() -> None:
+    """The page said that no effect of the library explained what a wrong value, typed by hand, left over."""
+    one = Holdable("scale_nonlinearity", "Nonlinearity of the scale", "z", "k3", 2e-8, None, "1/dps^2", held=True)
+    assert "k3 of nonlinearity of the scale on z at 2e-08 1/dps^2" in held_by_hand([one])
+    assert held_by_hand([replace(one, held=False, se=1e-9)]) == ""

@@ -104,7 +104,7 @@ class Parted:
             sd = sd[:, None]
         down, across = sd[..., None], sd[..., None, :]
         chol = _factor(np.eye(sd.shape[-1]) + down * self.inner * across)
-        root = np.linalg.inv(chol)
+        root = np.asarray(np.linalg.inv(chol))
         half = root @ (down * self.cross)
         logdet = 2 * np.log(np.diagonal(chol, axis1=-2, axis2=-1)).sum(axis=-1)
         return Integrated(self.rest - half.swapaxes(-1, -2) @ half, logdet, root, half)
@@ -116,10 +116,11 @@ def _factor(information: Array) -> Array:
     The noise of a column that was taken out may exceed what one run holds of it; then that run knows nothing of it.
     """
     try:
-        return np.linalg.cholesky(information)
+        return np.asarray(np.linalg.cholesky(information), dtype=float)
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(information)
-        return np.linalg.cholesky((vectors * np.maximum(values, 1.0)[..., None, :]) @ vectors.swapaxes(-1, -2))
+        known = (vectors * np.maximum(values, 1.0)[..., None, :]) @ vectors.swapaxes(-1, -2)
+        return np.asarray(np.linalg.cholesky(known), dtype=float)
 
 
 def integrate(gram: Array, index: Index, keep: Index, sd: Array) -> Integrated:

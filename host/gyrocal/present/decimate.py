@@ -102,48 +102,6 @@ def means(values: Array, starts: Any) -> Array:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1.0), np.nan))
 
 
-ONE_VALUE = 0.01
-"""Part of a bin's width within which values count as one."""
-
-
-class Binned(NamedTuple):
-    """Means of x and y in bins [k], the standard errors of those of y [k], and the ends of the bins [k]."""
-
-    centre: Array
-    mean: Array
-    se: Array
-    low: Array
-    high: Array
-
-
-def binned(x: Array, y: Array, bins: int, ends: tuple[float, float] | None = None) -> Binned:
-    """Means of ``y`` [n] in equal bins of ``x`` [n], without empty bins. Values that are not finite are left out.
-
-    The bins reach from the lowest to the highest value of ``x``, or over ``ends``, outside which no value may lie. A bin that
-    holds one value of ``x`` alone, as a face or a direction, has it in its middle.
-    """
-    use = np.isfinite(x) & np.isfinite(y)
-    x, y = np.asarray(x[use], dtype=float), np.asarray(y[use], dtype=float)
-    if x.size == 0:
-        return Binned(*np.zeros((5, 0)))
-    low, high = ends or (float(x.min()), float(x.max()))
-    width = (high - low) / bins or 1.0
-    place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)
-    count = np.bincount(place, minlength=bins)
-    kept = count > 0
-    n = count[kept]
-    mean = np.bincount(place, y, bins)[kept] / n
-    scatter = np.bincount(place, (y - mean[np.cumsum(kept)[place] - 1]) ** 2, bins)[kept]
-    error = np.sqrt(scatter / np.maximum(n - 1, 1) / n)
-    first, last = np.full(bins, np.inf), np.full(bins, -np.inf)
-    np.minimum.at(first, place, x)
-    np.maximum.at(last, place, x)
-    first, last = first[kept], last[kept]
-    centre = np.bincount(place, x, bins)[kept] / n
-    middle = np.where(last - first < ONE_VALUE * width, centre, low + (np.flatnonzero(kept) + 0.5) * width)
-    return Binned(centre, mean, error, middle - width / 2, middle + width / 2)
-
-
 def by_octave(x: Array, y: Array, stretches: int) -> tuple[Array, Stretches]:
     """A curve over positive ``x`` [n], ascending, as at most so many intervals of equal ratio: centres [k] and intervals.
 

@@ -61,6 +61,8 @@ class Variable(ABC):
     """True if its values depend on the axis of the residual."""
     period: ClassVar[float | None] = None
     """Values that differ by this period are equivalent; None if the variable is not periodic."""
+    marks: ClassVar[Mapping[float, str]] = {}
+    """The words for its values, if it takes a few values that are no measure of anything."""
     symbols: ClassVar[Mapping[str, Symbol]] = {}
     searched: ClassVar[tuple[str, ...]] = ()
     """The symbols in which ``keep`` searches for a formula."""
@@ -75,7 +77,9 @@ class Variable(ABC):
 
     @classmethod
     def label(cls, component: str = "") -> str:
-        """Quantity and unit, for the axis of a plot."""
+        """Quantity and unit, for the axis of a plot. What has words for its values has no unit."""
+        if cls.marks:
+            return cls.quantity
         return f"{cls.quantity}{f' {component}' if component else ''}, {cls.unit}"
 
     def values(self, run: Run, axis: int) -> Array | None:

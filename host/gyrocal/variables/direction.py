@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from gyrocal.effects.quantities import (
@@ -24,6 +26,7 @@ class Direction(Variable):
     """+1 or -1: the sign of the temperature's change if the temperature returns within a run, else that of the table's rate."""
 
     name, title, quantity, unit, order = "direction", "Direction", "direction", "±1", 9
+    marks: ClassVar = {-1.0: "negative", 0.0: "at rest", 1.0: "positive"}
     no_formula = "it has two values only; a formula in the rate or the temperature describes a difference between directions"
 
     def values(self, run: Run, axis: int) -> Array | None:

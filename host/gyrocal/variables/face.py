@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from gyrocal.recording.session import Array, Run
@@ -13,6 +15,7 @@ class Face(Variable):
     """+1 in runs face up and -1 in runs face down."""
 
     name, title, quantity, unit, order = "face", "Face", "face", "up 1, down -1", 10
+    marks: ClassVar = {-1.0: "down", 1.0: "up"}
     no_formula = "it has two values only; a formula in the acceleration describes a difference between faces"
 
     def values(self, run: Run, axis: int) -> Array:

@@ -19,7 +19,7 @@ LARGEST_NOISE_DPS = 0.015
 class Level(Variable):
     """The size of the true rate about the axis. Small and large rates are tested for a scale of their own."""
 
-    name, title, quantity, unit, order = "level", "Level", "size of the true rate", "dps", 11
+    name, title, quantity, unit, order = "level", "Size of the rate", "size of the true rate", "dps", 11
     of_axis = True
     no_formula = "the scale differs between small and large rates; search against the rate"
 

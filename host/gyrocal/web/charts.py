@@ -170,14 +170,23 @@ def fitting(wide: Options, narrow: Options) -> list[Options]:
     return [{"query": {"maxWidth": NARROW}, "option": narrow}, {"option": wide}]
 
 
-def tooltip(p: Palette, units: Sequence[str] = (), x_unit: str = "") -> Options:
-    """A crosshair with the values of all lines at its place, each with the unit of its plot, or the only one of ``units``."""
+def named(marks: Mapping[float, str]) -> str:
+    """JavaScript that gives the word for a value that has one, and nothing for others."""
+    return f"v => ({json.dumps({f'{value:g}': word for value, word in marks.items()})})[v] ?? ''"
+
+
+def tooltip(p: Palette, units: Sequence[str] = (), x_unit: str = "", marks: Mapping[float, str] | None = None) -> Options:
+    """A crosshair with the values of all lines at its place, each with the unit of its plot, or the only one of ``units``.
+
+    ``marks`` are the words for values of the horizontal axis that have no number.
+    """
     text = {"color": p.ink, "fontSize": 12}
     shown: Options = {"trigger": "axis", "backgroundColor": p.face, "borderColor": p.line, "textStyle": text, "confine": True}
     if units:
-        label = {"backgroundColor": p.dim, ":formatter": f"o => {NUMBER} + ' {x_unit}'"}
+        x_unit, word = ("", named(marks)) if marks else (x_unit, "v => ''")
+        label = {"backgroundColor": p.dim, ":formatter": f"o => ({word})(o.value) || {NUMBER} + ' {x_unit}'"}
         shown["axisPointer"] = {"type": "line", "label": label, "lineStyle": {"color": p.dim}}
-        shown[":formatter"] = TOLD % (json.dumps(list(units)), x_unit)
+        shown[":formatter"] = TOLD % (json.dumps(list(units)), word, x_unit)
     return shown
 
 
@@ -185,13 +194,19 @@ NUMBER = "(isNaN(o.value) ? o.value : String(+Number(o.value).toPrecision(5)))"
 TOLD = """items => {
     const lines = items.filter(i => i.seriesType !== "custom" && i.value && i.value[1] !== null && i.color !== "transparent");
     if (!lines.length) return "";
-    const units = %s, unit = i => units[i.axisIndex] || units[0];
+    const units = %s, unit = i => units[i.axisIndex] || units[0], word = %s;
     const number = v => `<b>${+Number(v).toPrecision(4)}</b>`, own = i => i.value.length > 2 ? ` ± ${number(i.value[2])}` : "";
-    const told = lines.map(i => `${i.marker}${i.seriesName} ${number(i.value[1])}${own(i)} ${unit(i)}`);
-    const x = lines[0].name || +Number(lines[0].value[0]).toPrecision(6);
-    return [`${x} %s`, ...new Set(told)].join("<br>");
+    const alike = i => lines.filter(o => o.seriesName === i.seriesName && o.axisIndex === i.axisIndex).map(o => o.value[1]);
+    const told = lines.map(i => {
+        const all = alike(i), many = all.length > 1 && Math.min(...all) < Math.max(...all);
+        const value = many ? `(${all.length}) ${number(Math.min(...all))} to ${number(Math.max(...all))}` : number(i.value[1]);
+        return `${i.marker}${i.seriesName} ${value}${own(i)} ${unit(i)}`;
+    });
+    const x = lines[0].name || word(lines[0].value[0]) || `${+Number(lines[0].value[0]).toPrecision(6)} %s`;
+    return [x, ...new Set(told)].join("<br>");
 }"""
-"""The text beside the crosshair; a third number of a point is its error. What is transparent is not told."""
+"""The text beside the crosshair; a third number of a point is its error. What is transparent is not told. Of several lines of
+one name their number and range are told."""
 
 
 def unit_in(label: str) -> str:
@@ -220,16 +235,19 @@ MOTION: Options = {":animation": "!matchMedia('(prefers-reduced-motion: reduce)'
 
 
 FEW = 8
-"""With fewer bins than this, a picture shows each of them as a dot, and each run's own mean beside it."""
+"""A picture against fewer values than this has room beside them."""
+DASH: Options = {"showSymbol": True, "symbol": "rect", "symbolSize": [22, 3]}
+"""A value of a curve between whose values nothing was measured."""
 
 
 def hero(
     p: Palette, shown: Picture, left: Sequence[float], curve: Sequence[float], lines: Sequence[str],
-    each: Sequence[tuple[float, float]] = (),
+    each: Sequence[tuple[float, float]] = (), added: bool = False,
 ) -> Options:  # fmt: skip
     """The residual's means and the effect's curve against the accused variable, with the band where the means should lie.
 
-    ``lines`` are the words above the picture, and ``each`` the means of single recordings, mdps. The vertical
+    ``lines`` are the words above the picture, and ``each`` the means of single recordings, mdps. With ``added`` the model has
+    the effect, and the curve is where the means should lie now. The vertical
     axis is that of the residual without the effect, so that the picture shows the residual flatten when the effect is added.
     """
     factor = 1e-3 * (unit := unit_of(1e-3 * v for v in (*shown.left, *shown.curve))).per_dps
@@ -238,15 +256,15 @@ def hero(
     low, high, step = _extent(shown, factor)
     moved: Options = {"animationDurationUpdate": 1100, "animationEasingUpdate": "cubicInOut", **MOTION}
     halves = [(b - a) / 2 for a, b in zip(shown.edges, shown.edges[1:], strict=False)]
-    half = min(halves) if halves else 0.5
+    half = 0.02 * (shown.centres[-1] - shown.centres[0]) or 0.5 if shown.few else min(halves, default=0.5)
     filled = [
         [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
         for x, y, s in zip(shown.centres, curve, se, strict=True)
     ]
-    names = ["left over, means", "the effect, less what bias and scale take up", "± 2 standard errors"]
+    names = ["left over, means", AFTER if added else "the effect, less what bias and scale take up", "± 2 standard errors"]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
-    few = len(shown.centres) < FEW
+    dashes = DASH if shown.few else {}
     single = [[round(x, 6), round(y, 6)] for x, y in each]
     own = [] if not single else [{
         "type": "scatter", "name": "each recording", "data": single, "symbolSize": 5, "silent": True, **moved,
@@ -254,19 +272,23 @@ def hero(
     }]  # fmt: skip
     entries = [entry(names[0], "dots"), entry(names[1], "thick"), entry(names[2], "band", 0.35)]
     entries += [entry(s["name"], "dots", 0.5) for s in own]
-    ends: Options = {} if few else {"min": shown.edges[0], "max": shown.edges[-1]}
-    plain: Options = {":formatter": PLAIN} if few else {":formatter": PLAIN, "showMinLabel": False, "showMaxLabel": False}
+    ends: Options = {"min": shown.edges[0], "max": shown.edges[-1]}
+    if shown.few:
+        space = 0.1 * (shown.centres[-1] - shown.centres[0])
+        ends = {"min": shown.centres[0] - space, "max": shown.centres[-1] + space, **({"interval": 1} if shown.marks else {})}
+    formatter = named(shown.marks) if shown.marks else PLAIN
+    plain: Options = {":formatter": formatter, "showMinLabel": False, "showMaxLabel": False}
     broken = [lines[0], *(part for text in lines[1:] for part in text.split(" · "))]
     return base(
         p, **moved,
         legend=legend(p, entries, left=54, right=12, type="plain", itemGap=8),
         media=fitting(_headed(p, lines, 1 + bool(own), len(broken)), _headed(p, broken, len(entries))),
-        tooltip=tooltip(p, [unit.name], unit_in(shown.x_label)), toolbox=BOX, units=[unit.name],
+        tooltip=tooltip(p, [unit.name], unit_in(shown.x_label), shown.marks), toolbox=BOX, units=[unit.name],
         grid=grid(left=54, right=16, bottom=40),
         xAxis=axis(p, shown.x_label, nameGap=22, label=plain, **ends),
         yAxis=axis(p, unit.name, nameGap=36, min=low, max=high, interval=step, scale=False, label={":formatter": PLAIN}),
         series=[
-            {**line(names[1], through, p.axes[shown.axis], style={"width": 2.5}), **moved, "showSymbol": few},
+            {**line(names[1], through, p.axes[shown.axis], style={"width": 0 if shown.few else 2.5}), **moved, **dashes},
             {
                 "type": "scatter", "name": names[0], "data": dots, "symbolSize": 6, "itemStyle": {"color": p.ink},
                 "silent": True, **moved,
@@ -275,6 +297,9 @@ def hero(
             *own,
         ],
     )  # fmt: skip
+
+
+AFTER = "where the means should lie now"
 
 
 def _headed(p: Palette, lines: Sequence[str], named: int, count: int = 0) -> Options:
@@ -334,11 +359,12 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
 
 def signature_svg(
     dots: Sequence[tuple[float, float]], curve: Sequence[tuple[float, float]], label: str,
-    band: Sequence[tuple[float, float, float]] = (),
+    band: Sequence[tuple[float, float, float]] = (), few: bool = False,
 ) -> str:  # fmt: skip
     """A small plot of the residual (dots) and the fitted effect (line), in the colours of the page.
 
-    ``band`` is filled between its lowest and highest values at each x.
+    ``band`` is filled between its lowest and highest values at each x. With ``few``, nothing was measured between the values,
+    and each has a dash.
     """
     width, height = 220.0, 76.0
     edges = [*((x, low) for x, low, _ in band), *((x, high) for x, _, high in reversed(band))]
@@ -355,11 +381,15 @@ def signature_svg(
     def path(points: Sequence[tuple[float, float]]) -> str:
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in map(place, points))
 
-    radius = 4 if len(dots) < FEW else 1.6
+    radius = 4 if few else 1.6
+    drawn = f'<polyline class="curve" points="{path(curve)}"/>'
+    if few:
+        dashes = (f"{x - 8:.1f},{y:.1f} {x + 8:.1f},{y:.1f}" for x, y in map(place, curve))
+        drawn = "".join(f'<polyline class="curve" points="{points}"/>' for points in dashes)
     circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"/>' for x, y in map(place, dots))
     filled = f'<polygon class="band" points="{path(edges)}"/>' if edges else ""
     return (
         f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{html.escape(label, quote=True)}" '
-        f'preserveAspectRatio="none">{filled}<polyline class="curve" points="{path(curve)}"/>'
+        f'preserveAspectRatio="none">{filled}{drawn}'
         f'<g class="dots">{circles}</g></svg>'
     )

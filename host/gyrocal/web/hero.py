@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.present.bins import cells, plateaus
 from gyrocal.recording.session import Array
-from gyrocal.web import charts
 from gyrocal.web.against import Panel, panels
 from gyrocal.web.views import Picture
 
@@ -68,7 +68,7 @@ def left_now(shown: Picture, points: Points) -> list[float]:
 
 def of_each_run(shown: Picture, points: Points) -> list[tuple[float, float]]:
     """The mean of each run at each value of a variable that takes a few values only: value and mdps. Else empty."""
-    if shown.run is not None or len(shown.centres) >= charts.FEW:
+    if shown.run is not None or not shown.few:
         return []
     panel = next(p for p in panels() if p.name == shown.view)
     x, y, run = points[panel.key(shown.axis)], points[shown.axis], points["run"]
@@ -113,10 +113,9 @@ def _edges(x: Array, panel: Panel) -> Array:
     if panel.variable.period is not None:
         return np.linspace(0, panel.variable.period, BINS + 1)
     low, high = float(x.min()), float(x.max())
-    few = np.unique(np.round(x.astype(float), 6))
-    if few.size <= BINS // 4:  # as a rate that has a few values
-        middle = (few[1:] + few[:-1]) / 2
-        return np.concatenate([[low - 1e-6 * max(1.0, abs(low))], middle, [high + 1e-6 * max(1.0, abs(high))]])
+    few = plateaus(x)
+    if few is not None:
+        return few
     return np.linspace(low, high + 1e-6 * (high - low), BINS + 1)
 
 
@@ -135,6 +134,7 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     x, y = points[panel.key(axis)], points[axis]
     use = np.isfinite(x) & np.isfinite(y) & _of_run(points, run)
     x, y, s = (np.asarray(v[use], dtype=float) for v in (x, y, signal))
+    of_run = points["run"][use]
     if run is not None:  # the offset of a run is not the effect's
         y, s = y - y.mean(), s - s.mean()
     s = s + _moved(y - s, *(np.asarray(points[p.key(axis)][use], dtype=float) for p in panels() if p.name == "rate"))
@@ -146,9 +146,11 @@ def _drawn(axis: str, signal: Array, points: Points, panel: Panel, run: int | No
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(place, values, edges.size - 1)[kept] / count[kept])
 
-    scatter = np.bincount(place, (y - s - np.bincount(place, y - s, edges.size - 1)[place] / count[place]) ** 2, edges.size - 1)
-    se = np.sqrt(scatter[kept] / (count[kept] - 1) / count[kept])
-    columns = (edges, mean(x), 1e3 * mean(y), 1e3 * se, 1e3 * mean(s))
-    shown = Picture(panel.name, axis, panel.label, run, file, *(c.tolist() for c in columns))
+    se = cells(place, y - s, of_run, edges.size - 1).se[kept]
+    edges, centres, left, se, curve = (c.tolist() for c in (edges, mean(x), 1e3 * mean(y), 1e3 * se, 1e3 * mean(s)))
+    shown = Picture(
+        panel.name, axis, panel.label, run, file, edges, centres, left, se, curve,
+        few=plateaus(x) is not None, marks=dict(panel.variable.marks),
+    )  # fmt: skip
     each = [mean for _, mean in of_each_run(shown, points)]
     return replace(shown, reach=(min(each), max(each))) if each else shown

@@ -59,7 +59,7 @@ class HeroView:
 
         A first card without a picture, as a tone has none, leaves the place empty: another effect's would stand for it.
         """
-        diagnosis, step = self.bench.diagnosis, self.bench.step
+        diagnosis, step = self.bench.diagnosis, self.bench.latest
         cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
         card = self._chosen if self._chosen in cards else next(iter(cards), None)
         card = card if card is not None and card.picture is not None else None
@@ -71,7 +71,7 @@ class HeroView:
             assert self.bench.traces is not None
             flat = [0.0] * len(step.picture.centres)
             words = self._words(step.title, step.picture, _equation(self.bench.diagnosed, step.effect), added=True)
-            self._show(step.picture, left_now(step.picture, self.bench.traces.points), flat, words)
+            self._show(step.picture, left_now(step.picture, self.bench.traces.points), flat, words, added=True)
         elif card is not None:
             assert card.picture is not None
             hint = " (a hint, not enough to be sure)" if card.judged["decision"] == "suggest" else ""
@@ -82,7 +82,8 @@ class HeroView:
         """What stands above the picture, and goes with it where it is copied to."""
         fall, session = self.bench.fall(), self.bench.session
         assert session is not None
-        lines = [f"{title} on {shown.axis}", f"{session.sensor} · {equation}"]
+        state = ", in the model now" if added else ""
+        lines = [f"{title} on {shown.axis}{state}", f"{session.sensor} · {equation}"]
         where = "all recordings" if shown.run is None else f"{shown.file}, about its mean"
         if fall is not None:
             bar = fall.bars[-1]
@@ -91,9 +92,11 @@ class HeroView:
             lines.append(f"excess error{how} {figures} {fall.unit.name} rms, all axes")
         return [*lines, where]
 
-    def _show(self, shown: Picture, left: list[float], curve: list[float], words: list[str]) -> None:
+    def _show(
+        self, shown: Picture, left: list[float], curve: list[float], words: list[str], *, added: bool = False
+    ) -> None:  # fmt: skip
         each = [] if self.bench.traces is None else of_each_run(shown, self.bench.traces.points)
-        options: dict[str, Any] = charts.hero(self.tab.palette, shown, left, curve, words, each)
+        options: dict[str, Any] = charts.hero(self.tab.palette, shown, left, curve, words, each, added=added)
         self.image.props(f'aria-label="{charts.words(words)}"')
         fresh = "false" if shown == self._drawn else "true"
         self._drawn = shown

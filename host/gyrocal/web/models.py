@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,18 @@ class Recipe:
     """The parameter that was held at a value or freed, in words; empty for any other change."""
 
 
+def added(recipes: Iterable[Recipe]) -> list[str]:
+    """The titles of the effects that a sequence has added and not removed again."""
+    titles: dict[str, str] = {}
+    for recipe in recipes:
+        name = recipe.title if recipe.formula else recipe.effect
+        if recipe.removed:
+            titles.pop(name, None)
+        elif name and not recipe.held:
+            titles[name] = recipe.title
+    return list(titles.values())
+
+
 @dataclass(frozen=True)
 class Step:
     """A model of the sequence, compared with the session."""
@@ -59,10 +71,19 @@ class Step:
         return self.recipe.title
 
     @property
+    def adds(self) -> bool:
+        """True if an effect was added, and not removed, held or freed."""
+        return bool(self.effect) and not self.removed and not self.recipe.held
+
+    @property
+    def id(self) -> str:
+        """The id of its effect in the model."""
+        return self.view.effects[-1][0] if self.formula else self.effect
+
+    @property
     def axes(self) -> set[str]:
         """The axes on which the effect was added."""
-        id = self.view.effects[-1][0] if self.formula else self.effect
-        return {p["axis"] for p in self.view.compared["parameters"] if p["effect"] == id}
+        return {p["axis"] for p in self.view.compared["parameters"] if p["effect"] == self.id}
 
     @property
     def removed(self) -> bool:

@@ -11,7 +11,8 @@ import numpy as np
 
 from gyrocal.diagnosis import rate_unit
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
-from gyrocal.present.decimate import Pyramid, binned
+from gyrocal.present.bins import Binned, binned
+from gyrocal.present.decimate import Pyramid
 from gyrocal.variables.rate import Rate
 from gyrocal.web import charts
 from gyrocal.web.against import Panel, panels
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 
 STRETCHES = 700
 BINS = 48
-MOST_LINES = 40
+MOST_LINES = 100
+"""Recordings beyond this are not all drawn, as the legend then says."""
 FEW = 12
 """Curves with fewer points than this show each point."""
 SINGLE = 300
@@ -222,37 +224,35 @@ def folded(
 ) -> Options:
     """Means of the residual against a variable: a thin line for each recording, a thick line with twice its error for all."""
     points = points | {axis: by.drawn(points, axis) for axis in axes}
-    shown = runs[:: max(1, -(-len(runs) // MOST_LINES))] if len(runs) > 1 else []
     mine = np.isin(points["run"], runs)
-    found = {axis: binned(points[panel.key(axis)][mine], points[axis][mine], BINS) for axis in axes}
+    found = {axis: binned(points[panel.key(axis)][mine], points[axis][mine], BINS, points["run"][mine]) for axis in axes}
     unit = by.part or unit_of(float(v) for one in found.values() for v in one.mean)
+    shown = _spread_over(runs, MOST_LINES) if len(runs) > 1 else []
+    each = "each recording" if len(shown) == len(runs) else f"{len(shown)} of {len(runs)} recordings"
     xs, ys = [], []
     series: list[Options] = []
     for k, axis in enumerate(axes):
-        x, y = points[panel.key(axis)], points[axis] * unit.per_dps
-        ends = _ends(x[mine])
-        period = panel.variable.period
-        last: Options = {} if period is None else {"max": period, "min": 0, "interval": period / 8}
-        cx, cy, se = found[axis].centre, found[axis].mean * unit.per_dps, found[axis].se * unit.per_dps
+        one = found[axis]
+        x, mean, se = one.centre, one.mean * unit.per_dps, one.se * unit.per_dps
         label: Options = {"show": k == len(axes) - 1}
-        if cx.size and np.ptp(cx) > 0 and cx.size < charts.FEW:  # room beside a few values, as those of a face
-            space = 0.25 * float(np.ptp(cx))
-            last = {"min": float(cx[0]) - space, "max": float(cx[-1]) + space, **last}
+        place = _across(panel, one)
+        if "min" in place and panel.variable.period is None:
             label |= {"showMinLabel": False, "showMaxLabel": False}
-        xs.append(charts.axis(p, panel.label if label["show"] else "", gridIndex=k, nameGap=22, label=label, **last))
+        if panel.variable.marks:
+            label[":formatter"] = charts.named(panel.variable.marks)
+        xs.append(charts.axis(p, panel.label if label["show"] else "", gridIndex=k, nameGap=22, label=label, **place))
         ys.append(charts.axis(p, gridIndex=k))
+        ends = _ends(points[panel.key(axis)][mine])
         for i in shown:
-            one = points["run"] == i
-            own_x, own_y, *_ = binned(x[one], y[one], BINS, ends)
-            few = {"showSymbol": own_x.size < FEW, "symbolSize": 7}
-            style = {"opacity": 0.35}
-            series.append(charts.line("each recording", _broken(ends, own_x, own_y), p.axes[axis], on=k, style=style, **few))
-        few = {"showSymbol": cx.size < FEW, "symbolSize": 6}
-        series.append(charts.line("mean of all", _broken(ends, cx, cy), p.ink, on=k, style={"width": 2.2}, **few))
-        means = _rows(found[axis].low, found[axis].high, cy - 2 * se, cy + 2 * se)
-        series.append(charts.band(WITHIN, means, p.ink, 0.18, on=k))
+            there = np.isfinite(one.of_runs[i]) if i < len(one.of_runs) else np.zeros(x.size, dtype=bool)
+            few = {"showSymbol": int(there.sum()) < FEW, "symbolSize": 7, "lineStyle": {"opacity": 0.35}}
+            pairs = _broken(ends, x[there], one.of_runs[i][there] * unit.per_dps) if there.any() else []
+            series.append(charts.line(each, pairs, p.axes[axis], on=k, style={"opacity": 0.35}, **few))
+        few = {"showSymbol": x.size < FEW, "symbolSize": 6}
+        series.append(charts.line("mean of all", _broken(ends, x, mean, se), p.ink, on=k, style={"width": 2.2}, **few))
+        series.append(charts.band(WITHIN, _rows(one.low, one.high, mean - 2 * se, mean + 2 * se), p.ink, 0.18, on=k))
     entries = [charts.entry("mean of all", "line"), charts.entry(WITHIN, "band", 0.3)]
-    entries += [charts.entry("each recording", "line", 0.35)] if shown else []
+    entries += [charts.entry(each, "line", 0.35)] if shown else []
     grids = [charts.grid() for _ in axes]
     titles = [charts.title(p, f"{axis}: left over{by.words}, means, {unit.name}", 0) for axis in axes]
     return charts.base(
@@ -260,8 +260,25 @@ def folded(
         units=[unit.name for _ in axes],
         legend=charts.legend(p, entries, top=0), axisPointer={"link": [{"xAxisIndex": "all"}]},
         media=charts.fitting(_stacked(len(axes), 6) | {"legend": LEGEND}, _stacked(len(axes), 13) | {"legend": LEGEND_ALONE}),
-        tooltip=charts.tooltip(p, [unit.name], panel.variable.unit if panel.variable.unit != "up 1, down -1" else ""),
+        tooltip=charts.tooltip(p, [unit.name], panel.variable.unit, panel.variable.marks),
     )  # fmt: skip
+
+
+def _across(panel: Panel, found: Binned) -> Options:
+    """The ends and ticks of the horizontal axis, with room beside a few values, as those of a face."""
+    x, period = found.centre, panel.variable.period
+    if period is not None:
+        return {"max": period, "min": 0, "interval": period / 8}
+    if not x.size or np.ptp(x) == 0 or x.size >= charts.FEW:
+        return {}
+    space = 0.25 * float(np.ptp(x))
+    return {"min": float(x[0]) - space, "max": float(x[-1]) + space} | ({"interval": 1} if panel.variable.marks else {})
+
+
+def _spread_over(runs: Sequence[int], most: int) -> list[int]:
+    """At most so many runs, drawn at random but always the same, because faces and rates often alternate."""
+    drawn = np.random.default_rng(0).permutation(len(runs))[:most]
+    return [runs[k] for k in np.sort(drawn)]
 
 
 WITHIN = "twice the mean's error"
@@ -290,9 +307,12 @@ def _ends(x: Any) -> tuple[float, float]:
 
 
 
-def _broken(ends: tuple[float, float], centre: Any, mean: Any) -> list[Any]:
-    """A line through the means of bins between two ends, without strokes over stretches that hold no values."""
-    pairs = _pairs(centre, mean)
+def _broken(ends: tuple[float, float], *columns: Any) -> list[Any]:
+    """A line through the means of bins between two ends, without strokes over stretches that hold no values.
+
+    ``columns`` are the bins' centres, the means and, if they are known, their errors.
+    """
+    pairs = _pairs(*columns)
     apart = GAP * ((ends[1] - ends[0]) / BINS or 1.0)
     out: list[Any] = []
     for k, pair in enumerate(pairs):
@@ -366,6 +386,6 @@ def _zoom(grids: int) -> list[Options]:
     return [{"type": "inside", "xAxisIndex": list(range(grids)), "filterMode": "none"}]
 
 
-def _pairs(x: Any, y: Any) -> list[list[float]]:
-    columns = (np.asarray(v, float).round(9).tolist() for v in (x, y))
+def _pairs(*values: Any) -> list[list[float]]:
+    columns = (np.asarray(v, float).round(9).tolist() for v in values)
     return [list(pair) for pair in zip(*columns, strict=True)]

@@ -15,7 +15,8 @@ from gyrocal.diagnosis.rate_unit import part_unit
 from gyrocal.inference import heldout
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.noise.allan import allan_deviation, model_deviation
-from gyrocal.present.decimate import Pyramid, binned
+from gyrocal.present.bins import binned
+from gyrocal.present.decimate import Pyramid
 from gyrocal.present.spectra import Curve, against_frequency, against_order
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import variables

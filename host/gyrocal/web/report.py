@@ -132,4 +132,6 @@ def _commands(name: str, story: Sequence[Change]) -> list[str]:
 
 def _drawn(card: Card) -> str:
     assert card.signature is not None
-    return charts.signature_svg(card.signature.dots, card.signature.line, card.signature.title)
+    return charts.signature_svg(
+        card.signature.dots, card.signature.line, card.signature.title, few=card.signature.few
+    )

@@ -6,6 +6,7 @@ from functools import partial
 
 from nicegui import ui
 
+from gyrocal.web.models import added
 from gyrocal.web.state import Workbench
 from gyrocal.web.tables import plain
 
@@ -32,10 +33,9 @@ def side_by_side(bench: Workbench) -> None:
         return
     rows = []
     for name, view in views.items():
-        added = ", ".join(r.title for r in bench.models.of[name] if r.effect and not r.removed and not r.held) or "–"
-        if name == bench.models.current:
-            added = ", ".join(s.title for s in bench.steps if s.effect and not s.removed and not s.recipe.held) or "–"
+        current = name == bench.models.current
+        recipes = [step.recipe for step in bench.steps] if current else bench.models.of[name]
         figures = ["open it to see"] + [""] * 5 if view is None else [*view.rows[-1][1:], view.unit]
-        rows.append([name, added, *figures])
+        rows.append([name, ", ".join(added(recipes)) or "–", *figures])
     ui.html(plain(COLUMNS, rows), sanitize=False)
     ui.label("Each as gyrocal compare gives it, over its own noise floor.").classes("dim small")

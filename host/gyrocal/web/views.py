@@ -119,7 +119,8 @@ class Picture:
 
     ``left`` are the means [k] of the residual in the bins that ``edges`` [k + 1] bound, ``se`` their standard errors and
     ``curve`` the means of the fitted effect, mdps. ``run`` is the index of the only run that is shown, None for all runs.
-    ``reach`` are the lowest and the highest mean of a single run, mdps, if each is drawn beside those of all.
+    ``reach`` are the lowest and the highest mean of a single run, mdps, if each is drawn beside those of all. ``few`` is True
+    if the variable takes a few values, between which nothing was measured; ``marks`` are the words of values that have them.
     """
 
     view: str
@@ -133,6 +134,8 @@ class Picture:
     se: list[float]
     curve: list[float]
     reach: tuple[float, float] = (0.0, 0.0)
+    few: bool = False
+    marks: dict[float, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,7 @@ class Signature:
     title: str
     dots: list[tuple[float, float]]
     line: list[tuple[float, float]]
+    few: bool
 
 
 @dataclass(frozen=True)
@@ -169,7 +173,7 @@ class Card:
             return None
         where = "all recordings" if shown.run is None else shown.file
         dots, line = (list(zip(shown.centres, y, strict=True)) for y in (shown.left, shown.curve))
-        return Signature(f"against {shown.x_label.partition(',')[0]}, {where}", dots, line)
+        return Signature(f"against {shown.x_label.partition(',')[0]}, {where}", dots, line, shown.few)
 
 
 @dataclass(frozen=True)

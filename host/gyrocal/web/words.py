@@ -6,8 +6,9 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus
-from gyrocal.web.views import Card
+from gyrocal.web.views import Card, Holdable
 
 if TYPE_CHECKING:
     from gyrocal.web.state import Workbench
@@ -78,6 +79,29 @@ def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapp
         "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
         "cycles, and the excess is only what lies beyond it."
     )
+
+
+def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
+    """The sentence that a model which fits needs if the excess of an axis differs from zero; empty if none does.
+
+    ``per_axis`` is that of ``gyrocal compare --json``.
+    """
+    known = {a: (e["excess_dps"], e["excess_se_dps"]) for a, e in per_axis.items()}
+    beyond = [a for a, (e, se) in known.items() if e is not None and se is not None and e > POLICY.excess_errors * se]
+    if not beyond:
+        return ""
+    return (
+        f"The excess on {' and '.join(beyond)} differs from zero, but no test finds a shape in it. It counts as noise while "
+        f"it is below {POLICY.least_excess:.0%} of the noise floor within power cycles, or not certain there."
+    )
+
+
+def held_by_hand(holdable: Sequence[Holdable]) -> str:
+    """What a model that does not fit holds by hand; empty if nothing."""
+    held = [f"{p.name} of {p.title.lower()} on {p.axis} at {p.value:g} {p.unit}".rstrip() for p in holdable if p.held]
+    if not held:
+        return ""
+    return f"The model holds {'; '.join(held)}. The misfit may be that of this value: Free under Parameters fits it again."
 
 
 CALIBRATION_ERROR = (

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from gyrocal.present.report import BLOCKED
-from gyrocal.variables.base import variables
 from gyrocal.web import charts, warned
 from gyrocal.web.fall_chart import waterfall
+from gyrocal.web.formula_card import formula_card
 from gyrocal.web.held import parameters
 from gyrocal.web.hero_view import HeroView
 from gyrocal.web.models import Step
@@ -21,7 +21,7 @@ from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.state import Topic
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, DiagnosisView, Picture
-from gyrocal.web.words import CALIBRATION_ERROR, evidence, no_picture, not_yet, symbols
+from gyrocal.web.words import CALIBRATION_ERROR, evidence, held_by_hand, no_picture, not_yet, small_excess, symbols
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -87,7 +87,7 @@ class DiagnosePanel:
                 return
             self._sentence(found)
             if found.verdict == "unknown":
-                self._unknown(found)
+                self.acts += formula_card(self.bench, found)
             shown = [c for c in found.cards if c.judged["decision"] in ("add", "suggest")]
             for card in shown:
                 self._card(card)
@@ -104,6 +104,10 @@ class DiagnosePanel:
             ui.label(verdict if judged else BLOCKED).classes("big")
             if fall is not None and fall.sentence:
                 ui.label(fall.sentence)
+            if fits:
+                self._small()
+            else:
+                self._held()
             if self._in_doubt():
                 ui.label(f"Not proven: {', '.join(self._in_doubt())}.").classes("worry")
             with ui.row().style("margin-top: 8px"):
@@ -122,11 +126,27 @@ class DiagnosePanel:
         tone = {"adequate": "good"}.get(found.verdict, "bad")
         with ui.element("div").classes(f"face verdict {tone}").style("flex: none"):
             ui.label(found.sentence).classes("big").style("font-size: 16px")
+            if found.verdict != "adequate":
+                self._held()
+
+    def _small(self) -> None:
+        """Why an excess that differs from zero is no misfit."""
+        assert self.bench.step is not None
+        text = small_excess(self.bench.step.view.compared["per_axis"])
+        if text:
+            ui.label(text).classes("small")
+
+    def _held(self) -> None:
+        """The parameters that were held by hand, which may be what does not fit."""
+        assert self.bench.step is not None
+        text = held_by_hand(self.bench.step.view.holdable)
+        if text:
+            ui.label(text).classes("worry")
 
     def _added(self) -> None:
         """The candidate that was added last, as the diagnosis found it."""
-        step, found = self.bench.step, self.bench.diagnosed
-        if step is None or step.removed or not step.effect or step.recipe.held:
+        step, found = self.bench.latest, self.bench.diagnosed
+        if step is None:
             return
         cards = [] if found is None else found.cards
         cards = [c for c in cards if c.judged["effect"] == step.effect and c.judged["decision"] in ("add", "suggest")]
@@ -147,7 +167,7 @@ class DiagnosePanel:
             if step.removed:
                 out.pop(step.effect, None)
             elif step.effect:
-                out[step.view.effects[-1][0] if step.formula else step.effect] = (step.title, step.recipe.doubts)
+                out[step.id] = (step.title, step.recipe.doubts)
         return out
 
     def _card(self, card: Card, *, added: bool = False) -> None:
@@ -192,7 +212,8 @@ class DiagnosePanel:
         with ui.element("div").style("flex: none"):
             button = ui.element("button").classes("thumbnail").props(f'type="button" aria-label="{words}, in full"')
             with button.on("click", lambda: self.hero.choose(card)):
-                ui.html(charts.signature_svg(card.signature.dots, card.signature.line, words, band), sanitize=False)
+                small = charts.signature_svg(card.signature.dots, card.signature.line, words, band, few=card.signature.few)
+                ui.html(small, sanitize=False)
             ui.label(f"left over (dots) and effect (line) {card.signature.title}").classes("dim small").style(
                 "max-width: 220px; font-size: 11px"
             )
@@ -215,42 +236,6 @@ class DiagnosePanel:
                 ui.label(f"With it, the excess error went from {before} to {after} {fall.unit.name}.")
             if step.formula:
                 ui.label(step.formula.removeprefix(f"{step.title}: ")).classes("equation")
-
-    def _unknown(self, found: DiagnosisView) -> None:
-        u = found.unknown
-        assert u is not None
-        with ui.element("article").classes("card add"):
-            with ui.element("div").classes("head"):
-                ui.html("<h2>A misfit that no effect of the library explains</h2>", sanitize=False)
-                ui.label(f"on {u['axis']}").classes(f"axis-{u['axis']}")
-            with ui.element("dl").classes("evidence").style("margin: 0"):
-                for name, text in (
-                    ("it shows against", variables()[u["against"]].quantity),
-                    ("shape", u["shape"]),
-                ):
-                    ui.html(f"<dt>{name}</dt>", sanitize=False)
-                    ui.html(f"<dd>{html.escape(text)}</dd>", sanitize=False)
-            with ui.row().classes("tight"):
-                called = ui.input("name", value="custom").props("outlined dense").style("width: 130px")
-                keep = ui.button(
-                    "Find a formula and keep it", icon="functions", on_click=lambda: self.bench.keep(called.value), color=None
-                )
-                keep.props("unelevated no-caps").classes("primary")
-                self.acts.append(keep)
-            ui.label("or, if you can guess its form, write it down:").classes("small dim")
-            with ui.row().classes("tight").style("width: 100%; flex-wrap: nowrap"):
-                formula = ui.input(placeholder="mine: k*rate**2").props('outlined dense aria-label="formula"').classes("grow")
-                attempt = ui.button("Try and add", on_click=lambda: self._try(formula.value), color=None)
-                self.acts.append(attempt.props("outline no-caps"))
-            ui.label(
-                "Names: rate (true rate), t (time in the run), power_on_s, temp_c, theta (table angle), ax, ay, az. "
-                "Whatever else is a parameter to be fitted."
-            ).classes("small dim")
-
-    async def _try(self, text: str) -> None:
-        if text and text.strip():
-            name = text.partition(":")[0].strip() if ":" in text else "formula"
-            await self.bench.add(text.strip(), name, text.strip())
 
     def _rest(self, found: DiagnosisView) -> None:
         looked = [c for c in found.cards if c.judged["decision"] == "reject"]
