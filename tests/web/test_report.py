@@ -9,6 +9,7 @@ import json
 import re
 import shlex
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as NS
 from typing import Any, cast
@@ -16,14 +17,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from gyrocal.api import Model, fit
+from gyrocal.api import Model, compare, fit
 from gyrocal.cli import main
+from gyrocal.effects.base import effects
+from gyrocal.present import pictures
 from gyrocal.present.output import plus_minus
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web import charts
+from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.models import Recipe, Step
 from gyrocal.web.report import correlated
 from gyrocal.web.state import Workbench
 from gyrocal.web.told import story
+from gyrocal.web.views import Picture
 from make_runs import make_run, make_session
 
 from .loop import finish
@@ -91,7 +97,7 @@ def test_a_model_that_fits_lacks_nothing_and_keeps_the_evidence(reports: tuple[s
         assert contradiction not in told
     assert "Added: Ripple of the table's speed on z" in told
     assert "of the squared excess error on z" in told
-    assert reports[1].count('class="signature"') == 1
+    assert reports[1].count('<img alt="Ripple of the table&#39;s speed on z, ') == 1
 
 
 def test_it_has_both_spectra(reports: tuple[str, str]) -> None:
@@ -107,8 +113,34 @@ def test_correlated_parameters_are_listed_by_name() -> None:
     found = fit(make_session(*runs), Model.open("paper"), axes="z")
     expected = -np.mean(rates) / np.sqrt(np.mean(np.square(rates)))
     ((axis, *names, correlation),) = correlated(found, "z")
-    assert (axis, set(names)) == ("z", {"scale scale", "bias bias_dps"})
+    assert (axis, set(names)) == ("z", {"scale.scale", "bias.bias_dps"})
     assert float(correlation) == pytest.approx(expected, abs=0.005)
+
+
+def test_the_picture_of_an_effect_has_the_pages_words_and_every_number_a_unit() -> None:
+    edges, centres, left, curve = [-2.0, 0.0, 2.0], [-1.0, 1.0], [5.0, -4.0], [4.0, -4.0]
+    shown = Picture("rate", "z", "true rate, dps", None, "", edges, centres, left, [1.0, 1.0], curve)
+    for few in (False, True):
+        (axes,) = effect_figure(replace(shown, few=few)).axes
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("true rate, dps", "mdps")
+        drawn = charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["z"])
+        on_page = {entry["name"] for entry in drawn["legend"]["data"]}
+        assert {text.get_text() for text in axes.get_legend().get_texts()} == on_page
+        (dots,) = (line for line in axes.lines if line.get_label() == charts.LEFT)
+        assert dots.get_xydata().tolist() == [[-1.0, 5.0], [1.0, -4.0]]
+    large = replace(shown, left=[5000.0, -4000.0], marks={-1.0: "down", 1.0: "up"})
+    (axes,) = effect_figure(large).axes
+    assert axes.get_ylabel() == "dps"
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["down", "up"]
+
+
+def test_no_two_figures_have_one_title(reports: tuple[str, str]) -> None:
+    for report in reports:
+        titles = re.findall(r'<img alt="([^"]*)"', report)
+        assert len(titles) == len(set(titles))
+    session, _ = simulate(None, "paper", [], 3, scenarios=2, seconds=20)
+    drawn = [figure.axes[0].get_title().split("\n")[0] for _, figure in pictures.of_spectra(compare(session)).values()]
+    assert len(drawn) == len(set(drawn)) == 2
 
 
 def test_it_lists_correlations_or_says_that_there_are_none(reports: tuple[str, str]) -> None:
@@ -133,10 +165,13 @@ def test_its_commands_repeat_it(reports: tuple[str, str], folder: Path) -> None:
     with contextlib.chdir(folder), contextlib.redirect_stdout(out):
         assert main([*commands[2][1:], "--json"]) == 0
     added = json.loads(out.getvalue())
+    units = {p.name: p.unit for effect in effects().values() for p in effect.parameters}
     for parameter in added["after"]["parameters"]:
         if parameter["se"]:
-            value, error = plus_minus(parameter["value"], parameter["se"]).split(" ± ")
-            assert f"<td>{value}</td><td>{error}</td>" in reports[1]
+            percent = units.get(parameter["name"].removesuffix("_sd"), "").startswith("fraction")
+            factor = 100 if percent else 1
+            value, error = plus_minus(factor * parameter["value"], factor * parameter["se"]).split(" ± ")
+            assert f'<td>{value}</td><td>{error}</td><td class="text">{"%" if percent else ""}' in reports[1]
     assert (folder / "model.toml").read_text() in html.unescape(reports[1])
 
 

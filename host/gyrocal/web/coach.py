@@ -10,7 +10,7 @@ from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
 from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
-from gyrocal.web.tables import number, plain
+from gyrocal.present.tables import number, plain
 from gyrocal.web.words import METHODS, method
 
 if TYPE_CHECKING:

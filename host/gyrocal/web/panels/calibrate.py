@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
-from gyrocal.present.taken import cell
-from gyrocal.web import scatter
+from gyrocal.present.tables import number, plain
+from gyrocal.web import answers, scatter
 from gyrocal.web.state import Topic
-from gyrocal.web.tables import number, plain
 from gyrocal.web.tools import named, tools
 from gyrocal.web.training import Training, missing
-from gyrocal.web.words import method, not_yet
+from gyrocal.web.words import not_yet
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
@@ -244,21 +243,9 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("power cycle:", "axis:", "method:", "recordings:", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
-"""With the bias's unit to be put in."""
-
-
 def _table(estimates: list[dict[str, Any]]) -> str:
-    unit = unit_of(e["bias_dps"] for e in estimates)
-    rows = [
-        [
-            e["scenario"], e["axis"], method(e["method"]), cell(e["taken"]), *percent(e["scale"], e["scale_se"]),
-            *unit.pair(e["bias_dps"], e["bias_se_dps"]),
-            number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
-        ]
-        for e in estimates
-    ]  # fmt: skip
-    return plain([name.format(unit.name) for name in COLUMNS], rows, [not e["trusted"] for e in estimates])
+    columns = answers.columns(unit_of(e["bias_dps"] for e in estimates))
+    return plain(columns, answers.rows(estimates), [not e["trusted"] for e in estimates])
 
 
 def _errors(errors: list[dict[str, Any]]) -> str:
