@@ -40,7 +40,7 @@ def report(parameters: int, findings: int) -> str:
     return page.render(
         "present/report.html", "session", "It does not fit.", False, (), model="default", held_out="day", levels=[],
         level_columns=("axis:",), where=where, where_columns=WHERE, pictures=[], parameters=rows, parameter_columns=PARAMETERS,
-        moved=[], note="",
+        moved=[], note="", judged_by="",
     )  # fmt: skip
 
 

@@ -8,6 +8,9 @@ import io
 import json
 import re
 import shlex
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from gyrocal.api import Model, compare, fit
+from gyrocal.api import Model, Session, compare, fit
 from gyrocal.cli import main
 from gyrocal.effects.base import effects
 from gyrocal.present import pictures
@@ -26,9 +29,9 @@ from gyrocal.simulation.simulate import simulate
 from gyrocal.web import charts
 from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.models import Recipe, Step
-from gyrocal.web.report import correlated
+from gyrocal.web.report import correlated, page
 from gyrocal.web.state import Workbench
-from gyrocal.web.told import story
+from gyrocal.web.told import Change, story
 from gyrocal.web.views import Picture
 from make_runs import make_run, make_session
 
@@ -76,6 +79,51 @@ def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> Non
     before = Step(Recipe("[before]"), cast(Any, NS()))
     changes = story([before, after], cast(Any, {"[before]": NS(cards=cards)}))
     assert [c.judged["axis"] for c in changes[0].cards] == ["y", "x"]
+
+
+def test_an_effect_whose_evidence_was_not_kept_has_its_axes_and_its_doubt(folder: Path) -> None:
+    """A session that is opened again knows what was added and what speaks against it, and not the cards of before."""
+    added = Change("drift", "Drift", False, "", ("not proven by these runs",), (), axes=("x", "z"))
+    removed = Change("drift", "Drift", True, "", (), ())
+    found = compare(Session.open(folder / "hidden"), Model.open("paper"))
+    told = words(page("hidden", found, None, [added], None, None))
+    assert "Not proven: Drift." in told
+    assert "Added: Drift on x, z" in told
+    assert "The evidence was not kept" in told
+    assert "In doubt: not proven by these runs." in told
+    assert "Not proven" not in words(page("hidden", found, None, [added, removed], None, None))
+
+
+def test_the_commands_leave_out_the_runs_that_were_left_out(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = Session.open(folder / "hidden")
+    left_out = [session.runs[1].file]
+    kept = compare(session.with_runs([run for run in session.runs if run.file not in left_out]), Model.open("paper"))
+    text = page("hidden", kept, None, [], None, None, left_out)
+    block = re.search(r'<pre class="commands">(.*?)</pre>', text, flags=re.DOTALL)
+    assert block is not None
+    copied, compared, *_ = (shlex.split(line) for line in html.unescape(block[1]).splitlines())
+    shutil.copytree(folder / "hidden", tmp_path / "hidden")
+    monkeypatch.chdir(tmp_path)
+    subprocess.run([sys.executable, *copied[1:]], check=True)
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        assert main([*compared[1:], "--model", "paper", "--json"]) == 0
+    assert json.loads(out.getvalue())["rms_dps"] == pytest.approx(kept.to_json()["rms_dps"], rel=1e-9)
+
+
+def test_a_session_judged_by_angle_has_its_levels_in_degrees() -> None:
+    t_s = np.arange(400) / 100
+    noise = np.random.default_rng(4).normal(0, 0.05, (400, 3))
+    turns = [(noise + np.array([0, 0, w]), {"turn_deg": 4.0 * w}) for w in (90.0, -90.0, 90.0)]
+    rests = [(noise, {"table_rate_dps": 0.0})] * 3
+    found = compare(make_session(*(make_run(t_s, y, **known) for y, known in (*turns, *rests))))
+    assert found.angles is not None
+    told = words(page("turned", found, None, [], None, None))
+    assert "Net angles of the runs, by which this session is judged" in told
+    assert "floor deg" in told
+    assert "floor mdps" not in told
 
 
 def words(text: str) -> str:

@@ -42,6 +42,16 @@ def test_biases_within_their_errors_are_not_said_to_scatter() -> None:
     assert "the scale scatters by 0 % about 1.000 %, own error 0.010 %." in told[0]
 
 
+def test_an_answer_that_is_not_trusted_does_not_enter_what_they_say_together() -> None:
+    """One power cycle whose faces were exchanged: its scale of -202 % moves neither the mean nor the scatter."""
+    sound = estimates([-4.0, 0.0, 1.0, 3.0], 2.0)
+    wrong = [{**e, "scale": -2.02, "scenario": "s009"} for e in estimates([5000.0], 2.0, ("direction",))]
+    alone, both = (sentences(found, "z") for found in (sound, [*sound[:2], *wrong, *sound[2:]]))
+    assert alone[0].replace("4 power cycles", "4 trusted power cycles") == both[0]
+    assert "1 of 5 answers is not trusted" in both[-1]
+    assert "No answer is trusted" in sentences(wrong, "z")[-1]
+
+
 def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
     found = [*estimates([-1.0, 0.0, 1.0], 2.0), *estimates([5.0], 2.0, ("misfit", "missed"))]
     assert "1 of 4 answers is not trusted" in sentences(found, "z")[-1]

@@ -82,8 +82,17 @@ def level_rows(c: Comparison) -> list[list[str]]:
     ]
 
 
+def judged_by(c: Comparison) -> str:
+    """The title of the levels of a session that is judged by angle; empty for one that is judged by rate."""
+    if c.angles is None:
+        return ""
+    return "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
+
+
 def level_columns(c: Comparison) -> list[str]:
-    """The columns of :func:`level_rows`."""
+    """The columns of :func:`judged_rows`."""
+    if c.angles is not None:
+        return ANGLES
     return ["axis:", *(f"{of} {level_unit(c).name}" for of in ("rms", "floor", "excess", "±", "within cycles"))]
 
 
@@ -108,16 +117,19 @@ def angle_row(name: str, v: angles.Level) -> list[str]:
     return [name, *(deg(x, v.excess_se_deg) for x in (v.rms_deg, v.floor_deg, v.excess_deg, v.excess_se_deg))]
 
 
+def judged_rows(c: Comparison) -> list[list[str]]:
+    """The levels by which the comparison is judged, as :func:`level_rows` or in deg; the last row is all axes."""
+    if c.angles is None:
+        return level_rows(c)
+    names, everything = axis_names(c)
+    found = c.angles
+    return [*(angle_row(names[axis], found.level(axis)) for axis in c.per_axis), angle_row(everything, found.level())]
+
+
 def print_comparison(c: Comparison) -> None:
     """Print the levels, findings and parameters of a comparison."""
     print_warnings(c.warnings)
-    if c.angles is None:
-        table("", level_columns(c), level_rows(c))
-    else:
-        names, everything = axis_names(c)
-        levels = [angle_row(names[axis], c.angles.level(axis)) for axis in c.per_axis]
-        title = "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
-        table(title, ANGLES, [*levels, angle_row(everything, c.angles.level())])
+    table(judged_by(c), level_columns(c), judged_rows(c))
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     print_note(reference_words(c))
     print_note(stand_in_words(c))
@@ -303,7 +315,8 @@ def write_page(path: Path, c: Comparison) -> None:
     drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
-        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), level_columns=level_columns(c),
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=judged_rows(c), level_columns=level_columns(c),
+        judged_by=judged_by(c),
         where=where_rows(c), where_columns=WHERE, pictures=drawn, parameters=parameter_rows(c), parameter_columns=PARAMETERS,
         moved=moved_rows(c.moved or ()), moved_columns=MOVED, note=c.note,
     )  # fmt: skip

@@ -14,12 +14,12 @@ from gyrocal.effects import base
 from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
-from gyrocal.present.report import PARAMETERS, WHERE, headline, level_columns, level_rows, parameter, where_rows
+from gyrocal.present.report import PARAMETERS, WHERE, headline, judged_by, judged_rows, level_columns, parameter, where_rows
 from gyrocal.web import answers, charts, scatter
 from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
-from gyrocal.web.told import Change
+from gyrocal.web.told import Change, in_doubt
 from gyrocal.web.views import CalibrationView, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
 
@@ -48,16 +48,16 @@ def page(
     open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
-        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), level_columns=level_columns(found),
+        facts=_facts(session, left_out), held_out=found.held_out, levels=judged_rows(found), level_columns=level_columns(found),
         where=where_rows(found), where_columns=WHERE, pictures=drawn, bars=bars,
         top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall, story=story, missing=open_cards,
         missing_said="" if diagnosis is None else diagnosis.sentence,
         adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]), parameter_columns=PARAMETERS,
         correlations=[row for axis in found.fit.axes for row in correlated(found.fit, axis)],
-        toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story),
+        toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story, left_out),
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
         meanings=[] if calibration is None else scatter.meanings(calibration.estimates),
-        evidence=evidence, unseen=unseen, columns=columns,
+        evidence=evidence, unseen=unseen, columns=columns, judged_by=judged_by(found), doubted=in_doubt(story),
         drawn=lambda shown: pictures.png_data(effect_figure(shown)), **_answers(calibration),
     )  # fmt: skip
 
@@ -135,10 +135,16 @@ def correlated(fitted: Fit, axis: str) -> list[list[str]]:
     return [[axis, names[j], names[i], f"{of[i, j]:+.2f}"] for j, i in pairs]
 
 
-def _commands(name: str, story: Sequence[Change]) -> list[str]:
-    """The command lines that repeat what the report shows."""
-    session = shlex.quote(name)
-    first = [f"gyrocal compare {session}", f"gyrocal diagnose {session}"]
+def _commands(name: str, story: Sequence[Change], left_out: Sequence[str]) -> list[str]:
+    """The command lines that repeat what the report shows, without the files of the runs that are left out."""
+    shown = f"{name}-shown" if left_out else name
+    session = shlex.quote(shown)
+    without = (
+        f"from gyrocal.api import Session; s = Session.open({name!r}); "
+        f"s.with_runs([r for r in s.runs if r.file not in {sorted(left_out)!r}]).save({shown!r})"
+    )
+    copied = [f"python -c {shlex.quote(without)}"] if left_out else []
+    first = [*copied, f"gyrocal compare {session}", f"gyrocal diagnose {session}"]
     if not story:
         return [*first, f"gyrocal calibrate {session} --model default"]
     changes = [change.command(session) for change in story]

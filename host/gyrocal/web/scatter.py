@@ -58,20 +58,22 @@ def longest(found: Sequence[Estimate], axis: str) -> dict[str, list[Estimate]]:
 
 
 def sentences(found: Sequence[Estimate], axis: str) -> list[str]:
-    """What the answers from the longest time say together, and how many are not trusted."""
-    by = longest(found, axis)
+    """What the answers from the longest time that are trusted, if any, say together, and how many are not trusted."""
+    every = longest(found, axis)
+    by = {method: trusted for method, answers in every.items() if (trusted := [e for e in answers if e["trusted"]])} or every
     told = []
     if by:
         method, answers = next(iter(by.items()))
+        which = "" if len(answers) == len(every[method]) else "trusted "
         unit = unit_of(e["bias_dps"] for e in answers)
         bias = Scatter.of(answers, "bias_dps", "bias_se_dps", 1.0)
         scale = Scatter.of(answers, "scale", "scale_se", 1e2)
         head = f"Axis {axis}, by {METHODS[method]}"
         if bias is not None and scale is not None:
             told.append(
-                f"{head} from {each(e['taken'] for e in answers)}, in each of {bias.cycles} power cycles: the bias scatters by "
-                f"{rate_text(bias.sd)} about {unit.text(bias.mean, 1, bias.error)} {unit.name}, each answer's own error is "
-                f"{rate_text(bias.error)}; the scale scatters by {rounded(scale.sd, scale.sd, 0)} % about "
+                f"{head} from {each(e['taken'] for e in answers)}, in each of {bias.cycles} {which}power cycles: the bias "
+                f"scatters by {rate_text(bias.sd)} about {unit.text(bias.mean, 1, bias.error)} {unit.name}, each answer's own "
+                f"error is {rate_text(bias.error)}; the scale scatters by {rounded(scale.sd, scale.sd, 0)} % about "
                 f"{rounded(scale.mean, scale.error, 4)} %, own error {rounded(scale.error, scale.error, 4)} %."
             )
             parts = [name for name, one in (("bias", bias), ("scale", scale)) if one.beyond]
