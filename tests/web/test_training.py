@@ -99,6 +99,7 @@ def test_a_training_is_under_way_until_its_network_was_checked(tmp_path: Path, m
             return {"ok": True}
 
         monkeypatch.setattr(bench.jobs, "run", check)
+        bench.steps = [step]
         try:
             await bench.train("network", "z", 1)
             assert bench.training is None
@@ -106,8 +107,7 @@ def test_a_training_is_under_way_until_its_network_was_checked(tmp_path: Path, m
         finally:
             bench.close()
 
-    step = SimpleNamespace(view=SimpleNamespace(toml="name = 'x'\n"))
-    monkeypatch.setattr(Workbench, "step", property(lambda self: step))
+    step: Any = SimpleNamespace(view=SimpleNamespace(toml="name = 'x'\n"))
     monkeypatch.setattr(Training, "run", trained)
     finish(story())
     assert seen == [True]
