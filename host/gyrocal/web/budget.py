@@ -80,4 +80,5 @@ def _row(line: Line, most: float, scale: str, bias: str) -> str:
     outside = "" if line.in_se else " (a bound, not in the standard error)"
     advice = "" if negligible(scale) and negligible(bias) else f"<div class='dim small'>{html.escape(line.advice)}</div>"
     source = html.escape(line.source + outside) + advice
-    return f"<tr><td class=text>{source}</td><td>{html.escape(scale)}</td><td>{bar}</td><td>{html.escape(bias)}</td></tr>"
+    scale, bias = (html.escape(told).replace(" ", "&nbsp;") for told in (scale, bias))
+    return f"<tr><td class=text>{source}</td><td>{scale}</td><td>{bar}</td><td>{bias}</td></tr>"

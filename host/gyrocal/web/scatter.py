@@ -158,7 +158,7 @@ def options(p: Palette, found: Sequence[Estimate], axis: str) -> Options:
         grid=charts.grid(left=58, right=12, bottom=24),
         media=charts.fitting(
             {"title": {"text": f"{head}; {key}"}, "legend": {"top": 20}, "grid": {"top": 46}},
-            {"title": {"text": f"{head};\n{key}"}, "legend": {"top": 36}, "grid": {"top": 62}},
+            {"title": {"text": f"{head};\n{key}", "textStyle": {"lineHeight": 15}}, "legend": {"top": 36}, "grid": {"top": 62}},
         ),
         xAxis=charts.axis(p, kind="category", data=cycles, axisTick={"show": False}),
         yAxis=charts.axis(p, label=label, min=min(ends) - space, max=max(ends) + space),
