@@ -16,6 +16,7 @@ from gyrocal.diagnosis.drawn import described, drawn_power
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.recording.session import Session
+from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.shapes import Steps
 from make_runs import Array, make_run, make_session
 
@@ -389,3 +390,12 @@ def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> No
     of_rate = float(drawn[inside] @ rate_dps[inside] / (rate_dps[inside] @ rate_dps[inside]))
     whole = float(drawn.ravel() @ rate_dps.ravel() / np.sum(rate_dps**2))
     assert number(first.note, rf"most, {NUMBER}% of the rate") == pytest.approx(100 * (of_rate - whole), rel=WITHIN)
+
+
+@pytest.mark.parametrize("seed", [31, 32])
+def test_a_ramp_of_the_temperature_in_each_run_is_no_start_up_transient(seed: int) -> None:
+    """It was told as a transient of 11 mdps of another size in each run, before or without 139 mdps against the temperature."""
+    session, _ = simulate(None, "bench", ["bias_temperature"], seed)
+    found = measure(session)
+    assert {f.axis for f in found.where} == set("xyz")
+    assert {f.against for f in found.where} == {"temperature"}

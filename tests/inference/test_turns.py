@@ -137,3 +137,22 @@ def test_what_turns_leak_into_other_axes_does_not_pull_the_bias_that_rests_tell(
     told = {t.axis: t for t in compare(make_session(*runs)).fit.model.terms if t.effect_id == "bias"}
     for axis, truth_dps in zip("xyz", bias_dps, strict=True):
         assert abs(told[axis].values["bias_dps"] - truth_dps) < 4 * told[axis].se["bias_dps"] < 0.02
+
+
+@pytest.mark.parametrize("cycles", [1, 3])
+def test_turns_of_known_angle_need_no_rest_beside_them(cycles: int) -> None:
+    """A session of such turns alone ended in a division by zero, because no block has a neighbour."""
+    rng = np.random.default_rng(cycles)
+    turning = (T_S >= 2) & (T_S < 10)
+    runs = []
+    for i in range(4 * cycles):
+        turn_deg = TURN_DEG * (-1) ** i
+        gyro = rng.normal(BIAS_DPS, 0.05, (T_S.size, 3))
+        gyro[:, 2] += (1 + SCALE) * np.where(turning, turn_deg / (np.count_nonzero(turning) / 100), 0.0)
+        runs.append(make_run(T_S, gyro, turn_deg=turn_deg, scenario=f"s{i // 4}"))
+    session = make_session(*runs)
+    assert compare(session).verdict == "adequate"
+    assert diagnose(session).verdict == "adequate"
+    scale, scale_se, bias, bias_se = found(session)
+    assert abs(scale - SCALE) < 3 * scale_se < 3e-3
+    assert abs(bias - BIAS_DPS) < 3 * bias_se < 0.1

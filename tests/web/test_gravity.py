@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import polars as pl
 import pytest
 
 from gyrocal.cli import main
@@ -73,3 +75,35 @@ def test_rests_and_comparison_are_those_of_the_command_line(
     assert page.locator(".figure b").all_inner_texts()[0] == UNKNOWN
     page.locator(".per-axis").evaluate("e => { e.textContent = 'x 333.88 ± 13.06 · '.repeat(4); }")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_a_session_of_turns_of_known_angle_is_shown_whole(
+    serve: Callable[..., Any], look: Callable[..., Any], chromium: Any, tmp_path: Path
+) -> None:
+    """The page ended after the findings: figures, strip and chart of a session that is judged by angle were absent."""
+    rng = np.random.default_rng(5)
+    t_s = np.arange(600) / 100
+    (tmp_path / "turns").mkdir()
+    runs = []
+    for i in range(24):
+        axis, turn_deg = "zx"[i // 2 % 2], 90.0 * (1 if i % 2 else -1)
+        rate_dps = 1.01 * turn_deg / 4.0 * ((t_s >= 1) & (t_s < 5)) + 0.3
+        part = {"x": float(axis == "x"), "y": 0.0, "z": 1.0 if axis == "z" else 0.05}  # z sees a part of turns about x
+        table = {f"g{a}_dps": rng.normal(0, 0.05, t_s.size) + part[a] * rate_dps for a in "xyz"}
+        pl.DataFrame({"t_s": t_s} | table).write_csv(tmp_path / "turns" / f"{i:02d}.csv")
+        known = f'scenario = "s{i // 8}", face = "up", axis = "{axis}", turn_deg = {turn_deg}'
+        runs.append(f'    {{ file = "{i:02d}.csv", {known} }},')
+    head = 'format = "gyrocal-session/1"\naxis = "z"\nsample_rate_hz = 100.0\nrun = [\n'
+    (tmp_path / "turns" / "session.toml").write_text(head + "\n".join(runs) + "\n]\n")
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        main(["compare", str(tmp_path / "turns"), "--json"])
+    compared = json.loads(out.getvalue())
+    assert compared["residual"] == "angle"
+    assert compared["where"], "without a finding the fault does not show"
+    page = look(serve(tmp_path, "turns").url)
+    page.locator(".figure b").first.wait_for()
+    told = plus_minus(compared["rms_deg"], compared["excess_se_deg"]).split(" ± ")[0]
+    assert page.locator(".figure b").first.inner_text() == told
+    assert page.locator(".cells .cell").count() == 24
+    page.locator("[role=img] canvas").first.wait_for()

@@ -10,6 +10,7 @@ import pytest
 from gyrocal.api import Model, Session, compare
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.effects.bias_jumps import BiasJumps
+from gyrocal.effects.g_sensitivity import GSensitivity
 from gyrocal.inference.heldout import fitted
 from gyrocal.simulation.simulate import simulate
 from gyrocal.variables.shapes import Transient
@@ -202,3 +203,21 @@ def test_what_is_no_number_has_words(name: str, words: list[str]) -> None:
         assert all(f'"{word}"' in script for word in words)
         assert "±1" not in script
     assert "±" not in drawn["xAxis"][0]["name"]
+
+
+def test_an_effect_is_drawn_against_a_variable_of_its_equation() -> None:
+    """Each power cycle had its face-up run first, so that the sensitivity to gravity was a step in the time since power-on."""
+    of = points(4000)
+    up = np.arange(4000) < 2000
+    since_s = np.linspace(0.0, 60.0, 4000)
+    of |= {"acceleration_z": np.where(up, 1.0, -1.0), "power_on_time": since_s, "temperature": np.ones(4000)}
+    signal = 0.02 * of["acceleration_z"]
+    of["z"] = signal
+    free, named = (picture("z", signal, of, {}, equation=e) for e in ("", GSensitivity.equation))
+    assert free is not None
+    assert named is not None
+    assert free.view != "acceleration_z"
+    assert named.view == "acceleration_z"
+    other = picture("z", 0.02 * np.sin(2 * np.pi * since_s / 15), of, {}, equation=GSensitivity.equation)
+    assert other is not None
+    assert other.view == "power_on_time"  # what is no function of its own variable here is drawn as before

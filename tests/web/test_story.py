@@ -16,6 +16,7 @@ import pytest
 from gyrocal.cli import main
 from gyrocal.present.output import mdps, plus_minus
 from gyrocal.simulation.simulate import simulate
+from gyrocal.units import percentage
 from gyrocal.web import charts
 from gyrocal.web.words import method
 
@@ -100,7 +101,7 @@ def test_the_story(served: Any, folder: Path, look: Callable[..., Any]) -> None:
     assert page.get_by_text(f"The excess error within power cycles went from {before} to {after} mdps.").is_visible()
     in_all = " → ".join(mdps(added[name]["excess_dps"], 2) for name in ("before", "after"))
     floor = mdps(added["after"]["floor_dps"], 2)
-    told = f"With each power cycle's own offset and scale: {in_all} mdps over a floor of {floor} mdps."
+    told = f"With what differs between power cycles, offset and scale: {in_all} mdps over a floor of {floor} mdps."
     assert page.get_by_text(told).is_visible()
     part = 1 - (added["after"]["excess_within_dps"] / added["before"]["excess_within_dps"]) ** 2
     assert page.get_by_text(f"{part:.1%} of its square explained").is_visible()
@@ -144,7 +145,7 @@ def diagnoses(page: Any, diagnosed: dict[str, Any]) -> Any:
     page.get_by_role("button", name="What is missing?").click()
     card = page.locator("article.add", has_text="Ripple of the table's speed")
     card.wait_for()
-    part = f"{diagnosed['candidates'][0]['explained']:.0%} of the squared excess error on z, within power cycles"
+    part = f"{percentage(diagnosed['candidates'][0]['explained'])} of the squared excess error on z, within power cycles"
     assert part in card.inner_text()
     return card
 

@@ -120,7 +120,13 @@ def test_the_card_counts_in_squares_and_says_what_is_left_of_the_rms(
     ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
 ) -> None:
     assert explains(1 - (29.22 / 66.25) ** 2, "z", within=False) == (
-        "81% of the squared excess error on z; its rms falls by 56%"
+        "81% of the squared excess error on z, which makes the error itself 56% smaller"
+    )
+    assert explains(0.9996, "z", within=False) == (
+        "99.96% of the squared excess error on z, which makes the error itself 98% smaller"
+    )
+    assert explains(1.0, "z", within=False) == (
+        "100% of the squared excess error on z: what is left is within the noise floor"
     )
     assert "nothing" in explains(-0.3, "z", within=True)
     for card in ripple[3].cards:

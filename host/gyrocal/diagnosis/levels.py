@@ -240,7 +240,7 @@ class Cleaned:
             taken += float(np.sum(raw[-1][rows] ** 2 - residual[rows] ** 2))
             by_run[p.run.index] = residual
         fault = taken > 0 and single_readings(fitted.session, axis, POLICY.outlier_chance) is not None
-        return Cleaned(by_run, 0.0 if fault else taken / sum(y.size for y in raw))
+        return Cleaned(by_run, 0.0 if fault else taken / max(1, sum(y.size for y in raw)))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.rate_wave import over_rate
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.rounding import beside_rounding, rounding_power
-from gyrocal.diagnosis.told import strongest_first, told_once, without_echoes
+from gyrocal.diagnosis.told import curves_within, strongest_first, told_once, without_echoes
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.effects.base import is_left_of_a_line
 from gyrocal.effects.byte_fault import ByteFault
@@ -32,7 +32,7 @@ from gyrocal.threads import each
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
 from gyrocal.variables.reading import Reading
-from gyrocal.variables.shapes import TableWave
+from gyrocal.variables.shapes import TableWave, Transient
 
 Progress = Callable[[str], None]
 
@@ -223,6 +223,8 @@ def find_misfit(
         found = [f for f in (*(p for p in probed if p.chance < share), *beyond) if f is not None] + _carry(fitted, axis)
         found = [f for f in found if f.against == Reading.name or f.amplitude_dps**2 / 2 > rounding]
         found = told_once(found, [b.run.about(axis) for b in fitted.blocks], block_s)
+        if any(isinstance(f.shape, Transient) for f in found):
+            found += curves_within(current, axis, probes[axis], found, share)
         found = without_echoes(fitted, axis, found, share, of_frequency)
         if not found:  # whatever another test finds is in some patch of the spectrogram too
             seen = _patch(fitted, axis, remainders[axis], share)

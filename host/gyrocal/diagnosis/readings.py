@@ -15,6 +15,7 @@ from gyrocal.plausibility.readings import clip_level_dps
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.recording.tail import ROBUST, chance_of
+from gyrocal.units import percentage
 from gyrocal.variables.reading import Reading
 
 BITS = 16
@@ -70,7 +71,8 @@ def _stuck_bit(axis: str, readings: list[Array], lsb_dps: float, alarm: float, l
             chance = min(1.0, BITS * min(0.5 ** (places - 1), _never(readings, lsb_dps, bit, ones))) if stuck else 1.0
             z = float(tails.normal_z(max(chance, 1e-300)))
         if chance < alarm and (worst is None or z > worst.strength):
-            note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
+            state, share = (1, ones) if ones > 0.5 else (0, 1 - ones)
+            note = f"bit {bit} of the reading is {state} in {percentage(share)} of the samples"
             worst = Finding(axis, Reading.name, float(z), chance, 2**bit * lsb_dps, note)
     return worst
 

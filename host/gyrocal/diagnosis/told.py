@@ -7,10 +7,11 @@ phase differs from run to run looks like a line of the lowest frequency, because
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from gyrocal.diagnosis.drawn import drawn_power
+from gyrocal.diagnosis.drawn import described, drawn_power
 from gyrocal.diagnosis.finding import Finding
 from gyrocal.diagnosis.levels import Cleaned
 from gyrocal.diagnosis.probes import beside, probe
@@ -22,6 +23,7 @@ from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
 from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps, TableWave, Transient, Waves
 from gyrocal.variables.table_angle import TableAngle
+from gyrocal.variables.time import Time
 
 OfFrequency = Callable[[Fit, str, dict[int, Array], float], list[Finding]]
 
@@ -78,6 +80,26 @@ def without_echoes(
         alone = fitted.on(axis, clean)
         kept += of_frequency(alone, axis, Cleaned.of(alone, axis).by_run, share)
     return [first, *(f for f in leading if f is not first), *kept]
+
+
+def curves_within(
+    current: AxisFit, axis: str, probes: Sequence[tuple[str, list[Shape]]], found: Sequence[Finding], share: float
+) -> list[Finding]:
+    """Stronger findings against a variable whose steps hide what it does within the runs: tested with the curve through them.
+
+    A temperature that moves by less than a step in each run leaves a slope in each, which a transient of another size in each
+    run describes, and what differs between the runs is taken for the offsets of power cycles. The words and the picture are
+    those of the steps, in which the session shows the whole.
+    """
+    out = []
+    strongest = max(f.strength for f in found)
+    for against, shape in ((against, shape) for against, shapes in probes if against != Time.name for shape in shapes):
+        if isinstance(shape, Steps) and not shape.times_rate and not any(f.shape is shape for f in found):
+            curve = probe(current, axis, against, shape.bends(), share)
+            if curve is not None and curve.chance < share and curve.strength > strongest:
+                amplitude, note = described(current, shape)
+                out.append(replace(curve, shape=shape, amplitude_dps=amplitude, note=note))
+    return out
 
 
 WIDE = 1.5

@@ -356,8 +356,8 @@ class Design:
     @cached_property
     def extent_s(self) -> tuple[float, float]:
         """Length of the longest run and shortest time between blocks, s."""
-        longest_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size)
-        return longest_s, _step_s(self.blocks)
+        longest_s, block_s = max(float(b.t_s[-1] - b.t_s[0]) for b in self.blocks if b.t_s.size), _step_s(self.blocks)
+        return max(longest_s, block_s), block_s  # a turn of known angle is one block
 
     @cached_property
     def column_rms(self) -> Array:

@@ -36,6 +36,8 @@ def white_start(design: Design) -> float:
     n = sum(b.within_n for b in design.blocks)
     within = [float(np.sqrt(ss / n))] if n >= 10 else []
     squares = _bends(design) ** 2
+    if not within and not squares.size:  # turns of known angle alone
+        return _of_readings(design)
     between = [float(np.sqrt(np.mean(squares)))] if squares.size >= LEAST_BENDS or not within else []
     return max(min([*within, *[x for x in between if x > 0]], default=0.0), LEAST_WHITE_DPS)
 

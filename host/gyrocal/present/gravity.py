@@ -19,8 +19,21 @@ from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
 from gyrocal.gravity.scene import Scene
 from gyrocal.present.output import emit, plus_minus, stdout, table
-from gyrocal.present.report import ANGLES, BLOCKED, MOVED, REJECTED_SHOWN, angle_row, deg, moved_rows, print_warnings, sizes
+from gyrocal.present.report import (
+    ANGLES,
+    BLOCKED,
+    MOVED,
+    REJECTED_SHOWN,
+    angle_row,
+    deg,
+    moved_rows,
+    print_note,
+    print_warnings,
+    sizes,
+)
+from gyrocal.present.verdict import stands_on
 from gyrocal.recording.session import Session
+from gyrocal.units import percentage
 
 
 def show_calibration(
@@ -121,6 +134,7 @@ def print_comparison(c: Comparison) -> None:
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
+    print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold", markup=False)
 
 
@@ -149,7 +163,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
 
 def _candidate(c: Candidate) -> list[str]:
     return [
-        c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
         "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c),
     ]  # fmt: skip
 

@@ -192,7 +192,7 @@ def _plan_figure(plan: Plan) -> Figure:
         stop_min = start_min + run.seconds / 60
         axes.plot([start_min, stop_min], [run.table_rate_dps] * 2, color="C0" if run.face == "up" else "C1", linewidth=3)
         if run.temp_c is not None:
-            axes.annotate(f"{run.temp_c:g} degC", (start_min, run.table_rate_dps), fontsize=6)
+            axes.annotate(f"{run.temp_c:g} °C", (start_min, run.table_rate_dps), fontsize=6)
         start_min = stop_min
     axes.set_xlabel("recorded time, min")
     axes.set_ylabel("table, dps (blue: face up)")

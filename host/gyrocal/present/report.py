@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ from gyrocal.effects.base import Effect
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
+from gyrocal.present.verdict import stands_on
+from gyrocal.units import percentage, to_read
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
@@ -68,12 +70,20 @@ def level_unit(c: Comparison) -> RateUnit:
     return unit_of(v for level in (*c.per_axis.values(), c.pooled) for v in (level.rms_dps, level.floor_dps))
 
 
+def level_unit_name(c: Comparison) -> str:
+    """The unit of :func:`level_rows`."""
+    return level_unit(c).name if c.angles is None else "deg"
+
+
 def level_rows(c: Comparison) -> list[list[str]]:
     """Axis, rms, floor, excess, its standard error and the excess within power cycles; the last row is all axes.
 
-    They are in the unit that :func:`level_unit` gives, to the second digit of the excess's standard error.
+    They are to the second digit of the excess's standard error. Angles have no excess within power cycles.
     """
     names, everything = axis_names(c)
+    if c.angles is not None:
+        of_axes = [(names[axis], c.angles.level(axis)) for axis in c.per_axis]
+        return [[*angle_row(*of), UNKNOWN] for of in (*of_axes, (everything, c.angles.level()))]
     unit = level_unit(c)
     return [
         [name, *(unit.text(x, 2, v.excess_se_dps) for x in told)]
@@ -119,11 +129,7 @@ def angle_row(name: str, v: angles.Level) -> list[str]:
 
 def judged_rows(c: Comparison) -> list[list[str]]:
     """The levels by which the comparison is judged, as :func:`level_rows` or in deg; the last row is all axes."""
-    if c.angles is None:
-        return level_rows(c)
-    names, everything = axis_names(c)
-    found = c.angles
-    return [*(angle_row(names[axis], found.level(axis)) for axis in c.per_axis), angle_row(everything, found.level())]
+    return [row[: len(level_columns(c))] for row in level_rows(c)]
 
 
 def print_comparison(c: Comparison) -> None:
@@ -138,6 +144,7 @@ def print_comparison(c: Comparison) -> None:
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
         print_note(c.note)
+    print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold")
 
 
@@ -168,7 +175,7 @@ def moved_rows(moved: Sequence[Moved]) -> list[list[str]]:
     return [
         [f"{m.effect} {m.name}", m.axis, f"{m.file:.6g}", "-" if m.session is None else f"{m.session:.6g}",
          "-" if m.session is None else f"{m.session - m.file:+.3g}", "-" if m.se is None else f"{m.se:.2g}",
-         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else m.unit]
+         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else to_read(m.unit)]
         for m in moved
     ]  # fmt: skip
 
@@ -185,7 +192,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
     rows = [
-        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
          "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
         for c in (*passed, *rejected[:REJECTED_SHOWN])
     ]  # fmt: skip
@@ -221,8 +228,8 @@ def by_effect(candidates: Iterable[Candidate]) -> str:
     return ", ".join(f"{effect_id} ({', '.join(on)})" for effect_id, on in axes.items())
 
 
-def verdict_text(d: Diagnosis) -> str:
-    """The diagnosis in one or two sentences."""
+def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
+    """The diagnosis in one or two sentences; ``called`` gives the name of an effect from its id."""
     best = d.best
     if d.verdict == "implausible":
         return BLOCKED
@@ -231,13 +238,14 @@ def verdict_text(d: Diagnosis) -> str:
         cause = best.effect.cause_in(d.comparison.fit.session.runs).split(". ")[0]
         return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}."
     if d.verdict == "ambiguous" and best is not None:
-        return f"One of {', '.join(best.group)}; this session cannot tell which. To part them: {best.next_measurement}."
+        group = ", ".join(map(called, best.group))
+        return f"One of {group}; this session cannot tell which. To part them: {best.next_measurement}."
     if d.verdict == "unknown" and d.unknown is not None:
         u = d.unknown
         where = f"on {u['axis']}, against {u['against'].replace('_', ' ')}: {u['shape']}"
         suggested = unproven(d)
         if suggested:
-            ids = " or ".join(c.effect.id for c in suggested)
+            ids = " or ".join(called(c.effect.id) for c in suggested)
             proof = REPEAT if d.comparison.held_out == "none" else suggested[0].next_measurement
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         return f"Something is there that no effect of the library explains: {where}."
@@ -267,7 +275,7 @@ def sizes(c: Candidate) -> str:
 
 def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) -> str:
     """The values of an effect's parameters, as text; a fraction is told in percent."""
-    units = {p.name: p.unit for p in effect.parameters}
+    units = {p.name: to_read(p.unit) for p in effect.parameters}
     shown: dict[str, str] = {}
     for name, value in values.items():
         error, (factor, unit) = se.get(name), in_percent(units.get(name, units.get(name.removesuffix("_sd"), "")))
@@ -304,7 +312,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
         where = ", within power cycles" if few else ""
         told = (v.excess_within_dps if few else v.excess_dps for v in (new, old))
         a, b = (unit.text(v, 2, old.excess_within_se_dps if few else old.excess_se_dps) for v in told)
-        stdout.print(f"{part:.1%} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
+        stdout.print(f"{percentage(part, 1)} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
     stdout.print(headline(after), style="bold")
 
 
@@ -316,7 +324,7 @@ def write_page(path: Path, c: Comparison) -> None:
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
         model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=judged_rows(c), level_columns=level_columns(c),
-        judged_by=judged_by(c),
+        judged_by=judged_by(c), stands_on=stands_on(c.to_json()),
         where=where_rows(c), where_columns=WHERE, pictures=drawn, parameters=parameter_rows(c), parameter_columns=PARAMETERS,
         moved=moved_rows(c.moved or ()), moved_columns=MOVED, note=c.note,
     )  # fmt: skip
@@ -345,7 +353,7 @@ def parameter_rows(c: Comparison) -> list[list[Any]]:
     """The rows below ``PARAMETERS``."""
     rows = []
     for listed in c.fit.model.lines():
-        units = {p.name: p.unit for p in listed.kind.parameters}
+        units = {p.name: to_read(p.unit) for p in listed.kind.parameters}
         for name, value in listed.values.items():
             se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))

@@ -63,6 +63,8 @@ class Variable(ABC):
     """Values that differ by this period are equivalent; None if the variable is not periodic."""
     marks: ClassVar[Mapping[float, str]] = {}
     """The words for its values, if it takes a few values that are no measure of anything."""
+    letters: ClassVar[tuple[str, ...]] = ()
+    """The symbols for it in the equations of effects, beside those of formulas; with components, one for each."""
     symbols: ClassVar[Mapping[str, Symbol]] = {}
     searched: ClassVar[tuple[str, ...]] = ()
     """The symbols in which ``keep`` searches for a formula."""

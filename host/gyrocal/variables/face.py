@@ -15,6 +15,7 @@ class Face(Variable):
     """+1 in runs face up and -1 in runs face down."""
 
     name, title, quantity, unit, order = "face", "Face", "face", "up 1, down -1", 10
+    letters = ("face",)
     marks: ClassVar = {-1.0: "down", 1.0: "up"}
     no_formula = "it has two values only; a formula in the acceleration describes a difference between faces"
 

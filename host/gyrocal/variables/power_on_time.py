@@ -19,6 +19,7 @@ MOST_EDGES = 12
 
 class PowerOnTime(Variable):
     name, title, quantity, unit, order = "power_on_time", "Since power-on", "time since power-on", "s", 2
+    letters = ("p",)
     symbols: ClassVar = {"power_on_s": Symbol("time since power-on, s", lambda run, axis: power_on_time_s(run))}
     searched = ("power_on_s",)
 

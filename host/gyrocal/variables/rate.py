@@ -27,6 +27,7 @@ class Rate(Variable):
 
     name, title, quantity, unit, order = "rate", "Rate", "true rate", "dps", 4
     of_axis = True
+    letters = ("w",)
     symbols: ClassVar = {"rate": Symbol("true rate about the axis, dps", rate_about)}
     searched = ("rate",)
     times_rate = False

@@ -27,6 +27,7 @@ class TableAngle(Variable):
 
     name, title, quantity, unit, order = "table_angle", "Table angle", "table angle", "deg", 5
     period = 360.0
+    letters = ("th",)
     symbols: ClassVar = {
         "theta": Symbol("the table's angle, rad", lambda run, axis: table_angle_rad(run)),
         "turn": Symbol(

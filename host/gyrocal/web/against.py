@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from gyrocal.effects.quantities import rate_slope_dps_s, rate_varies
@@ -28,6 +29,12 @@ class Panel:
     @property
     def label(self) -> str:
         return self.variable.label(self.component)
+
+    def in_equation(self, equation: str) -> bool:
+        """True if an effect's equation contains the variable, or its component."""
+        variable = self.variable
+        own = [f"a{self.component}"] if self.component and variable.components else [*variable.letters, *variable.symbols]
+        return any(re.search(rf"(?<!\w){letter}(?!\w)", equation) for letter in own)
 
     def key(self, axis: str) -> str:
         """The name of the stored points for the residual of an axis."""

@@ -20,6 +20,7 @@ from gyrocal.inference import heldout
 from gyrocal.policy import POLICY
 from gyrocal.present import report
 from gyrocal.recording.session import AXES, Array
+from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
 from gyrocal.web.budget import of_answers
@@ -204,7 +205,7 @@ class Bench:
         model = found.fit.model
         return ModelView(
             model.toml(), compared, report.headline(found), report.level_rows(found),
-            report.level_unit(found).name, _effects(model), _holdable(model), traces, against, levels,
+            report.level_unit_name(found), _effects(model), _holdable(model), traces, against, levels,
             residuals.places(), residuals.left(), residuals.spectra(), residuals.orders(),
             residuals.allan(),
         )  # fmt: skip
@@ -221,7 +222,7 @@ def _holdable(model: Model) -> list[Holdable]:
     return [
         Holdable(
             t.effect_id, t.effect_id if t.effect_id in own else t.effect.title, t.axis, name, t.values[name], t.se.get(name),
-            t.effect.parameter(name).unit, name in t.held,
+            to_read(t.effect.parameter(name).unit), name in t.held,
         )
         for t in model.terms for name in t.holdable
     ]  # fmt: skip
@@ -238,13 +239,20 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
     cards = [
         Card(
             c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,
-            [_title(i) for i in c.group if i != c.effect.id], report.sizes(c),
+            [_title(i) for i in c.group if i != c.effect.id], _size(c),
             doubts(c, found.comparison, found.candidates), few,
             _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
         )
         for c in found.candidates
     ]  # fmt: skip
-    return DiagnosisView(found.verdict, report.verdict_text(found), cards, found.unknown)
+    return DiagnosisView(found.verdict, report.verdict_text(found, lambda i: _title(i).lower()), cards, found.unknown)
+
+
+def _size(c: Candidate) -> str:
+    """The fitted parameters, and those of the equation that the session does not need."""
+    without = [p.name for p in c.effect.parameters if c.values and p.name not in c.values and p.name in c.effect.equation]
+    size = report.sizes(c)
+    return f"{size}; without {' and '.join(without)}" if without else size
 
 
 def _title(effect_id: str) -> str:
@@ -258,7 +266,7 @@ def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture 
     if c.signal is None or c.signal.size != samples.size or not np.isfinite(drawn[c.axis]).any():
         return None
     files = {b.run.index: b.run.file for b in blocks}
-    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files, c.effect.shown_against)
+    return picture(c.axis, np.asarray(c.signal / np.sqrt(samples)), drawn, files, c.effect.shown_against, c.effect.equation)
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:

@@ -165,6 +165,11 @@ NARROW = 560
 """Width of a chart in px below which its legend has a line of its own."""
 
 
+LEGEND_LINE_PX = 20
+SHORT_LEGEND = 3
+"""Methods whose names stand on one line on a phone."""
+
+
 def fitting(wide: Options, narrow: Options) -> list[Options]:
     """The parts of a chart's options that depend on its width, which ECharts chooses by itself whenever that changes."""
     return [{"query": {"maxWidth": NARROW}, "option": narrow}, {"option": wide}]
@@ -274,7 +279,7 @@ def hero(
     entries += [entry(s["name"], "dots", 0.5) for s in own]
     ends: Options = {"min": shown.edges[0], "max": shown.edges[-1]}
     if shown.few:
-        space = 0.1 * (shown.centres[-1] - shown.centres[0])
+        space = 1 if shown.marks else 0.1 * (shown.centres[-1] - shown.centres[0])  # the ticks begin at the end of the axis
         ends = {"min": shown.centres[0] - space, "max": shown.centres[-1] + space, **({"interval": 1} if shown.marks else {})}
     formatter = named(shown.marks) if shown.marks else PLAIN
     plain: Options = {":formatter": formatter, "showMinLabel": False, "showMaxLabel": False}
@@ -347,9 +352,16 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
                 "lineStyle": {"color": colour, "width": 3 if m == order[-1] else 1.5}, "itemStyle": {"color": colour},
             })  # fmt: skip
     first = "first seconds of each face"
+
+    def below(legend_px: int) -> Options:
+        return {"title": [{"top": 6 + legend_px}] * 2, "grid": [{"top": 24 + legend_px}] * 2}
+
+    lines = 2 if len(order) > SHORT_LEGEND else 1
+
     return base(
         p,
-        legend={**legend(p, [{"name": m} for m in order], top=0), "itemWidth": 24}, tooltip=tooltip(p, ["%", unit.name], "s"),
+        legend={**legend(p, [{"name": m} for m in order], top=0, type="plain"), "itemWidth": 24},
+        media=fitting(below(LEGEND_LINE_PX), below(lines * LEGEND_LINE_PX)), tooltip=tooltip(p, ["%", unit.name], "s"),
         toolbox=BOX, units=["%", unit.name], axisPointer={"link": [{"xAxisIndex": "all"}]},
         grid=[grid(left=58, right="56%", top=44, bottom=36), grid(left="59%", right=14, top=44, bottom=36)],
         title=[title(p, "scale, %", 26, 58), title(p, f"bias, {unit.name}", 26, "59%")],
@@ -369,8 +381,7 @@ def signature_svg(
     and each has a dash.
     """
     width, height = 220.0, 76.0
-    edges = [*((x, low) for x, low, _ in band), *((x, high) for x, _, high in reversed(band))]
-    everything = [*dots, *curve, *edges]
+    everything = [*dots, *curve, *((x, y) for x, *both in band for y in both)]
     if not everything:
         return ""
     xs, ys = [x for x, _ in everything], [y for _, y in everything]
@@ -389,7 +400,13 @@ def signature_svg(
         dashes = (f"{x - 8:.1f},{y:.1f} {x + 8:.1f},{y:.1f}" for x, y in map(place, curve))
         drawn = "".join(f'<polyline class="curve" points="{points}"/>' for points in dashes)
     circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"/>' for x, y in map(place, dots))
-    filled = f'<polygon class="band" points="{path(edges)}"/>' if edges else ""
+    at = [(place((x, low)), place((x, high))) for x, low, high in band]
+    outlines = [[*(low for low, _ in at), *(high for _, high in reversed(at))]] if at else []
+    if few:
+        outlines = [[(x - 8, low), (x + 8, low), (x + 8, high), (x - 8, high)] for (x, low), (_, high) in at]
+    filled = "".join(
+        f'<polygon class="band" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in outline)}"/>' for outline in outlines
+    )
     return (
         f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{html.escape(label, quote=True)}" '
         f'preserveAspectRatio="none">{filled}{drawn}'

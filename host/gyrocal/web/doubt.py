@@ -8,6 +8,7 @@ from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.decision import meets, sure_gain
 from gyrocal.diagnosis.rivals import cosine
+from gyrocal.effects.base import effects
 from gyrocal.policy import POLICY
 
 
@@ -16,7 +17,7 @@ def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list
 
     ``others`` are all candidates of the diagnosis.
     """
-    alike = [i for i in c.group if i != c.effect.id]
+    alike = [_title(i) for i in c.group if i != c.effect.id]
     if c.decision == "add":
         return [f"this session cannot tell it from {', '.join(alike)}"] if alike else []
     if c.decision != "suggest":
@@ -33,6 +34,11 @@ def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list
     if alike:
         out.append(f"this session cannot tell it from {', '.join(alike)}")
     return out or [_beside(c, found, [o for o in others if o.axis == c.axis and o.decision == "add"])]
+
+
+def _title(effect_id: str) -> str:
+    kinds = effects()
+    return kinds[effect_id].title.lower() if effect_id in kinds else effect_id
 
 
 def _not_enough(part: float | None, *, contradicted: bool) -> str:

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, pooled
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.policy import POLICY
+from gyrocal.units import percentage
 
+MUCH = 0.9
+"""Part of the excess over the floor of the richest model below which that over the first model's own floor is explained."""
 NOTHING = 5e-4
 """A part of the squared excess that is zero in the digits that are shown."""
 
@@ -51,6 +54,8 @@ class Fall:
     part: float | None
     within: bool
     """True if the bars and the part count within power cycles."""
+    alone: Level
+    """The level of the first model over its own floor."""
 
     @property
     def unit(self) -> RateUnit:
@@ -80,7 +85,9 @@ class Fall:
             return ""
         if abs(self.part) < NOTHING:
             return "nothing of its square explained"
-        return f"{self.part:.1%} of its square explained" if self.part > 0 else f"its square grew by {-self.part:.1%}"
+        if self.part < 0:
+            return f"its square grew by {percentage(-self.part, 1)}"
+        return f"{percentage(self.part, 1)} of its square explained"
 
     @property
     def sentence(self) -> str:
@@ -90,7 +97,16 @@ class Fall:
         where = " within power cycles" if self.within else ""
         first, last = self.told(self.bars[0].after), self.told(self.bars[-1].after)
         told = f"The excess error{where} went from {first} to {last} {self.unit.name}."
-        return f"{told} Both are over the noise floor of the richest model."
+        return f"{told} Both are over the noise floor of the richest model{self._before}."
+
+    @property
+    def _before(self) -> str:
+        """Why the first model's excess was another one as long as it stood alone, as a clause; empty if it was the same."""
+        before, now = (v.excess_within_dps if self.within else v.excess_dps for v in (self.alone, self.first))
+        if before is None or now is None or before > MUCH * now:
+            return ""
+        floor, own = (self.unit.text(v, 2) for v in (self.alone.floor_dps, before))
+        return f"; that of the first model alone, {floor}, took part of the error for noise, so that its excess was {own}"
 
     @property
     def in_all(self) -> str:
@@ -100,7 +116,7 @@ class Fall:
         unit = self.unit
         figures = [unit.text(level.excess_dps, 2) for level in (self.first, self.last) if level.excess_dps is not None]
         shown = figures[0] if len(self.bars) < 2 else " → ".join(figures)
-        return f"With each power cycle's own offset and scale: {shown} {unit.name} over a floor of {self._floor}."
+        return f"With what differs between power cycles, offset and scale: {shown} {unit.name} over a floor of {self._floor}."
 
 
 def fall(steps: Sequence[tuple[str, Levels | None]]) -> Fall | None:
@@ -118,4 +134,4 @@ def fall(steps: Sequence[tuple[str, Levels | None]]) -> Fall | None:
     befores = [0.0, *mdps]
     bars = [Bar(label, old, new) for (label, _), old, new in zip(known, befores, mdps, strict=False)]
     part = explained(over[0], over[-1], richest.cycles) if len(over) > 1 else None
-    return Fall(bars, over[0], over[-1], part, within)
+    return Fall(bars, over[0], over[-1], part, within, known[0][1].over(known[0][1]))

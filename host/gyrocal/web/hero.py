@@ -1,12 +1,13 @@
 """The picture of an effect: the residual against the variable that the effect depends on, and the effect's curve through it.
 
-The variable is found from the effect's own signal: it is the one of which the signal is most nearly a function. An effect whose
+The variable is one of the effect's equation if the effect's own signal is nearly a function of it over these recordings, else
+the one of which the signal is most nearly a function. An effect whose
 phase differs from run to run is a function of nothing over all runs; it is shown in the run where it is largest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -29,16 +30,19 @@ Points = Mapping[str, Array]
 
 
 def picture(
-    axis: str, signal: Array, points: Points, files: Mapping[int, str], against: str = ""
+    axis: str, signal: Array, points: Points, files: Mapping[int, str], against: str = "", equation: str = ""
 ) -> Picture | None:
     """The picture of an effect on an axis.
 
     ``signal`` [blocks] is the fitted effect in block means, deg/s, and ``points`` the residual's block means with every
-    variable, as :func:`gyrocal.web.prepare.points` gives them. ``against`` is the only variable to be tried, if given. None if
-    no variable has values.
+    variable, as :func:`gyrocal.web.prepare.points` gives them. ``against`` is the only variable to be tried, if given; those
+    of the ``equation`` come first. None if no variable has values.
     """
     there = np.isfinite(points[axis])
-    best = _best(axis, signal, points, there, against)
+    own = [panel for panel in panels() if panel.in_equation(equation)]
+    best = _best(axis, signal, points, there, against, own)
+    if best is None or best[1] < A_FUNCTION:
+        best = _best(axis, signal, points, there, against)
     if best is None:
         return None
     panel, part = best
@@ -83,14 +87,19 @@ def _of_run(points: Points, run: int | None) -> Any:
     return np.ones(points["run"].size, dtype=bool) if run is None else points["run"] == run
 
 
-def _best(axis: str, signal: Array, points: Points, there: Any, against: str) -> tuple[Panel, float] | None:
-    """The panel of which the signal is most nearly a function, and the part of its variance that this describes."""
+def _best(
+    axis: str, signal: Array, points: Points, there: Any, against: str, among: Sequence[Panel] | None = None
+) -> tuple[Panel, float] | None:
+    """The panel of which the signal is most nearly a function, and the part of its variance that this describes.
+
+    It is one of all panels, or ``among`` some.
+    """
     parts: list[tuple[float, int, Panel]] = []
-    for panel in panels():
+    for panel in panels() if among is None else among:
         if panel.variable.name == "reading" or against not in ("", panel.variable.name):  # a reading holds the effect itself
             continue
         x = points[panel.key(axis)]
-        use = there & np.isfinite(x)
+        use = there & np.isfinite(x) & np.isfinite(signal)
         if np.count_nonzero(use) < 0.9 * np.count_nonzero(there) or np.count_nonzero(use) < 4 * LEAST or np.ptp(x[use]) == 0:
             continue
         place = _places(x[use], _edges(x[use], panel))

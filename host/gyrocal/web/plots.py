@@ -271,8 +271,10 @@ def _across(panel: Panel, found: Binned) -> Options:
         return {"max": period, "min": 0, "interval": period / 8}
     if not x.size or np.ptp(x) == 0 or x.size >= charts.FEW:
         return {}
+    if panel.variable.marks:  # the ticks begin at the end of the axis
+        return {"min": float(x[0]) - 1, "max": float(x[-1]) + 1, "interval": 1}
     space = 0.25 * float(np.ptp(x))
-    return {"min": float(x[0]) - space, "max": float(x[-1]) + space} | ({"interval": 1} if panel.variable.marks else {})
+    return {"min": float(x[0]) - space, "max": float(x[-1]) + space}
 
 
 def _spread_over(runs: Sequence[int], most: int) -> list[int]:

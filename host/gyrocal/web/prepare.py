@@ -20,10 +20,12 @@ from gyrocal.present.decimate import Pyramid
 from gyrocal.present.spectra import Curve, against_frequency, against_order
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import variables
+from gyrocal.variables.direction import CHANGING
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.shapes import ShapeOfEachRun, Steps, TableWave
-from gyrocal.web.against import opened_by, panels
+from gyrocal.variables.reading import Reading
+from gyrocal.variables.shapes import Columns, ShapeOfEachRun, Steps, TableWave
+from gyrocal.web.against import ChangeOfRate, opened_by, panels
 from gyrocal.web.views import Place
 
 BINS = 12
@@ -98,6 +100,10 @@ def place(finding: Finding, of: dict[str, Any]) -> Place:
     if finding.against == Frequency.name:
         low, high = finding.band_hz or _named_hz(finding.note)
         return Place(Frequency.name, low, high)
+    if finding.against == Reading.name and finding.shape is None:
+        return Place("")  # it shows from one reading to the next, and not against their size
+    if isinstance(finding.shape, Columns) and finding.shape.words == CHANGING:
+        return Place(ChangeOfRate().name)
     kind = variables()[finding.against]
     own = [p for p in panels() if p.variable is kind]
     apart = isinstance(finding.shape, ShapeOfEachRun)

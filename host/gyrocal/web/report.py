@@ -15,6 +15,8 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
 from gyrocal.present.report import PARAMETERS, WHERE, headline, judged_by, judged_rows, level_columns, parameter, where_rows
+from gyrocal.present.verdict import stands_on
+from gyrocal.units import CELSIUS, to_read
 from gyrocal.web import answers, charts, scatter
 from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.fall import Fall
@@ -25,7 +27,7 @@ from gyrocal.web.words import evidence, method, unseen
 
 CORRELATED = 0.3
 """Correlations of less are not listed."""
-UNITS = {"_dps_per_c": "dps/degC", "_dps": "dps", "_deg": "deg", "_c": "degC", "_g": "g", "_hz": "Hz", "_s": "s"}
+UNITS = {"_dps_per_c": f"dps/{CELSIUS}", "_dps": "dps", "_deg": "deg", "_c": CELSIUS, "_g": "g", "_hz": "Hz", "_s": "s"}
 """Units by the ends of names, for parameters that no effect declares."""
 
 
@@ -56,7 +58,7 @@ def page(
         correlations=[row for axis in found.fit.axes for row in correlated(found.fit, axis)],
         toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story, left_out),
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
-        meanings=[] if calibration is None else scatter.meanings(calibration.estimates),
+        meanings=[] if calibration is None else scatter.meanings(calibration.estimates), stands_on=stands_on(compared),
         evidence=evidence, unseen=unseen, columns=columns, judged_by=judged_by(found), doubted=in_doubt(story),
         drawn=lambda shown: pictures.png_data(effect_figure(shown)), **_answers(calibration),
     )  # fmt: skip
@@ -101,7 +103,7 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[list[str]]:
     kinds = base.effects()
 
     def unit(effect: str, name: str) -> str:
-        declared = {p.name: p.unit for p in kinds[effect].parameters} if effect in kinds else {}
+        declared = {p.name: to_read(p.unit) for p in kinds[effect].parameters} if effect in kinds else {}
         known = declared.get(name) or declared.get(name.removesuffix("_sd"))
         return known or next((u for end, u in UNITS.items() if name.endswith(end)), "")
 

@@ -100,6 +100,12 @@ class Workbench:
         return self.steps[-1] if self.steps else None
 
     @property
+    def last_run(self) -> str | None:
+        """The file of the only run in the fits, which cannot be left out; None if there are several."""
+        used = [] if self.session is None else [run.file for run in self.session.runs if run.file not in self.excluded]
+        return used[0] if len(used) == 1 else None
+
+    @property
     def latest(self) -> Step | None:
         """The step that added the effect which is shown: the last one whose effect the current model has."""
         there = {id for id, _, _ in self.steps[-1].view.effects} if self.steps else set()

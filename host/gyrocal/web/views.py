@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
+NOT_JUDGED = "not judged"
+"""In the name of an axis that has a blocking warning, in the rows of a comparison."""
 NOT_NAMED = "sensor not named"
 """The sensor of a session whose session.toml names none."""
 
@@ -60,8 +62,9 @@ class Recording:
 class Place:
     """Where a picture proves a finding: its view, and the part of the horizontal axis that the finding names.
 
-    ``about_means`` is True for a finding of another size in each run: each run is then drawn about its own mean.
-    ``part`` is the unit of a finding in proportion to the rate: the residual is then drawn as a part of the rate.
+    ``view`` is empty if no picture shows it. ``about_means`` is True for a finding of another size in each run: each run is
+    then drawn about its own mean. ``part`` is the unit of a finding in proportion to the rate: the residual is then drawn as
+    a part of the rate.
     """
 
     view: str

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus
+from gyrocal.units import percentage
 from gyrocal.web.views import Card, Holdable
 
 if TYPE_CHECKING:
@@ -51,7 +52,8 @@ def evidence(card: Card) -> list[tuple[str, str]]:
         q = f"q < {TINY_Q:g}" if judged["q_value"] < TINY_Q else f"q = {judged['q_value']:.2g}"
         rows.append(("not noise alone", f"false-discovery rate {q}; another effect of this shape would pass as well"))
     if card.looks_like:
-        rows.append(("cannot be told from", ", ".join(card.looks_like)))
+        if not card.doubts:
+            rows.append(("cannot be told from", ", ".join(card.looks_like)))
         rows.append(("to part them", judged["next_measurement"]))
     elif judged["decision"] == "suggest" and judged["next_measurement"]:
         rows.append(("to be sure", judged["next_measurement"]))
@@ -72,8 +74,8 @@ def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapp
     """
     found = [(f["axis"], RMS.search(f["note"])) for f in where]
     rms_dps = [(axis, float(told[1]) * (1e-3 if told[2] == "mdps" else 1.0)) for axis, told in found if told]
-    excess = {axis: level["excess_dps"] for axis, level in per_axis.items()}
-    if not any(excess.get(axis) is not None and size > excess[axis] for axis, size in rms_dps):
+    excess = {axis: level.get("excess_dps") for axis, level in per_axis.items()}  # none where angles are judged
+    if not any((of_axis := excess.get(axis)) is not None and size > of_axis for axis, size in rms_dps):
         return ""
     return (
         "A finding can be larger than the excess: the floor holds the noise and what the model lets differ between power "
@@ -86,13 +88,13 @@ def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
 
     ``per_axis`` is that of ``gyrocal compare --json``.
     """
-    known = {a: (e["excess_dps"], e["excess_se_dps"]) for a, e in per_axis.items()}
+    known = {a: (e.get("excess_dps"), e.get("excess_se_dps")) for a, e in per_axis.items()}
     beyond = [a for a, (e, se) in known.items() if e is not None and se is not None and e > POLICY.excess_errors * se]
     if not beyond:
         return ""
     return (
         f"The excess on {' and '.join(beyond)} differs from zero, but no test finds a shape in it. It counts as noise while "
-        f"it is below {POLICY.least_excess:.0%} of the noise floor within power cycles, or not certain there."
+        f"it is below {percentage(POLICY.least_excess)} of the noise floor within power cycles, or not certain there."
     )
 
 
@@ -123,7 +125,10 @@ def explains(part: float, axis: str, *, within: bool) -> str:
     where = f"on {axis}, within power cycles" if within else f"on {axis}"
     if part <= 0:
         return f"nothing of the excess error {where}"
-    return f"{part:.0%} of the squared excess error {where}; its rms falls by {1 - max(0.0, 1 - part) ** 0.5:.0%}"
+    squared = f"{percentage(part)} of the squared excess error {where}"
+    if part >= 1:
+        return f"{squared}: what is left is within the noise floor"
+    return f"{squared}, which makes the error itself {percentage(1 - (1 - part) ** 0.5)} smaller"
 
 
 LEFT_OUT = {

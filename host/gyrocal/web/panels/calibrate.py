@@ -33,7 +33,7 @@ class CalibratePanel:
         self.axis = "" if self.bench.session is None else self.bench.session.axis
         self.training: Training | None = None
         """The training whose progress is shown."""
-        with ui.element("div").classes("two fill"):
+        with ui.element("div").classes("two answering fill"):
             self.answers = ui.element("section").classes("face column tight").props('aria-label="scale and bias"')
             with ui.element("div").classes("scroll"):
                 self.network = ui.element("section").classes("face column tight").props('aria-label="network"')
@@ -92,7 +92,7 @@ class CalibratePanel:
                     "dim small"
                 )
             rows = ui.element("div").props('role="region" aria-label="answers" tabindex="0"')
-            with rows.classes("scroll grow sideways long"):
+            with rows.classes("scroll grow sideways long answers"):
                 ui.html(_table(found.estimates[:MOST_ROWS]), sanitize=False)
             for meaning in scatter.meanings(found.estimates):
                 ui.label(meaning).classes("dim small")
@@ -248,8 +248,12 @@ def _command(command: str) -> None:
 
 
 def _table(estimates: list[dict[str, Any]]) -> str:
-    columns = answers.columns(unit_of(e["bias_dps"] for e in estimates))
-    return plain(columns, answers.rows(estimates), [not e["trusted"] for e in estimates])
+    """The answers. The axis is left out where all are of one, which stands above the table."""
+    columns, rows = answers.columns(unit_of(e["bias_dps"] for e in estimates)), answers.rows(estimates)
+    if len({e["axis"] for e in estimates}) == 1:
+        at = columns.index("axis:")
+        columns, rows = columns[:at] + columns[at + 1 :], [row[:at] + row[at + 1 :] for row in rows]
+    return plain(columns, rows, [not e["trusted"] for e in estimates])
 
 
 def _errors(errors: list[dict[str, Any]]) -> str:

@@ -148,11 +148,15 @@ class DiagnosePanel:
         step, found = self.bench.latest, self.bench.diagnosed
         if step is None:
             return
-        cards = [] if found is None else found.cards
-        cards = [c for c in cards if c.judged["effect"] == step.effect and c.judged["decision"] in ("add", "suggest")]
-        cards = [c for c in cards if c.judged["axis"] in step.axes]
+        every = [c for c in ([] if found is None else found.cards) if c.judged["effect"] == step.effect]
+        cards = [c for c in every if c.judged["decision"] in ("add", "suggest") and c.judged["axis"] in step.axes]
         for card in cards:
             self._card(card, added=True)
+        others = {c.judged["axis"] for c in every if c.judged["decision"] == "add"} - step.axes
+        if others:
+            ui.label(
+                f"It is not in the model on {', '.join(sorted(others))}, where it is not certain for itself beside the rest."
+            ).classes("small")
         if not cards:
             self._by_hand(step)
 
@@ -175,7 +179,7 @@ class DiagnosePanel:
         passed = judged["decision"] == "add"
         alone = passed and not card.looks_like
         proven = not card.doubts
-        word = "fits the evidence" if alone else "one of several" if passed else "a hint, not enough to be sure"
+        word = "proven" if alone else "one of several" if passed else "a hint, not enough to be sure"
         with ui.element("article").classes(f"card {'add' if passed and not added else ''}"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
@@ -348,8 +352,8 @@ class DiagnosePanel:
         with self.calibration:
             with ui.row().classes("tight"):
                 ui.html("<h2>Calibration error</h2>", sanitize=False)
-                ui.label(CALIBRATION_ERROR).classes("dim small")
                 bar = ui.element("div").classes("tools")
+            ui.label(CALIBRATION_ERROR).classes("dim small")
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
             elif not found.errors:
