@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.base import Role
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit, Fit
@@ -208,8 +209,8 @@ def _told(axis: AxisFit) -> Solution:
     beta = axis.solution.beta.copy()
     for k, (i, _) in enumerate(axis.design.layout.fixed):
         term = axis.terms[i]
-        if term.effect_id == "bias" and term.values and any(b.run.rate_is_mean for b in axis.design.blocks):
-            beta[k] = term.values["bias_dps"]
+        if term.effect.role is Role.BIAS and term.values and any(b.run.rate_is_mean for b in axis.design.blocks):
+            beta[k] = term.effect.coefficients(term.values)[0]
     return replace(axis.solution, beta=beta)
 
 
