@@ -19,7 +19,7 @@ from gyrocal.effects import base
 from gyrocal.inference import heldout
 from gyrocal.policy import POLICY
 from gyrocal.present import report
-from gyrocal.recording.session import AXES, Array
+from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
