@@ -14,7 +14,7 @@ from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
-from gyrocal.effects.base import Effect
+from gyrocal.effects.base import Effect, effects
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
@@ -236,7 +236,7 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
     if d.verdict == "add" and best is not None:
         named = {c.axis for c in d.candidates if c.decision == "add" and c.effect.id == best.effect.id}
         cause = best.effect.cause_in(d.comparison.fit.session.runs).split(". ")[0]
-        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}."
+        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}.{_also(d, best)}"
     if d.verdict == "ambiguous" and best is not None:
         group = ", ".join(map(called, best.group))
         return f"One of {group}; this session cannot tell which. To part them: {best.next_measurement}."
@@ -250,6 +250,21 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         return f"Something is there that no effect of the library explains: {where}."
     return UNTIMED if _is_untimed(d.comparison) else "Nothing is missing: what is left over is noise."
+
+
+def _also(d: Diagnosis, best: Candidate) -> str:
+    """The other effects that a diagnosis names, beside the one of its headline; empty if there are none."""
+    axes: dict[str, set[str]] = {}
+    for c in d.candidates:
+        if c.decision == "add" and c.effect.id not in best.group and c.effect.id != best.effect.id:
+            axes.setdefault(" or ".join(_title(i) for i in sorted(c.group) or [c.effect.id]), set()).add(c.axis)
+    told = "; ".join(f"{titles} on {', '.join(sorted(on))}" for titles, on in axes.items())
+    return f" Also: {told}." if told else ""
+
+
+def _title(effect_id: str) -> str:
+    kinds = effects()
+    return kinds[effect_id].title.lower() if effect_id in kinds else effect_id
 
 
 def unproven(d: Diagnosis) -> list[Candidate]:

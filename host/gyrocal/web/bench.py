@@ -24,7 +24,7 @@ from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
 from gyrocal.web.budget import of_answers
-from gyrocal.web.doubt import doubts
+from gyrocal.web.doubt import doubts, faster
 from gyrocal.web.fall import Fall, Levels
 from gyrocal.web.hero import picture
 from gyrocal.web.mend import Mend, apply
@@ -242,6 +242,7 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
             [_title(i) for i in c.group if i != c.effect.id], _size(c),
             doubts(c, found.comparison, found.candidates), few,
             _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
+            not c.effect.fast and faster(found.comparison, c.axis),
         )
         for c in found.candidates
     ]  # fmt: skip

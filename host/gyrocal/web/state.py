@@ -106,12 +106,6 @@ class Workbench:
         return used[0] if len(used) == 1 else None
 
     @property
-    def latest(self) -> Step | None:
-        """The step that added the effect which is shown: the last one whose effect the current model has."""
-        there = {id for id, _, _ in self.steps[-1].view.effects} if self.steps else set()
-        return next((s for s in reversed(self.steps) if s.adds and s.id in there), None)
-
-    @property
     def recording(self) -> Recording:
         """The open session without the runs that are left out."""
         assert self.session is not None

@@ -167,6 +167,8 @@ class Card:
     within: bool
     """True if the explained part counts within power cycles, because there are few."""
     picture: Picture | None = None
+    means: bool = False
+    """True if the explained part is that of means, because the effect is slow and the axis has a faster error too."""
 
     @property
     def signature(self) -> Signature | None:

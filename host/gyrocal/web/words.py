@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus
 from gyrocal.units import percentage
@@ -43,7 +44,7 @@ def evidence(card: Card) -> list[tuple[str, str]]:
     if card.doubts:
         rows.append(("in doubt", "; ".join(card.doubts)))
     if judged["explained"] is not None:
-        rows.append(("explains", explains(judged["explained"], judged["axis"], within=card.within)))
+        rows.append(("explains", explains(judged["explained"], judged["axis"], within=card.within, means=card.means)))
     if judged["heldout_gain"] is not None:
         how = "better" if judged["heldout_gain"] > 0 else "worse"
         gain = plus_minus(abs(judged["heldout_gain"]), judged["heldout_gain_se"])
@@ -120,9 +121,13 @@ def symbols(equation: str) -> str:
     return "; ".join(found)
 
 
-def explains(part: float, axis: str, *, within: bool) -> str:
-    """The explained part in squares, as ``gyrocal diagnose`` gives it, and what it means for the rms."""
+def explains(part: float, axis: str, *, within: bool, means: bool = False) -> str:
+    """The explained part in squares, as ``gyrocal diagnose`` gives it, and what it means for the rms.
+
+    With ``means`` it is the part of what means of 0.1 s show, beside a faster error that no slow effect can explain.
+    """
     where = f"on {axis}, within power cycles" if within else f"on {axis}"
+    where = f"{where}, as means over {BLOCK_S:g} s show it (a faster one is left)" if means else where
     if part <= 0:
         return f"nothing of the excess error {where}"
     squared = f"{percentage(part)} of the squared excess error {where}"
