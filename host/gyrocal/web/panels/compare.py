@@ -159,7 +159,7 @@ class ComparePanel:
                         shown = PANELS.get(place.view)
                         against = shown.label.partition(",")[0] if shown else variables()[finding["against"]].quantity
                         if not place.view:
-                            text = f"{finding['axis']}: {finding['note']}; it shows from one reading to the next, in no picture"
+                            text = f"{finding['axis']}: {finding['note']}; no picture against a variable shows it"
                             ui.label(text).classes("finding plain")
                             continue
                         ui.button(
