@@ -89,7 +89,7 @@ def test_pictures_name_what_they_show(results: dict[str, Any]) -> None:
 
     diagnosis, model = results["Diagnosis"], results["Model"]
     assert f"{diagnosis.best.effect.id} on z: add" in words("Diagnosis")
-    assert {f"{e.scenario} {e.axis}\n{e.seconds:g} s" for e in results["Calibration"]} <= {
+    assert {f"{e.scenario} {e.axis}\n2, first {e.seconds:g} s" for e in results["Calibration"]} <= {
         text.get_text() for text in results["Calibration"].plot().findobj(Text)
     }
     (row,) = model.to_dataframe().filter(effect="scale", axis="z", parameter="scale").rows(named=True)

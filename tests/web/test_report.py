@@ -22,17 +22,19 @@ import pytest
 
 from gyrocal.api import Model, Session, compare, fit
 from gyrocal.cli import main
+from gyrocal.diagnosis.levels import Floor, MeanSquares
 from gyrocal.effects.base import effects
 from gyrocal.present import pictures
 from gyrocal.present.output import plus_minus
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web import charts
 from gyrocal.web.effect_figure import effect_figure
+from gyrocal.web.fall import Levels
 from gyrocal.web.models import Recipe, Step
 from gyrocal.web.report import correlated, page
 from gyrocal.web.state import Workbench
 from gyrocal.web.told import Change, story
-from gyrocal.web.views import Picture
+from gyrocal.web.views import Card, Picture
 from make_runs import make_run, make_session
 
 from .loop import finish
@@ -72,13 +74,25 @@ def reports(folder: Path) -> tuple[str, str]:
 
 def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> None:
     found = (("y", "add"), ("x", "add"), ("z", "suggest"))
-    cards = [NS(judged={"effect": "drift", "axis": axis, "decision": decision}) for axis, decision in found]
+    judged = [{"effect": "drift", "axis": axis, "decision": decision, "explained": 1.0} for axis, decision in found]
+    cards = [Card(of, "Drift", "", "", [], "", [], within=False) for of in judged]
+
+    def levels(excess: dict[str, float]) -> Levels:
+        floor = Floor(4e-4, 4e-4, 1e-8, 1e-8, 4e-4)
+        squares = {axis: MeanSquares(4e-4 + e**2, 4e-4 + e**2, 100_000) for axis, e in excess.items()}
+        return Levels(squares, dict.fromkeys("xyz", floor), 9, 3)
+
     on = [{"effect": "bias", "axis": a} for a in "xyz"] + [{"effect": "drift", "axis": a} for a in "xy"]
     recipe = Recipe("[after]", effect="drift", title="Drift")
-    after = Step(recipe, cast(Any, NS(compared={"parameters": on}, effects=[("drift", "Drift", True)])))
-    before = Step(Recipe("[before]"), cast(Any, NS()))
+    view = NS(
+        compared={"parameters": on}, effects=[("drift", "Drift", True)], levels=levels({"x": 0.03, "y": 0.01, "z": 0.0})
+    )
+    after = Step(recipe, cast(Any, view))
+    before = Step(Recipe("[before]"), cast(Any, NS(levels=levels({"x": 0.05, "y": 0.05, "z": 0.0}))))
     changes = story([before, after], cast(Any, {"[before]": NS(cards=cards)}))
     assert [c.judged["axis"] for c in changes[0].cards] == ["y", "x"]
+    # what it did remove, and not what was expected of it alone
+    assert [c.judged["explained"] for c in changes[0].cards] == pytest.approx([1 - 0.2**2, 1 - 0.6**2])
 
 
 def test_an_effect_whose_evidence_was_not_kept_has_its_axes_and_its_doubt(folder: Path) -> None:

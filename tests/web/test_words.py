@@ -112,7 +112,7 @@ def test_an_excess_that_counts_as_noise_says_so() -> None:
     def axes(excess: float, se: float) -> dict[str, dict[str, float]]:
         return {"x": {"excess_dps": 1e-3, "excess_se_dps": 1e-3}, "y": {"excess_dps": excess, "excess_se_dps": se}}
 
-    assert "excess on y differs from zero" in small_excess(axes(2.19e-3, 0.45e-3))
+    assert "excess on y is more than 2 standard errors" in small_excess(axes(2.19e-3, 0.45e-3))
     assert small_excess(axes(0.8e-3, 0.45e-3)) == ""
 
 
@@ -158,3 +158,11 @@ def test_a_rate_that_rises_or_falls_is_shown_against_its_change() -> None:
 def test_single_readings_are_sent_to_no_picture() -> None:
     """Repeated samples opened two means against the size of the reading."""
     assert prepare.place(Finding("z", "reading", 9.0, 1e-9, 0.3, "repeated or lost samples"), {}).view == ""
+
+
+def test_what_a_screen_reader_reads_holds_no_escapes() -> None:
+    """A label read "Ripple of the table&#x27;s speed"."""
+    from nicegui.props import Props
+
+    said = 'Ripple of the table\'s speed on z, "a" \\ b'
+    assert Props.parse(f"aria-label={charts.words([said])} role=img") == {"aria-label": said, "role": "img"}

@@ -57,7 +57,8 @@ ADVICE = {
 }
 ALIGN = "align the sensor's axis with the axis of rotation; the accelerometer's own offset hides the last degree"
 BOTH_WAYS, STATE_LATITUDE = "turn in both directions on each face", "state latitude_deg in session.toml"
-LONGER, OTHER_NETWORK = "record longer runs", "take the model's answer, or train a network for this model"
+LONGER = "record longer runs"
+OTHER_NETWORK = "train a network for this model, or take the model's answer if its error is smaller"
 NO_EARTH = "nothing: the runs turn in both directions on each face"
 NO_CLOCK = "nothing: the rate is known without the sensor's clock"
 NO_TEMPERATURE = "nothing: the model holds what the temperature changes"

@@ -47,6 +47,10 @@ def plateaus(x: Array) -> np.ndarray[Any, np.dtype[np.float64]] | None:
     return np.concatenate([[low - beyond], middle, [high + beyond]])
 
 
+PRIOR = 4.0
+"""Degrees of freedom of the variance that all places show together."""
+
+
 class Cells(NamedTuple):
     """Means [k] of values in places, their standard errors [k], and the means [recordings, k] of each recording.
 
@@ -62,7 +66,9 @@ def cells(place: Index, y: Array, run: Index, places: int) -> Cells:
     """Means of ``y`` [n] in their ``place`` [n] from 0 to below ``places``; ``run`` [n] numbers the recordings from 0.
 
     The variance of a mean is that of the noise within recordings over the number of values, plus the variance between
-    recordings, which all places show together, over the number of recordings (weighted as the mean is).
+    recordings, which all places show together, over their number (weighted as the mean is). It is averaged with the scatter of
+    the place's own recordings, which has their degrees of freedom and the other ``PRIOR``: values within a recording need not
+    be independent.
     """
     runs = int(run.max(initial=-1)) + 1
     cell = run * places + place
@@ -76,10 +82,13 @@ def cells(place: Index, y: Array, run: Index, places: int) -> Cells:
         usual = scatter.sum() / max(int(free.sum()), 1)
         within = np.where(free > 0, scatter / free, usual)
         middle = np.nansum(np.where(count > 0, own, 0.0), axis=0) / kept
-        apart = float(np.sum(np.where(count > 0, own - middle, 0.0) ** 2))
+        apart = np.sum(np.where(count > 0, own - middle, 0.0) ** 2, axis=0)
         of_noise = np.where(count > 0, 1 / count, 0.0).sum(axis=0) * within * (1 - 1 / kept)
-        between = max(0.0, apart - float(np.nansum(of_noise))) / max(int(np.maximum(kept - 1, 0).sum()), 1)
-        se = np.sqrt(within / n + between * np.sum((count / n) ** 2, axis=0))
+        between = np.nansum(np.maximum(apart - of_noise, 0.0)) / max(int(np.maximum(kept - 1, 0).sum()), 1)
+        weight = np.sum((count / n) ** 2, axis=0)
+        own_free = np.maximum(kept - 1, 0)
+        shown = weight * apart / np.maximum(own_free, 1)
+        se = np.sqrt((own_free * shown + PRIOR * (within / n + between * weight)) / (own_free + PRIOR))
     return Cells(mean, se, own)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -251,7 +252,8 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
 
 def _size(c: Candidate) -> str:
     """The fitted parameters, and those of the equation that the session does not need."""
-    without = [p.name for p in c.effect.parameters if c.values and p.name not in c.values and p.name in c.effect.equation]
+    law = re.split(r", | \(", c.effect.equation)[0]  # without other forms of it
+    without = [p.name for p in c.effect.parameters if c.values and p.name not in c.values and p.name in law]
     size = report.sizes(c)
     return f"{size}; without {' and '.join(without)}" if without else size
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -126,8 +125,8 @@ def script(value: Any) -> str:
 
 
 def words(lines: Sequence[str]) -> str:
-    """Lines of text as one HTML attribute."""
-    return html.escape(", ".join(lines), quote=True)
+    """Lines of text as one quoted property of an element of the page."""
+    return json.dumps(", ".join(lines), ensure_ascii=False)
 
 
 def grid(**place: Any) -> Options:

@@ -44,6 +44,14 @@ class Levels:
         return pooled(self.squares.values(), (richest.floors[axis] for axis in self.squares))
 
 
+def realised(before: Levels | None, after: Levels | None, axis: str) -> float | None:
+    """The part of an axis's squared excess that a step has removed, over the later floor; None if it is not known."""
+    if before is None or after is None or axis not in before.squares or axis not in after.squares:
+        return None
+    old, new = (Level.of(levels.squares[axis], after.floors[axis]) for levels in (before, after))
+    return explained(old, new, after.cycles)
+
+
 @dataclass(frozen=True)
 class Fall:
     """The bars, the levels of the first and the last model, and the part of the squared excess that lies between them."""
@@ -102,8 +110,8 @@ class Fall:
     @property
     def _before(self) -> str:
         """Why the first model's excess was another one as long as it stood alone, as a clause; empty if it was the same."""
-        before, now = (v.excess_within_dps if self.within else v.excess_dps for v in (self.alone, self.first))
-        if before is None or now is None or before > MUCH * now:
+        before, now = self.alone.excess_dps, self.first.excess_dps
+        if self.within or before is None or now is None or before > MUCH * now:
             return ""
         floor, own = (self.unit.text(v, 2) for v in (self.alone.floor_dps, before))
         return f"; that of the first model alone, {floor}, took part of the error for noise, so that its excess was {own}"

@@ -26,6 +26,8 @@ A_FUNCTION = 0.6
 ALIKE = 0.02
 """Parts that differ by less than this are equal; the variable that takes more values is then shown."""
 
+WITHIN = 0.05
+"""Part of the signal's variance, for each run, that the run which is shown has within it at least."""
 CONSTANT = 1e-12
 """Part of the signal's square that is rounding."""
 
@@ -51,8 +53,12 @@ def picture(
     panel, part = best
     run = None
     if part < A_FUNCTION:
-        power = np.bincount(points["run"], np.where(there, signal, 0.0) ** 2)
+        of_run, count = points["run"][there], np.bincount(points["run"][there])
+        mean = np.bincount(of_run, signal[there]) / np.maximum(count, 1)
+        power = np.bincount(of_run, (signal[there] - mean[of_run]) ** 2)
         run = int(np.argmax(power))
+        if power[run] < WITHIN * float(np.sum((signal[there] - signal[there].mean()) ** 2)) / np.count_nonzero(count):
+            return None  # it differs between recordings and not within them, and no variable tells how
         mine = there & (points["run"] == run)
         panel, _ = _best(axis, signal, points, mine, against) or best
     return _drawn(axis, signal, points, panel, run, "" if run is None else files[run])

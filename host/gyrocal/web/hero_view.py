@@ -87,7 +87,8 @@ class HeroView:
         lines = [f"{title} on {shown.axis}{state}", f"{session.sensor} · {equation}"]
         where = "all recordings" if shown.run is None else f"{shown.file}, about its mean"
         if fall is not None:
-            bar = fall.bars[-1]
+            step = latest(self.bench.steps) if added else None
+            bar = fall.bars[-1 if step is None else self.bench.steps.index(step)]
             how = " within power cycles" if fall.within else ""
             figures = f"{fall.told(bar.before)} → {fall.told(bar.after)}" if added else fall.told(bar.after)
             lines.append(f"excess error{how} {figures} {fall.unit.name} rms, all axes")
@@ -98,7 +99,7 @@ class HeroView:
     ) -> None:  # fmt: skip
         each = [] if self.bench.traces is None else of_each_run(shown, self.bench.traces.points)
         options: dict[str, Any] = charts.hero(self.tab.palette, shown, left, curve, words, each, added=added)
-        self.image.props(f'aria-label="{charts.words(words)}"')
+        self.image.props(f"aria-label={charts.words(words)}")
         fresh = "false" if shown == self._drawn else "true"
         self._drawn = shown
         self.chart.options.update(options)  # a chart that the browser has not made yet begins with them

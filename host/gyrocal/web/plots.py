@@ -260,7 +260,7 @@ def folded(
         units=[unit.name for _ in axes],
         legend=charts.legend(p, entries, top=0), axisPointer={"link": [{"xAxisIndex": "all"}]},
         media=charts.fitting(_stacked(len(axes), 6) | {"legend": LEGEND}, _stacked(len(axes), 13) | {"legend": LEGEND_ALONE}),
-        tooltip=charts.tooltip(p, [unit.name], panel.variable.unit, panel.variable.marks),
+        tooltip=charts.tooltip(p, [unit.name], charts.unit_in(panel.label), panel.variable.marks),
     )  # fmt: skip
 
 

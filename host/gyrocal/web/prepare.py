@@ -77,7 +77,12 @@ class Residuals:
         return {a: curve for a, curve in found.items() if curve is not None}
 
     def left(self) -> dict[str, float]:
-        """The excess error of each run by file, mdps: its mean square over the model's floor, all axes together."""
+        """The excess error of each run by file, mdps: its mean square over the model's floor, all axes together.
+
+        Empty for a session judged by angle, whose turns have no residual within the run.
+        """
+        if self.found.angles is not None:
+            return {}
         axes = [a for a in self.found.floors if self.by_axis.get(a)]
         out = {}
         for run in self.found.fit.session.runs:

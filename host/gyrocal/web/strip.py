@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from nicegui import ui
 
 from gyrocal.diagnosis.rate_unit import rate_text
+from gyrocal.web import charts
 from gyrocal.web.views import RunView
 
 MOVE = """event => {
@@ -33,8 +33,8 @@ def strip(
     """
     worst = max(left.values(), default=0.0)
     with ui.element("section").classes("face strip").props('aria-label="runs"'):
-        told = f"each coloured by its own excess error, at most {_told(worst)}; full colour is {_told(max(worst, floor))}"
-        told = told if left else "excess error not known yet"
+        told = f"each coloured by its own excess error of all axes, at most {_told(worst)}"
+        told = f"{told}; full colour is {_told(max(worst, floor))}" if left else "without an excess error of their own"
         out = f"; {len(excluded)} left out" if excluded else ""
         plural = "s" if len(runs) > 1 else ""
         press = "Press one to leave it out of the fit."
@@ -55,11 +55,11 @@ def strip(
 def _cell(run: RunView, excess: float | None, part: int, out: bool, stays: bool) -> ui.element:
     told = "left out" if out else "excess not known" if excess is None else f"excess {_told(excess)}"
     told = f"{told}; it stays in the fit, because no other run is left" if stays else told
-    words = html.escape(f"{run.file}, {run.scenario}, face {run.face}: {told}", quote=True)
+    words = charts.words([run.file, run.scenario, f"face {run.face}: {told}"])
     kind = "cell out" if out else "cell stays" if stays else "cell"
     cell = ui.element("button").classes(kind).style(f"--share: {part}%")
     states = f'aria-pressed="{str(out).lower()}" aria-disabled="{str(stays).lower()}"'
-    return cell.props(f'type="button" title="{words}" aria-label="{words}" {states}')
+    return cell.props(f'type="button" title={words} aria-label={words} {states}')
 
 
 def _told(excess_mdps: float) -> str:

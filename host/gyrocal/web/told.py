@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from gyrocal.web.models import Step
@@ -39,6 +39,14 @@ class Change:
         return f"gyrocal add {self.effect} {session} --model model.toml"
 
 
+def as_added(card: Card, before: Step, after: Step) -> Card:
+    """The card of an effect that was added, with the part of the excess that it did remove in place of the expected one."""
+    from gyrocal.web.fall import realised  # the engine, which is loaded by now
+
+    part = realised(before.view.levels, after.view.levels, card.judged["axis"])
+    return replace(card, judged={**card.judged, "explained": part}, means=False)
+
+
 def story(steps: Sequence[Step], diagnoses: Mapping[str, DiagnosisView]) -> list[Change]:
     """The changes of a sequence, each with what the diagnosis of the model before it said."""
     changes = []
@@ -46,7 +54,9 @@ def story(steps: Sequence[Step], diagnoses: Mapping[str, DiagnosisView]) -> list
         found = diagnoses.get(before.source)
         cards = [] if found is None or step.removed or step.recipe.held else found.cards
         named = [c for c in cards if c.judged["decision"] in ("add", "suggest")]
-        its = tuple(c for c in named if c.judged["effect"] == step.effect and c.judged["axis"] in step.axes)
+        its = tuple(
+            as_added(c, before, step) for c in named if c.judged["effect"] == step.effect and c.judged["axis"] in step.axes
+        )
         on = tuple(sorted(step.axes)) if step.adds else ()
         made = (step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), its, step.recipe.held, on)
         changes.append(Change(*made))

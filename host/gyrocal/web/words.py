@@ -65,7 +65,9 @@ def no_picture(equation: str) -> str:
     """Why the card of an effect of this equation has no picture, or where it is."""
     if "f_hz" in equation:
         return "Its picture is the spectrum of Compare."
-    return "It has no picture: it changes single readings, and no curve over a variable describes it."
+    if re.search(r"(?<!\w)y(?!\w)|readings", equation):
+        return "It has no picture: it changes single readings, and no curve over a variable describes it."
+    return "It has no picture: over these recordings it is a function of no single variable."
 
 
 def above_excess(where: Sequence[Mapping[str, Any]], per_axis: Mapping[str, Mapping[str, Any]]) -> str:
@@ -94,8 +96,8 @@ def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
     if not beyond:
         return ""
     return (
-        f"The excess on {' and '.join(beyond)} differs from zero, but no test finds a shape in it. It counts as noise while "
-        f"it is below {percentage(POLICY.least_excess)} of the noise floor within power cycles, or not certain there."
+        f"The excess on {' and '.join(beyond)} is more than {POLICY.excess_errors:g} standard errors, but no test finds what it "
+        f"depends on. An excess of unknown shape is a misfit from {percentage(POLICY.least_excess)} of the noise floor on."
     )
 
 
@@ -107,6 +109,8 @@ def held_by_hand(holdable: Sequence[Holdable]) -> str:
     return f"The model holds {'; '.join(held)}. The misfit may be that of this value: Free under Parameters fits it again."
 
 
+NOTHING = 0.005
+"""A part of the squared excess that is none in words."""
 CALIBRATION_ERROR = (
     "mean size of the difference between the first 2, 4 and 6 s and the whole recording, whose values are the latest model's"
 )
@@ -128,7 +132,7 @@ def explains(part: float, axis: str, *, within: bool, means: bool = False) -> st
     """
     where = f"on {axis}, within power cycles" if within else f"on {axis}"
     where = f"{where}, as means over {BLOCK_S:g} s show it (a faster one is left)" if means else where
-    if part <= 0:
+    if part < NOTHING:
         return f"nothing of the excess error {where}"
     squared = f"{percentage(part)} of the squared excess error {where}"
     if part >= 1:

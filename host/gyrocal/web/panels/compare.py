@@ -284,13 +284,20 @@ class ComparePanel:
                 (p.low, p.high, f["note"]) for f, p in self._found()
                 if p.view == self.against and f["axis"] in self.axes and p.low is not None and p.high is not None
             ]  # fmt: skip
-            return plots.curves(p, over, self.axes, *SPECTRA[self.against], x_name, marked, self._seen_part())
+            what, per, alone = SPECTRA[self.against]
+            return plots.curves(p, over, self.axes, what, per, f"{alone}{self._with_misfit}", x_name, marked, self._seen_part())
         if self.against == "averaging":
             what = "Allan deviation of what is left over"
-            return plots.curves(p, view.allan, self.axes, what, "", "noise model", x_name)
+            return plots.curves(p, view.allan, self.axes, what, "", f"noise model{self._with_misfit}", x_name)
         place = self.place if self.place is not None and self.place.view == self.against else Place(self.against)
         drawn = plots.By(place.about_means, place.part)
         return plots.folded(p, traces.points, PANELS[self.against], [i for i, _ in self._runs()], self.axes, drawn)
+
+    @property
+    def _with_misfit(self) -> str:
+        """What the legend says of the noise of a model that does not fit: its fit takes slow parts of the misfit for drift."""
+        fits = self.bench.step is None or self.bench.step.view.compared["verdict"] == "adequate"
+        return "" if fits else ", part of the misfit in it"
 
     def _seen_part(self) -> tuple[float, float] | None:
         """The part of a spectrum around the finding that is shown."""

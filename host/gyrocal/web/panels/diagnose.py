@@ -20,6 +20,7 @@ from gyrocal.web.models import Step, latest
 from gyrocal.web.side_by_side import side_by_side
 from gyrocal.web.small_picture import signature_svg
 from gyrocal.web.state import Topic
+from gyrocal.web.told import as_added
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, DiagnosisView, Picture
 from gyrocal.web.words import CALIBRATION_ERROR, evidence, held_by_hand, no_picture, not_yet, small_excess, symbols
@@ -151,8 +152,9 @@ class DiagnosePanel:
             return
         every = [c for c in ([] if found is None else found.cards) if c.judged["effect"] == step.effect]
         cards = [c for c in every if c.judged["decision"] in ("add", "suggest") and c.judged["axis"] in step.axes]
+        at = self.bench.steps.index(step)
         for card in cards:
-            self._card(card, added=True)
+            self._card(as_added(card, self.bench.steps[at - 1], step), added=True)
         others = {c.judged["axis"] for c in every if c.judged["decision"] == "add"} - step.axes
         if others:
             ui.label(
@@ -237,7 +239,8 @@ class DiagnosePanel:
                 ui.label(f"In doubt: {doubt}.").classes("small")
             fall = self.bench.fall()
             if fall is not None:
-                before, after = fall.told(fall.bars[-1].before), fall.told(fall.bars[-1].after)
+                bar = fall.bars[self.bench.steps.index(step)]
+                before, after = fall.told(bar.before), fall.told(bar.after)
                 ui.label(f"With it, the excess error went from {before} to {after} {fall.unit.name}.")
             if step.formula:
                 ui.label(step.formula.removeprefix(f"{step.title}: ")).classes("equation")
@@ -319,8 +322,8 @@ class DiagnosePanel:
                 why = "This recording is too short to hold out a part, so the excess error is unknown."
                 if self.bench.step.view.compared["residual"] == "angle":
                     why = (
-                        "This session is judged by the angles of its runs, so no excess of a rate stands here; "
-                        "the command line tells the angles: gyrocal compare."
+                        "This session is judged by the angles of its runs, which Compare tells, so no excess of a rate stands "
+                        "here."
                     )
                 ui.label(why).classes("dim")
             if found is None:
