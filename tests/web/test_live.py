@@ -139,6 +139,8 @@ def test_a_simulated_device_from_the_page(served: Any, look: Callable[..., Any])
     page.get_by_role("button", name="Live").click()
     page.get_by_role("button", name="Disconnect").click()
     page.get_by_role("button", name="Connect", exact=True).wait_for()
+    # the readings of one device did not stay for the next one
+    page.wait_for_function("() => [...document.querySelectorAll('.reading b')].every(b => b.innerText === '-')")
 
 
 class Gate:

@@ -168,6 +168,8 @@ class Readings:
     def _frame(self) -> None:
         """Send new samples to the chart, unless the browser has not yet drawn the previous ones."""
         samples = self._live.sensors.get(self._imu)
+        if samples is None and self._drawn_s:  # another device, which has sent nothing yet
+            self._empty()
         if samples is None or self._live.newest == self._sent or self._in_flight >= MOST_IN_FLIGHT:
             return
         if self._paused and self._sent[0]:
@@ -179,6 +181,13 @@ class Readings:
             self._read = time.monotonic()
             self._numbers(samples.latest(self._window.value)[:, 1:])
         background_tasks.create(self._send(self._options(frame)))
+
+    def _empty(self) -> None:
+        """Take the readings of the device before away."""
+        self._drawn_s = 0.0
+        for element, scatter in self._values:
+            element.content, scatter.text = f"<b>{UNKNOWN}</b>", ""
+        self.redraw()
 
     def _numbers(self, rows: Any) -> None:
         """The latest values, or mean and scatter of the window."""

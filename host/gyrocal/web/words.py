@@ -96,8 +96,8 @@ def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
     if not beyond:
         return ""
     return (
-        f"The excess on {' and '.join(beyond)} is more than {POLICY.excess_errors:g} standard errors, but no test finds what it "
-        f"depends on. An excess of unknown shape is a misfit from {percentage(POLICY.least_excess)} of the noise floor on."
+        f"The excess on {' and '.join(beyond)} is more than {POLICY.excess_errors:g} standard errors, but no test finds what "
+        f"it depends on. An excess of unknown shape is a misfit from {percentage(POLICY.least_excess)} of the noise floor on."
     )
 
 
