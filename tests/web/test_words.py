@@ -16,9 +16,11 @@ from gyrocal.effects.lag import Lag
 from gyrocal.effects.saturation import Saturation
 from gyrocal.effects.vibration_tone import VibrationTone
 from gyrocal.present.report import sizes
-from gyrocal.variables.shapes import Steps
+from gyrocal.variables.direction import CHANGING
+from gyrocal.variables.shapes import Columns, Steps, TableWave, Transient
 from gyrocal.web import charts, plots, prepare
 from gyrocal.web.against import panels
+from gyrocal.web.live import Live
 from gyrocal.web.models import Recipe, added
 from gyrocal.web.views import Holdable
 from gyrocal.web.words import above_excess, evidence, held_by_hand, no_picture, small_excess
@@ -119,3 +121,40 @@ def test_a_misfit_beside_a_held_parameter_names_it() -> None:
     one = Holdable("scale_nonlinearity", "Nonlinearity of the scale", "z", "k3", 2e-8, None, "1/dps^2", held=True)
     assert "k3 of nonlinearity of the scale on z at 2e-08 1/dps^2" in held_by_hand([one])
     assert held_by_hand([replace(one, held=False, se=1e-9)]) == ""
+
+
+def test_one_run_has_no_phase_or_size_of_its_own() -> None:
+    """Of a session of one run it was said that the wave had "another phase in each run"."""
+    one = np.array([[0.1, 0.2]])
+    assert TableWave(1.0).words(one) == "once per turn"
+    assert TableWave(1.0).words(np.repeat(one, 2, axis=0)).endswith("of the same phase in each run")
+    assert TableWave(1.0).words(np.concatenate([one, -one])).endswith("of another phase in each run")
+    assert Transient(4.0).words(one).endswith("time constant of about 4 s")
+    assert Transient(4.0).words(np.array([[0.1], [-0.3]])).endswith("of another size in each run")
+
+
+@pytest.mark.parametrize(
+    ("sensors", "connected", "left", "ended"),
+    [({}, False, None, False), ({0: {}}, True, None, False), ({0: {}}, False, None, True), ({0: {}}, True, 0, True)],
+)  # fmt: skip
+def test_a_simulated_device_that_hung_up_has_ended(
+    sensors: dict[int, Any], connected: bool, left: int | None, ended: bool
+) -> None:
+    """Until its process ended, the page waited for it to be plugged in again."""
+    live = Live(lambda: None)
+    assert not live.ended
+    live._simulated = SimpleNamespace(poll=lambda: left)  # type: ignore[assignment]
+    live.status = {"connected": connected, "sensors": sensors}
+    assert live.ended is ended
+
+
+def test_a_rate_that_rises_or_falls_is_shown_against_its_change() -> None:
+    """It opened the sign of the rate, which shows nothing of it."""
+    shape = Columns(lambda _: None, 1, CHANGING)
+    points = {panel.key(axis): np.zeros(4) for panel in panels() for axis in "xyz"} | {"z": np.zeros(4)}
+    assert prepare.place(Finding("z", "direction", 9.0, 1e-9, 0.3, "", shape), points).view == "rate_change"
+
+
+def test_single_readings_are_sent_to_no_picture() -> None:
+    """Repeated samples opened two means against the size of the reading."""
+    assert prepare.place(Finding("z", "reading", 9.0, 1e-9, 0.3, "repeated or lost samples"), {}).view == ""

@@ -33,10 +33,11 @@ def described(current: AxisFit, shape: Shape) -> tuple[float, str]:
     if isinstance(shape, Waves):
         sizes = np.hypot(coefficients[::2], coefficients[1::2])
         k = int(np.argmax(sizes))
+        phase = ", of the same phase in each run" if len(residuals) > 1 else ""
         if sizes[k] > POLICY.cancelled * amplitude:  # in less than a turn, waves cancel each other
-            return amplitude, f"{size}, of the same phase in each run"
+            return amplitude, f"{size}{phase}"
         wave = f"a wave of {rate_text(min(sizes[k], amplitude))} {per_turn(shape.orders[k])}"
-        return amplitude, f"{size}; most, {wave}, of the same phase in each run"
+        return amplitude, f"{size}; most, {wave}{phase}"
     words = shape.words if isinstance(shape, Columns) else ""
     return amplitude, f"{size}, {words}" if words else size
 

@@ -133,9 +133,9 @@ class Transient(ShapeOfEachRun):
     linear = ("size",)
 
     def words(self, sizes: Array) -> str:
-        alike = len(sizes) > 1 and float(np.std(sizes)) < ALIKE * abs(float(np.mean(sizes)))
-        size = "much the same" if alike else "another"
-        return f"at the start of a run, dying away with a time constant of about {self.tau_s:g} s, of {size} size in each run"
+        alike = float(np.std(sizes)) < ALIKE * abs(float(np.mean(sizes)))
+        size = "" if len(sizes) < 2 else f", of {'much the same' if alike else 'another'} size in each run"
+        return f"at the start of a run, dying away with a time constant of about {self.tau_s:g} s{size}"
 
     def __init__(self, tau_s: float) -> None:
         self.tau_s = tau_s
@@ -162,8 +162,9 @@ class TableWave(ShapeOfEachRun):
         """The order and the phase in words, from coefficients [runs, 2]. The phases agree if their waves hardly cancel."""
         waves = sizes[:, 0] + 1j * sizes[:, 1]
         waves = waves[waves != 0]
-        alike = waves.size > 1 and abs(waves.sum()) > SAME_PHASE * float(np.abs(waves).sum())
-        return f"{per_turn(self.order)}, of {'the same' if alike else 'another'} phase in each run"
+        alike = abs(waves.sum()) > SAME_PHASE * float(np.abs(waves).sum())
+        phase = "" if waves.size < 2 else f", of {'the same' if alike else 'another'} phase in each run"
+        return f"{per_turn(self.order)}{phase}"
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         angle = self.order * table_angle_rad(run)

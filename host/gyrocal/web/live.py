@@ -67,8 +67,11 @@ class Live:
 
     @property
     def ended(self) -> bool:
-        """True if a simulated device has played its recording to the end."""
-        return self._simulated is not None and self._simulated.poll() is not None
+        """True if a simulated device has played its recording to the end; its process ends some time after its line."""
+        if self._simulated is None:
+            return False
+        hung_up = bool(self.status.get("sensors")) and not self.connected
+        return hung_up or self._simulated.poll() is not None
 
     def ports(self) -> dict[str, str]:
         """The ports named on the command line and the devices that are plugged in, each with what it is."""

@@ -188,7 +188,7 @@ class Tab:
         """The line of a session with a hidden effect: the task, then the truth."""
         secret = self.hunt.secret
         self._hunted.clear()
-        self._hunted.set_visibility(secret is not None and self.view in PANELS)
+        self._hunted.set_visibility(secret is not None and self.view in OF_SESSION)
         if secret is None:
             return
         with self._hunted:

@@ -195,6 +195,8 @@ class LivePanel:
             sensor = self.live.sensor(self.imu)
             missed = f", {sensor['missed']} not read in time" if sensor.get("missed") else ""
             rate = f"{sensor.get('rate_hz', 0.0):.0f} samples a second"
+            if status.get("replays") and sensor.get("state") in ("idle", "flip"):
+                rate += ", without readings until it turns"
             self.counts.text = f"{rate}, {lost} lost, {bad} damaged, {status['restarts']} restarts{missed}"
             going = status.get("recording") or {}
             if going.get("going"):
