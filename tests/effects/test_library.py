@@ -8,6 +8,7 @@ from gyrocal.errors import InputError
 from gyrocal.recording.session import Run
 from gyrocal.simulation.planted import parse
 
+from .checks import showing
 from .conftest import MakeRun
 
 # id and parameter names, as people's scripts and model files know them
@@ -135,10 +136,21 @@ def test_effects_that_need_a_column_say_which(make_run: MakeRun) -> None:
 
 
 def test_what_is_needed_is_enough(rich_run: Run) -> None:
-    """A run with every column shows every effect that has anything to be fitted, on the axes where it acts."""
+    """A run with every column shows every effect that has anything to be fitted, on the axes where it acts.
+
+    An error of the stated rate is shown by a run without a measured one.
+    """
     for kind in effects().values():
         if kind.linear or kind.fault:
-            assert all(kind.missing([rich_run], axis) is None for axis in kind.axes(rich_run)), kind.id
+            run = showing(kind, rich_run)
+            assert all(kind.missing([run], axis) is None for axis in kind.axes(run)), kind.id
+
+
+def test_a_measured_rate_holds_what_the_table_does(rich_run: Run) -> None:
+    kind = effect("spin_up")
+    assert "rate_ref_dps" in (kind.missing([rich_run], 2) or "")
+    assert not np.any(kind.term(rich_run, 2, {"A": 0.01, "tau_s": 2.0}))
+    assert np.any(kind.term(showing(kind, rich_run), 2, {"A": 0.01, "tau_s": 2.0}))
 
 
 def test_one_run_without_the_column_is_not_missed_but_all_are(rich_run: Run, make_run: MakeRun) -> None:

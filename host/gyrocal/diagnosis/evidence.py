@@ -27,8 +27,7 @@ from gyrocal.inference.reml import Spreads
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, Array, Run
-from gyrocal.variables.shapes import Columns
+from gyrocal.recording.session import AXES, Array
 
 
 def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
@@ -82,10 +81,11 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     looks = effect.looks(current.runs, current.index)
     chance = max(least_chance, min(1.0, looks * likelihood_ratio(current.fit, fitted, max(1, parameters))[1]))
     known = [(t.effect, t.values) for t in fitted.terms[:-1]]
-    told_otherwise = not effect.observable(term.values, current.runs)
-    told_otherwise = told_otherwise or effect.repeats(term.values, current.runs, current.index, known)
-    if chance > unless or told_otherwise:
-        return Candidate(effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters)
+    unseen = not effect.observable(term.values, current.runs)
+    if chance > unless or unseen or effect.repeats(term.values, current.runs, current.index, known):
+        return Candidate(
+            effect, current.axis, "reject", term.values, term.se, chance=chance, parameters=parameters, contradicted=unseen
+        )  # fmt: skip
     parameters += effect.picked(current.runs, current.index)
     gains = held_out_gain(current.fit, fitted, current.folds)
     gain, gain_se = total(gains)
@@ -95,7 +95,8 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     excess = Explained(None, False) if gain is None else explained(current, fitted, signal, chance)
     contradicted = (
         (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and without_mean(term))
-        or effect.contradicted(term.values, excess.part) or _outdone(current.fit, fitted, effect)
+        or effect.contradicted(term.values, excess.part)
+        or (chance < POLICY.false_discovery_rate and _outdone(current.fit, fitted, effect))
         or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))
     )  # fmt: skip
     return Candidate(
@@ -135,15 +136,8 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
 
 def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:
     """True if what can be mistaken for the effect explains the session better, and the effect hardly adds to it."""
-    axis = current.design.axis
-    if all(effect.passes_for_it(b.run, axis) is None for b in current.design.blocks):
-        return False
-
-    def column(run: Run) -> Array | None:
-        found = effect.passes_for_it(run, axis)
-        return None if found is None else found[:, None]
-
-    return _better(current, fitted, Columns(column, 1))
+    runs = [b.run for b in current.design.blocks]
+    return any(_better(current, fitted, other) for other in effect.passes_for_it(runs, current.design.axis))
 
 
 def _wave_over_rate(blocks: Current, current: AxisFit, fitted: AxisFit) -> bool:
@@ -157,10 +151,12 @@ def _wave_over_rate(blocks: Current, current: AxisFit, fitted: AxisFit) -> bool:
     return _better(current, fitted, wave.shape, wave.penalty)
 
 
-def _better(current: AxisFit, fitted: AxisFit, shape: Columns, penalty: float = 0.0) -> bool:
+def _better(current: AxisFit, fitted: AxisFit, shape: Effect, penalty: float = 0.0) -> bool:
     """True if a shape gains more than a fitted effect by at least ``penalty``, and the effect hardly adds to the shape."""
-    other = Term("mistaken", AXES[current.design.axis], dict.fromkeys(shape.linear, 0.0), own=shape)
-    beside, both = (_with(fit, other) for fit in (current, fitted))
+    other = Term("mistaken", AXES[current.design.axis], {}, own=shape)
+    beside = refine(choose_variant(current, other))
+    found = beside.terms[-1]
+    both = _with(fitted, replace(other, values=found.values))
     alone = max(fitted.loglik - current.loglik, 0.0)
     return beside.loglik > fitted.loglik + penalty and both.loglik - beside.loglik < POLICY.of_finding * alone
 

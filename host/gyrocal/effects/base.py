@@ -126,9 +126,9 @@ class Effect(Described):
         """The course of the effect as far as it is known in a run without the effect's data, shape [n]; None if unknown."""
         return None
 
-    def passes_for_it(self, run: Run, axis: int) -> Array | None:
-        """The course of what is no known effect but can be mistaken for this one, shape [n]; None if nothing is known to be."""
-        return None
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """What can be mistaken for this effect in these runs and contradicts it if it explains them better, as terms to fit."""
+        return ()
 
     def noise(self, run: Run, axis: int, values: Mapping[str, float], samples: float) -> tuple[Array, float] | None:
         """The noise of measured data in the columns of a run: what it leaves of the columns' meaning.

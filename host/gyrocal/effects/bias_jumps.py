@@ -10,6 +10,7 @@ from gyrocal.effects.base import OfEachRun, Parameter, Values, elapsed_s
 from gyrocal.effects.byte_fault import single_power
 from gyrocal.effects.dead_band import outliers_of as reading_outliers
 from gyrocal.effects.reading_fault import Detected, ReadingFault
+from gyrocal.policy import POLICY
 from gyrocal.recording.outliers import Index
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.tail import chance_of
@@ -26,6 +27,9 @@ SWINGS = 0.05
 DIFFERENCED_S = 0.5
 SHOWN = 1e-3
 """Probability under noise above which outliers are no fault."""
+PROPORTIONAL = 0.75
+"""Part of the jumps' mean square that follows the rate if the scale jumps and not the bias."""
+SHUFFLES = 1000
 STANDS_OUT = 6.0
 """Standard errors by which the means before and after must differ. Noise does not reach this over all times of a session."""
 
@@ -35,6 +39,11 @@ def jumps(run: Run, axis: int) -> list[int]:
 
     At most ``MOST`` rows are returned, the most significant ones.
     """
+    return [row for row, _ in _sized_jumps(run, axis)]
+
+
+def _sized_jumps(run: Run, axis: int) -> list[tuple[int, float]]:
+    """The rows of :func:`jumps` with the differences of the means after and before, deg/s."""
     if run.rate_is_mean:
         return []
     y = _without_swing(_about_rate(run, axis), run.rate_dps, run.duration_s)
@@ -45,12 +54,39 @@ def jumps(run: Run, axis: int) -> list[int]:
     before = total[width:-width] - total[: -2 * width]
     after = total[2 * width :] - total[width:-width]
     score = np.abs(after - before) / (width * _error(total, width) + 1e-300)
-    found: list[int] = []
+    found: list[tuple[int, float]] = []
     while len(found) < MOST and score.max(initial=0.0) > STANDS_OUT:
         k = int(np.argmax(score))
-        found.append(k + width)
+        found.append((k + width, float(after[k] - before[k]) / width))
         score[max(0, k - width) : k + width] = 0.0
     return sorted(found)
+
+
+def follow_the_rate(runs: Sequence[Run], axis: int) -> bool:
+    """True if the jumps are in proportion to the true rate, as those of the scale are: none at rest, of the rate's sign.
+
+    The first jump of each run has one ratio to the rate, the second another, and so on. The sizes are then given to other runs
+    and with other signs at random (Fisher's test): jumps of the bias follow the rate no less often in that way.
+    """
+    steady = [r for r in runs if not r.rate_is_mean]
+    sizes_dps = np.zeros((len(steady), MOST))
+    for i, run in enumerate(steady):
+        found = [size for _, size in _sized_jumps(run, axis)]
+        sizes_dps[i, : len(found)] = found
+    rates_dps = np.array([float(np.mean(r.rate_dps)) for r in steady])
+    whole = float(np.sum(sizes_dps**2) * np.sum(rates_dps**2))
+    if not whole:
+        return False
+
+    def followed(sizes_dps: Array) -> float:
+        return float(np.sum((rates_dps @ sizes_dps) ** 2)) / whole
+
+    share = followed(sizes_dps)
+    if share < PROPORTIONAL:
+        return False
+    rng = np.random.default_rng(0)
+    shuffled = (rng.permutation(sizes_dps) * rng.choice((-1.0, 1.0), (len(steady), 1)) for _ in range(SHUFFLES))
+    return sum(followed(other) > share - 1e-9 for other in shuffled) < POLICY.needless * SHUFFLES
 
 
 def _without_swing(y_dps: Array, rate_dps: Array, duration_s: float) -> Array:
@@ -158,6 +194,10 @@ class BiasJumps(OfEachRun):
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         found = [len(jumps(r, axis)) for r in runs if not r.rate_is_mean]
         return [{"n": float(np.mean(found)) if found else 0.0, "size_dps": 0.0}]
+
+    def shows(self, runs: Sequence[Run], axis: int, line_chance: float) -> bool:
+        """False if the jumps are in proportion to the rate: the bias is the same at any rate."""
+        return not follow_the_rate(runs, axis)
 
     def looks(self, runs: Sequence[Run], axis: int) -> int:
         """The number of times from which the jumps were chosen."""

@@ -6,10 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gyrocal.effects.base import Law, OfEachRun, Parameter, Values, elapsed_s
-from gyrocal.effects.quantities import TURNING, rate_about, turns
+from gyrocal.effects.base import Effect, Law, OfEachRun, Parameter, Values, elapsed_s
+from gyrocal.effects.mistaken import by_temperature, settling_scale
+from gyrocal.effects.quantities import power_on_time_s, rate_about, temperature_moves, turns
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
+
+STATED = "a run in which the table turns about this axis at a stated rate; a measured rate (rate_ref_dps) holds the spin-up"
+SEEN = 0.25
+"""Part of its start to which a transient has to fall within the longest run, so that the run shows the rate that it ends at."""
 
 
 class SpinUp(OfEachRun):
@@ -38,10 +43,28 @@ class SpinUp(OfEachRun):
     law = Law({"A": 0.002, "tau_s": 3.0}, "-rate*0.002*exp(-t/3)", degree=1)
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if turns(runs, axis) else TURNING
+        return None if turns([r for r in runs if _is_stated(r)], axis) else STATED
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{"A": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(0.5, 16.0, 6)]
 
+    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
+        """False if the transient does not end within the longest run, or would last longer than any table's if it could."""
+        longest_s = max((r.duration_s for r in runs if _is_stated(r) and np.any(r.rate_dps)), default=0.0)
+        slowest_s = self.parameter("tau_s").search_range[1]
+        return values["tau_s"] < min(0.99 * slowest_s, longest_s / -np.log(SEEN))
+
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """A scale that settles after power-on and not in each run, and what follows the measured temperature."""
+        settles = [settling_scale()] if any(power_on_time_s(r) is not None for r in runs) else []
+        return [*settles, by_temperature()] if temperature_moves(runs) else settles
+
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        if not _is_stated(run):
+            return np.zeros((len(run), 1))
         return (-rate_about(run, axis) * np.exp(-elapsed_s(run) / values["tau_s"]))[:, None]
+
+
+def _is_stated(run: Run) -> bool:
+    """True if the true rate is the table's set rate, and no reference that measures it."""
+    return run.reference_dps is None

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gyrocal.effects.base import Effect, Values
+from gyrocal.effects.mistaken import course
 from gyrocal.effects.quantities import VARYING_RATE, rate_varies, sense_of_change
 from gyrocal.recording.session import Array, Run
 from gyrocal.recording.timing import Motion, Timing
@@ -50,9 +51,9 @@ class TimingEffect(Effect):
             return np.zeros((len(run), 1))
         return self.derivative(run.motion, run.sample_s, run.timing)[:, None]
 
-    def passes_for_it(self, run: Run, axis: int) -> Array | None:
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
         """Friction or play of the mount, an offset with the sign of the rate's change."""
-        return sense_of_change(run, axis)
+        return (course(sense_of_change),)
 
     def term(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         if axis != run.axis_index:

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.quantities import in_one_power_cycle, power_on_time_s
+from gyrocal.effects.mistaken import settling_scale
+from gyrocal.effects.quantities import in_one_power_cycle, power_on_time_s, turns
 from gyrocal.parameter import POSITIVE
 from gyrocal.recording.session import Array, Run
 
@@ -64,6 +65,10 @@ class Warmup(Effect):
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         return [{"A_dps": 0.0, "tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 160.0, 6)]
+
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        """A scale that settles after power-on, which changes its sign with the rate and does nothing at rest."""
+        return [settling_scale()] if turns(runs, axis) else []
 
     def lacks(self, run: Run) -> bool:
         return run.power_on_s is None

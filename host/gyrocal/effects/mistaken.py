@@ -1,0 +1,61 @@
+"""What is no effect of the library but can be mistaken for one: terms that are fitted to contradict a candidate, never named.
+
+This file defines no effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from gyrocal.effects.base import Effect, Parameter, Values, stack
+from gyrocal.effects.quantities import power_on_time_s, rate_about, warming_c
+from gyrocal.recording.session import Array, Run
+
+Course = Callable[[Run, int, Mapping[str, float]], Array]
+"""Regressors [n, k] of one run and axis at given nonlinear values."""
+
+
+class _Mistaken(Effect):
+    """``count`` columns with coefficients that are the same in all runs, and the nonlinear ``parameters`` that shape them."""
+
+    id, title, cause, equation, looks_like, measure_next = "mistaken", "", "", "", "", ""
+
+    def __init__(
+        self, course: Course, count: int = 1, parameters: Sequence[Parameter] = (), tried: Sequence[Values] = ({},)
+    ) -> None:
+        self.course = course
+        self.linear = tuple(f"c{k}" for k in range(count))
+        self.parameters = tuple(parameters)  # type: ignore[misc]
+        self.nonlinear = tuple(p.name for p in parameters)  # type: ignore[misc]
+        self.tried = tried
+
+    def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
+        return [dict.fromkeys(self.linear, 0.0) | values for values in self.tried]
+
+    def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        return self.course(run, axis, values)
+
+
+def course(of: Callable[[Run, int], Array]) -> Effect:
+    """One known course [n]."""
+    return _Mistaken(lambda run, axis, values: of(run, axis)[:, None])
+
+
+SETTLING = Parameter("tau_s", "s", (10.0, 120.0), "thermal time constants of package and board", search=(3.0, 600.0))
+
+
+def settling_scale() -> Effect:
+    """A scale that settles after power-on, as that of a part that heats itself. It does nothing at rest."""
+
+    def decay(run: Run, axis: int, values: Mapping[str, float]) -> Array:
+        p_s = power_on_time_s(run)
+        return (rate_about(run, axis) * (0.0 if p_s is None else np.exp(-p_s / values["tau_s"])))[:, None]
+
+    return _Mistaken(decay, 1, [SETTLING], [{"tau_s": float(tau_s)} for tau_s in np.geomspace(5.0, 320.0, 7)])
+
+
+def by_temperature() -> Effect:
+    """A bias and a scale in proportion to the measured temperature."""
+    return _Mistaken(lambda run, axis, values: stack(warming_c(run), warming_c(run) * rate_about(run, axis)), 2)
