@@ -136,14 +136,15 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
 def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:
     """True if what can be mistaken for the effect explains the session better, and the effect hardly adds to it."""
     axis = current.design.axis
-    if all(effect.passes_for_it(b.run, axis) is None for b in current.design.blocks):
+    courses = [effect.passes_for_it(b.run, axis) for b in current.design.blocks]
+    if all(course is None or not course.any() for course in courses):
         return False
 
     def column(run: Run) -> Array | None:
         found = effect.passes_for_it(run, axis)
         return None if found is None else found[:, None]
 
-    return _better(current, fitted, Columns(column, 1))
+    return _better(current, fitted, Columns(column, 1), POLICY.shape_gain)
 
 
 def _wave_over_rate(blocks: Current, current: AxisFit, fitted: AxisFit) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
-from gyrocal.effects.quantities import TURNING_AT_ALL, true_rate_dps, turns
+from gyrocal.effects.quantities import TURNING_AT_ALL, slope_squared, true_rate_dps, turns
 from gyrocal.recording.session import Array, Run
 
 
@@ -39,3 +39,7 @@ class Centripetal(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(true_rate_dps(run) ** 2)
+
+    def passes_for_it(self, run: Run, axis: int) -> Array | None:
+        """What grows with the slope of the rate: it is largest where the rate is small."""
+        return slope_squared(run)

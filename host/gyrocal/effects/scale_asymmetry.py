@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
-from gyrocal.effects.quantities import TURNING, rate_about, turns
+from gyrocal.effects.quantities import TURNING, rate_about, slope_squared, turns
 from gyrocal.recording.session import Array, Run
 
 
@@ -37,3 +37,7 @@ class ScaleAsymmetry(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(np.abs(rate_about(run, axis)))
+
+    def passes_for_it(self, run: Run, axis: int) -> Array | None:
+        """What grows with the slope of the rate: it is largest where the rate is small."""
+        return slope_squared(run)
