@@ -14,6 +14,7 @@ from gyrocal.diagnosis.explained import Explained, explained
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect, Mask
+from gyrocal.effects.order_tone import OrderTone
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.effects.wave import Wave
@@ -96,6 +97,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
     contradicted = (
         (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and without_mean(term))
         or effect.contradicted(term.values, excess.part) or _outdone(current.fit, fitted, effect)
+        or (effect.scope == "session" and _held_at_rest(current.fit, fitted))
         or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))
     )  # fmt: skip
     return Candidate(
@@ -145,6 +147,18 @@ def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:
         return None if found is None else found[:, None]
 
     return _better(current, fitted, Columns(column, 1), POLICY.shape_gain)
+
+
+def _held_at_rest(current: AxisFit, fitted: AxisFit) -> bool:
+    """True if a constant of each rest, as a tone of the model holds at an unknown angle, explains as much as an effect."""
+    if not any(isinstance(term.effect, OrderTone) for term in current.design.terms):
+        return False
+    rests = [b.run.file for b in current.design.blocks if OrderTone.holds_unknown(b.run)]
+
+    def held(run: Run) -> Array:
+        return np.ones((len(run), 1)) * np.array([file == run.file for file in rests], dtype=float)
+
+    return bool(rests) and _better(current, fitted, Columns(held, len(rests)), -POLICY.shape_gain)
 
 
 def _wave_over_rate(blocks: Current, current: AxisFit, fitted: AxisFit) -> bool:
