@@ -70,7 +70,7 @@ def chamber(folder: Path, work: Path) -> Iterator[Fact]:
     on_x = [*named_on(found, "x"), *([f"unknown against {unknown['against']}"] if unknown.get("axis") == "x" else [])]
     yield said(
         "chamber", "x depends on where the temperature comes from", words(on_x),
-        f"readings at 40 degC differ by {loop:.2f} dps between passes", "numpy", "thermal_hysteresis" in on_x,
+        f"readings at 40 °C differ by {loop:.2f} dps between passes", "numpy", "thermal_hysteresis" in on_x,
     )  # fmt: skip
     before, after = (d.comparison.per_axis["x"].excess_dps or 0.0 for d in (found.first, found.last))
     yield said(

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 Quantity = Callable[[Run, int], Array]
 PANELS: dict[str, list[tuple[str, str, Quantity, int]]] = {
     "chamber": [
-        ("x", "temperature, degC", lambda run, axis: np.asarray(run.temp_c), 10),
-        ("y", "temperature, degC", lambda run, axis: np.asarray(run.temp_c), 10),
+        ("x", "temperature, °C", lambda run, axis: np.asarray(run.temp_c), 10),
+        ("y", "temperature, °C", lambda run, axis: np.asarray(run.temp_c), 10),
     ],
     "stepper": [
         ("y", "change of the rate, deg/s²", lambda run, axis: rate_slope_dps_s(run, axis), 1),

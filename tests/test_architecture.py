@@ -13,7 +13,7 @@ HOST, EXPORT, FIRMWARE = ROOT / "host/gyrocal", ROOT / "model_export/gyrocal_exp
 
 # From the bottom up. A folder (or a single module beside the folders) may import itself and what stands before it.
 LAYERS = [
-    "__init__", "errors", "parameter", "threads", "tails", "warning", "files", "policy", "shown",
+    "__init__", "errors", "units", "parameter", "threads", "tails", "warning", "files", "policy", "shown",
     "recording", "noise", "effects", "variables", "error_model", "simulation", "inference",
     "plausibility", "diagnosis", "planning", "calibration", "gravity", "fleet",
     "core", "device", "present",

@@ -31,6 +31,7 @@ from gyrocal.present.output import mdps, stdout, table
 from gyrocal.recording.session import Session
 from gyrocal.simulation.campaigns import RIPPLE
 from gyrocal.simulation.simulate import simulate
+from gyrocal.units import percentage
 
 HIDDEN = RIPPLE
 MARK = ".gyrocal-demo"
@@ -268,7 +269,7 @@ def show(story: Story) -> None:
     for s in SECONDS:
         old, new = story.before.errors["baseline"][s], story.after.errors["model"][s]
         (old_scale, old_bias), (new_scale, new_bias) = _error_words(old), _error_words(new)
-        less = f"{1 - np.mean([new[0] / old[0], new[1] / old[1]]):.0%}"
+        less = percentage(float(1 - np.mean([new[0] / old[0], new[1] / old[1]])))
         rows.append([f"{s:g}", old_scale, new_scale, old_bias, new_bias, less, *_trust_words(story.after, "model", s)])
     table(
         "mean error of the device's answer, baseline before and model after",

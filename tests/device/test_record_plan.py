@@ -91,7 +91,7 @@ def test_a_device_that_waits_is_given_the_settings_of_each_run(tmp_path: Path) -
         assert not any(command.startswith("start") for command in fake.commands)
     run = Session.open(tmp_path / "out").runs[0]
     assert (run.face, run.axis, run.table_rate_dps, run.scenario) == ("up", "x", -30.5, "s007")
-    assert "chamber at 40 degC" in told[0]
+    assert "chamber at 40 °C" in told[0]
 
 
 def test_the_command_says_what_it_recorded(session: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,5 +107,5 @@ def test_the_command_says_what_it_recorded(session: Session, tmp_path: Path, cap
 
 def test_the_instruction_is_complete() -> None:
     words = instruction(PlannedRun("y", "down", 0.0, 20.0, -5.0, "s009"), new_cycle=True)
-    for part in ("s009", "off and on", "axis y", "face down", "at rest", "-5 degC", "20 s"):
+    for part in ("s009", "off and on", "axis y", "face down", "at rest", "-5 °C", "20 s"):
         assert part in words

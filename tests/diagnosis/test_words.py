@@ -395,7 +395,6 @@ def test_small_rates_with_another_scale_are_told_by_their_level(seed: int) -> No
 @pytest.mark.parametrize("seed", [31, 32])
 def test_a_ramp_of_the_temperature_in_each_run_is_no_start_up_transient(seed: int) -> None:
     """It was told as a transient of 11 mdps of another size in each run, before or without 139 mdps against the temperature."""
-    session, _ = simulate(None, "bench", ["bias_temperature"], seed)
-    found = measure(session)
+    found = measure(simulate(None, "bench", ["bias_temperature"], seed)[0])
     assert {f.axis for f in found.where} == set("xyz")
     assert {f.against for f in found.where} == {"temperature"}

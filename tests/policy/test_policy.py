@@ -22,7 +22,7 @@ NO_THRESHOLDS = {
     "STANDARD_GRAVITY", "DEG", "MDPS", "DPS", "LARGE_DPS", "LARGE_PART", "PPM", "PERCENT", "MOST_PLACES",  # units
     "ROUNDING_DPS",  # of the numbers' own digits
     "(STRETCHES, LEAST_STRETCH, STILLEST)", "CLUSTERS", "WINDOW_S",  # parts of a run by which noise is estimated
-    "MOST_POINTS",  # limits the time of a search
+    "MOST_POINTS", "(FEWEST_CYCLES, STEP)",  # limits and steps of a search
     "USUAL_RANGES_DPS",  # of parts on the market
     "WIDE",  # parts bands from lines, which are a percent wide
     "EXPECTED_SD_DPS", "EARTH_DPS", "CLOCK_SE", "(TYPICAL_DPS, FACTOR)", "PRIOR_SD",  # of parts and of the Earth

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 from gyrocal.present import effect_pages
+from gyrocal.units import to_read
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def test_a_page_tells_what_its_effect_s_file_tells(pages: dict[str, str]) -> Non
         assert kind.equation in page
         assert kind.measure_next in page
         for p in kind.parameters:
-            assert f"| `{p.name}` | {p.unit} |" in page
+            assert f"| `{p.name}` | {to_read(p.unit)} |" in page
             assert p.source in page
 
 

@@ -31,3 +31,19 @@ def test_a_slow_effect_is_not_offered_for_a_fast_disturbance(band_hz: tuple[floa
     )
     unknown = {"axis": "z", "against": "frequency", "shape": "a disturbance", "amplitude_dps": 0.05}
     assert f"It may be {named}, but" in verdict_text(Diagnosis("unknown", suggested, unknown, comparison))
+
+
+def test_every_named_effect_is_in_the_sentence() -> None:
+    """Of a tone and an asymmetry that is larger, the headline named the tone alone."""
+    library = effects()
+    pair = ["scale_asymmetry", "centripetal"]
+    found = [
+        Candidate(library["vibration_tone"], "z", "add"),
+        *(Candidate(library[name], "z", "add", group=pair) for name in pair),
+        Candidate(library["lag"], "z", "suggest"),
+    ]
+    comparison: Any = SimpleNamespace(fit=SimpleNamespace(session=SimpleNamespace(runs=())), where=[])
+    told = verdict_text(Diagnosis("add", found, None, comparison))
+    assert told.startswith("Missing: a vibration's tone on z. ")
+    assert told.endswith(" Also: centripetal acceleration or asymmetry of the scale on z.")
+    assert "Also" not in verdict_text(Diagnosis("add", found[:1], None, comparison))

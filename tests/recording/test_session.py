@@ -80,7 +80,7 @@ def test_the_face_signs_the_rate(tmp_path: Path) -> None:
         (7, "0.05,0,0,78,1_0", "row 7: '1_0' is not a number"),
         (7, "0.05,0,0,78,25\x0b", "row 7: '25' is not a number"),
         (1, "t_s,gx_dps,gy_dps,gz_rad,temp_c", "row 1: the header lacks gz_dps"),
-        (1, "t_s,gx_dps,gy_dps,gz_dps,temp_f", "row 1: temp_f would not be read; what is read is temp_c, in degC"),
+        (1, "t_s,gx_dps,gy_dps,gz_dps,temp_f", "row 1: temp_f would not be read; what is read is temp_c, in °C"),
         (1, "t_s,gx_dps,gy_dps,gz_dps,ax_mps2", "row 1: ax_mps2 would not be read; what is read is ax_g, in g"),
         (1, "t_s,gx_dps,gy_dps,gz_dps,rate_ref", "row 1: rate_ref would not be read; what is read is rate_ref_dps"),
         (1, "t_s,gx_dps,gy_dps,gz_dps,gz_dps", "row 1: column 'gz_dps' stands twice"),

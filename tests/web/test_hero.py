@@ -17,6 +17,7 @@ from gyrocal.variables.shapes import Transient
 from gyrocal.web import charts, plots, prepare
 from gyrocal.web.against import ChangeOfRate, panels
 from gyrocal.web.hero import picture
+from gyrocal.web.small_picture import signature_svg
 from gyrocal.web.strip import share
 
 
@@ -97,7 +98,7 @@ def test_a_recording_far_from_the_mean_lies_within_the_picture() -> None:
 
 
 def test_the_dots_of_a_small_picture_are_not_under_its_line() -> None:
-    svg = charts.signature_svg([(-1.0, -30.0), (1.0, 30.0)], [(-1.0, -30.0), (1.0, 30.0)], "face", few=True)
+    svg = signature_svg([(-1.0, -30.0), (1.0, 30.0)], [(-1.0, -30.0), (1.0, 30.0)], "face", few=True)
     assert svg.index("<circle") > svg.index("<polyline")
     for x, y, r in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', svg):
         assert float(r) <= float(x) <= 220 - float(r)
@@ -154,7 +155,7 @@ def test_between_rates_that_were_not_measured_no_curve_is_drawn() -> None:
     assert shown.few
     curve = charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["words"])["series"][0]
     assert (curve["lineStyle"]["width"], curve["symbol"], len(curve["data"])) == (0, "rect", 7)
-    small = charts.signature_svg([(0.0, 1.0)] * 3, [(0.0, 1.0), (1.0, 2.0), (2.0, 0.0)], "rate", few=True)
+    small = signature_svg([(0.0, 1.0)] * 3, [(0.0, 1.0), (1.0, 2.0), (2.0, 0.0)], "rate", few=True)
     assert small.count("<polyline") == 3
 
 
@@ -221,3 +222,12 @@ def test_an_effect_is_drawn_against_a_variable_of_its_equation() -> None:
     other = picture("z", 0.02 * np.sin(2 * np.pi * since_s / 15), of, {}, equation=GSensitivity.equation)
     assert other is not None
     assert other.view == "power_on_time"  # what is no function of its own variable here is drawn as before
+
+
+def test_an_effect_that_acts_only_where_there_is_no_residual_has_no_picture() -> None:
+    """Turns of known angle have no residual within the run; the diagnosis of such a session ended in an error."""
+    of = points(4000)
+    assert picture("z", np.full(4000, -0.064), of, {}) is None
+    turning = np.arange(4000) > 3000
+    of["z"] = np.where(turning, np.nan, of["z"])
+    assert picture("z", np.where(turning, 5.0, -0.064), of, {}) is None

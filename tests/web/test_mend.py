@@ -15,6 +15,7 @@ from gyrocal.recording.run import Run
 from gyrocal.recording.session import Session
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web.mend import KEPT_AS, Mend, apply, mends
+from gyrocal.web.views import RunView
 
 
 def reversed_gyro(run: Run) -> Run:
@@ -41,8 +42,12 @@ CASES: dict[str, tuple[Callable[[Run], Run], str]] = {
 }  # fmt: skip
 
 
+def views(session: Session) -> list[RunView]:
+    return [RunView(r.file, r.scenario, r.face, r.axis, r.table_rate_dps, r.day, 0, len(r), r.duration_s) for r in session.runs]
+
+
 def offered(folder: Path, code: str) -> list[Mend]:
-    return [m for w in check(Session.open(folder)) if w.code == code for m in mends(w.to_json())]
+    return [m for w in check(Session.open(folder)) if w.code == code for m in mends(w.to_json(), views(Session.open(folder)))]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -79,7 +84,42 @@ def test_an_accepted_warning_stays_and_no_longer_blocks(tmp_path: Path) -> None:
 
 def test_every_offer_says_what_is_written() -> None:
     warning = {"code": "face_wrong", "axis": "z", "file": "1.csv", "text": "", "blocking": True}
-    ways = mends(warning)
+    ways = mends(warning, [])
     assert [m.kind for m in ways] == ["face", "leave_out", "accept"]
     assert all(m.told.endswith(".") and ("session.toml" in m.told or "files stay" in m.told) for m in ways)
-    assert mends({"code": "first_sample", "axis": None, "file": None, "text": "", "blocking": False}) == []
+    assert mends({"code": "first_sample", "axis": None, "file": None, "text": "", "blocking": False}, []) == []
+
+
+def test_the_only_run_in_the_fits_is_not_offered_to_be_left_out() -> None:
+    warning = {"code": "first_sample", "axis": "x", "file": "1.csv", "text": "", "blocking": False}
+    assert [m.kind for m in mends(warning, [])] == ["leave_out"]
+    assert [m.kind for m in mends(warning, [], last_run="2.csv")] == ["leave_out"]
+    assert mends(warning, [], last_run="1.csv") == []
+
+
+@pytest.mark.parametrize(("face", "rate_dps"), [("up", 78.0), ("down", 78.0), ("up", -30.0), ("down", -150.0)])
+def test_the_words_of_another_face_are_what_the_session_then_says(tmp_path: Path, face: str, rate_dps: float) -> None:
+    """The true rates before and after, as the words state them, are those of the session before and after."""
+    session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=2.0)
+    run = replace(session.runs[0], face=face, table_rate_dps=rate_dps)
+    folder = tmp_path / "s"
+    session.with_runs([run, *session.runs[1:]]).save(folder)
+    warning = {"code": "face_wrong", "axis": "z", "file": run.file, "text": "", "blocking": True}
+    way = mends(warning, views(Session.open(folder)))[0]
+    apply(folder, way, lambda: tmp_path / "none")
+    new = next(r for r in Session.open(folder).runs if r.file == run.file)
+    before_dps, after_dps = (float(r.rate_dps.mean()) for r in (run, new))
+    assert f'face = "{face}" of {run.file} becomes face = "{new.face}"' in way.told
+    assert f"The table's {rate_dps:g} dps are then a true rate of {after_dps:g} dps about z, not {before_dps:g}." in way.told
+    assert f"lay face {new.face} on the table" in way.told
+    assert KEPT_AS in way.told
+
+
+def test_what_stays_at_rest_and_what_turns_the_other_way_is_said() -> None:
+    run = RunView("1.csv", "s", "up", "z", 0.0, None, 0, 10, 1.0)
+    warning = {"code": "face_wrong", "axis": "z", "file": "1.csv", "text": "", "blocking": True}
+    assert "at rest, so its true rate stays 0" in mends(warning, [run])[0].told
+    assert "reference in the file stays" in mends(warning, [replace(run, rate_dps=None)])[0].told
+    flipped = {**warning, "code": "sign_flipped", "file": None}
+    told = mends(flipped, [replace(run, rate_dps=78.0), replace(run, rate_dps=-30.0)])[0].told
+    assert "78 becomes -78, -30 becomes 30. This says that the table turned the other way. face stays as it is." in told

@@ -16,6 +16,7 @@ import pytest
 from gyrocal.cli import main
 from gyrocal.present.output import mdps, plus_minus
 from gyrocal.simulation.simulate import simulate
+from gyrocal.units import percentage
 from gyrocal.web import charts
 from gyrocal.web.words import method
 
@@ -72,7 +73,7 @@ def calibration_row(estimate: dict[str, Any], large: bool) -> list[str]:
         )
     )
     return [
-        estimate["scenario"], estimate["axis"], method(estimate["method"]), f"{estimate['seconds']:g}", *scale, *bias,
+        estimate["scenario"], method(estimate["method"]), f"2, first {estimate['seconds']:g} s", *scale, *bias,
         f"{estimate['misfit']:.2f}", "yes" if estimate["trusted"] else "no: " + ", ".join(estimate["flags"]),
     ]  # fmt: skip
 
@@ -144,7 +145,7 @@ def diagnoses(page: Any, diagnosed: dict[str, Any]) -> Any:
     page.get_by_role("button", name="What is missing?").click()
     card = page.locator("article.add", has_text="Ripple of the table's speed")
     card.wait_for()
-    part = f"{diagnosed['candidates'][0]['explained']:.0%} of the squared excess error on z, within power cycles"
+    part = f"{percentage(diagnosed['candidates'][0]['explained'])} of the squared excess error on z, within power cycles"
     assert part in card.inner_text()
     return card
 

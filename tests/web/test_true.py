@@ -37,7 +37,7 @@ def test_a_doubt_does_not_contradict_the_part_that_is_explained() -> None:
 
 def test_a_fall_by_nothing_is_told_as_nothing() -> None:
     level = Level(0.1, 0.05, 0.09, 0.001, 0.09)
-    told = {part: Fall([], level, level, part, within=False).part_told for part in (None, -1e-6, 0.5, -0.2)}
+    told = {part: Fall([], level, level, part, within=False, alone=level).part_told for part in (None, -1e-6, 0.5, -0.2)}
     assert told == {
         None: "", -1e-6: "nothing of its square explained", 0.5: "50.0% of its square explained",
         -0.2: "its square grew by 20.0%",
@@ -120,8 +120,15 @@ def test_the_card_counts_in_squares_and_says_what_is_left_of_the_rms(
     ripple: tuple[Bench, Recording, ModelView, DiagnosisView]
 ) -> None:
     assert explains(1 - (29.22 / 66.25) ** 2, "z", within=False) == (
-        "81% of the squared excess error on z; its rms falls by 56%"
+        "81% of the squared excess error on z, which makes the error itself 56% smaller"
     )
+    assert explains(0.9996, "z", within=False) == (
+        "99.96% of the squared excess error on z, which makes the error itself 98% smaller"
+    )
+    assert explains(1.0, "z", within=False) == (
+        "100% of the squared excess error on z: what is left is within the noise floor"
+    )
+    assert "as means over 0.1 s show it (a faster one is left)" in explains(0.99, "z", within=False, means=True)
     assert "nothing" in explains(-0.3, "z", within=True)
     for card in ripple[3].cards:
         told = dict(evidence(card))

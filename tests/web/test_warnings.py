@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import polars as pl
 import pytest
 
 from gyrocal.simulation.simulate import simulate
@@ -16,6 +18,8 @@ def served(serve: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory, 
     session, _ = simulate(None, "full", (), 3, scenarios=1, seconds=6.0)
     wrong = [replace(r, face="up") if r.file == "008_down.csv" else r for r in session.runs]
     session.with_runs(wrong).save(folder / "slip")
+    rates = pl.col("gx_dps", "gy_dps", "gz_dps") * (np.pi / 180)
+    session.with_runs([replace(r, path=None, frame=r.table.with_columns(rates)) for r in session.runs]).save(folder / "radians")
     return serve(folder, "slip")
 
 
@@ -46,7 +50,7 @@ def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[...,
     before = header.read_text()
     page = look(f"{served.url}compare")
     page.get_by_role("button", name="Change the face of 008_down.csv").click()
-    page.get_by_text("The face of 008_down.csv is changed, from up to down or from down to up, in session.toml").wait_for()
+    page.get_by_text('face = "up" of 008_down.csv becomes face = "down"').wait_for()
     page.get_by_role("button", name="Cancel").click()
     page.get_by_role("button", name="Do it").wait_for(state="hidden")
     assert header.read_text() == before
@@ -55,3 +59,14 @@ def test_a_button_mends_it_once_it_is_confirmed(served: Any, look: Callable[...,
     page.get_by_text("The model fits.").wait_for()
     assert "face_wrong" not in page.locator("body").inner_text()
     assert (served.folder / "slip/session.toml.before").read_text() == before
+
+
+def test_an_axis_that_is_not_judged_has_no_figure_of_its_own(served: Any, look: Callable[..., Any]) -> None:
+    """A session in rad/s showed an excess of some mdps in the colour of a verdict, and one of the axis that was not judged."""
+    page = look(f"{served.url}compare?session=radians")
+    page.get_by_text("The session's axis is not judged.").wait_for()
+    page.get_by_text("Not judged: figures of the readings as they stand").wait_for()
+    by_axis = page.locator(".per-axis", has_text="excess by axis").inner_text()
+    assert by_axis.endswith("z (not judged)")
+    excess = page.locator(".figure.excess b")
+    assert excess.evaluate("e => getComputedStyle(e).color") not in ("rgb(184, 74, 0)", "rgb(0, 122, 89)")

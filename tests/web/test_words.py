@@ -16,7 +16,8 @@ from gyrocal.effects.lag import Lag
 from gyrocal.effects.saturation import Saturation
 from gyrocal.effects.vibration_tone import VibrationTone
 from gyrocal.present.report import sizes
-from gyrocal.variables.shapes import Steps, TableWave, Transient
+from gyrocal.variables.direction import CHANGING
+from gyrocal.variables.shapes import Columns, Steps, TableWave, Transient
 from gyrocal.web import charts, plots, prepare
 from gyrocal.web.against import panels
 from gyrocal.web.live import Live
@@ -145,3 +146,15 @@ def test_a_simulated_device_that_hung_up_has_ended(
     live._simulated = SimpleNamespace(poll=lambda: left)  # type: ignore[assignment]
     live.status = {"connected": connected, "sensors": sensors}
     assert live.ended is ended
+
+
+def test_a_rate_that_rises_or_falls_is_shown_against_its_change() -> None:
+    """It opened the sign of the rate, which shows nothing of it."""
+    shape = Columns(lambda _: None, 1, CHANGING)
+    points = {panel.key(axis): np.zeros(4) for panel in panels() for axis in "xyz"} | {"z": np.zeros(4)}
+    assert prepare.place(Finding("z", "direction", 9.0, 1e-9, 0.3, "", shape), points).view == "rate_change"
+
+
+def test_single_readings_are_sent_to_no_picture() -> None:
+    """Repeated samples opened two means against the size of the reading."""
+    assert prepare.place(Finding("z", "reading", 9.0, 1e-9, 0.3, "repeated or lost samples"), {}).view == ""

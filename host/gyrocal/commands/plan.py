@@ -20,7 +20,7 @@ def run(
         float | None, typer.Option(metavar="MAX_DPS", help="The table's largest rate, dps. Left out: the session's own.")
     ] = None,
     chamber: Annotated[
-        str | None, typer.Option(metavar="MIN_C:MAX_C", help="There is a chamber of this range, degC.")
+        str | None, typer.Option(metavar="MIN_C:MAX_C", help="There is a chamber of this range, °C.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="PLAN.toml", help="Write the plan for `record --plan` and `simulate --plan`.")

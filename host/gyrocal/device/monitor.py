@@ -15,6 +15,7 @@ import numpy as np
 from gyrocal.device.port import Link, PortGone, describe_error
 from gyrocal.device.wire import Sentence, parse_real, parse_value, raw_table
 from gyrocal.diagnosis.rate_unit import pair
+from gyrocal.units import CELSIUS
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -296,7 +297,7 @@ def _result_table(sensor: Sensor) -> RenderableType:
     from rich.text import Text
 
     table = Table(box=None, padding=(0, 1), header_style="dim")
-    for name in ("axis", "method", "seconds", "scale %", "bias dps", "temp degC", "misfit"):
+    for name in ("axis", "method", "seconds", "scale %", "bias dps", f"temp {CELSIUS}", "misfit"):
         table.add_column(name, justify="left" if name in ("axis", "method") else "right", no_wrap=True)
     table.add_column("flags", overflow="fold")
     for which, values in sorted(sensor.results.items(), key=lambda item: tuple(map(str, (item[0][0], item[0][2], item[0][1])))):
@@ -314,7 +315,7 @@ def _result_table(sensor: Sensor) -> RenderableType:
     return table
 
 
-UNIT_WORDS = {"dps": "dps", "g": "g", "c": "degC"}
+UNIT_WORDS = {"dps": "dps", "g": "g", "c": CELSIUS}
 
 
 def _number(value: Any, form: str) -> str:

@@ -142,6 +142,6 @@ class PlanRecorder(Recorder):
 def instruction(run: PlannedRun, *, new_cycle: bool) -> str:
     """What a person does for one run, in words."""
     power = f"new power cycle {run.scenario}: switch the part off and on; " if new_cycle else ""
-    air = "" if run.temp_c is None else f", the chamber at {run.temp_c:g} degC and settled"
+    air = "" if run.temp_c is None else f", the chamber at {run.temp_c:g} °C and settled"
     table = "at rest" if run.table_rate_dps == 0 else f"the table at {run.table_rate_dps:g} dps"
     return f"{power}axis {run.axis}, face {run.face}, {table}{air}; start the run, it ends after {run.seconds:g} s"

@@ -32,6 +32,7 @@ from gyrocal.inference.fitted import AxisFit, Fit
 from gyrocal.inference.kept import Kept, kept
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
+from gyrocal.units import to_read
 
 Progress = Callable[[str], None]
 
@@ -152,7 +153,7 @@ def _findings(moved: Sequence[Moved], held: Kept, judged: Sequence[str]) -> list
 def words(m: Moved) -> str:
     """What has become of a parameter, in words."""
     assert m.session is not None
-    unit = "" if m.unit == "fraction" else f" {m.unit}"
+    unit = "" if m.unit == "fraction" else f" {to_read(m.unit)}"
     return f"{m.effect}: {m.name} is {m.session:.5g}, not {m.file:.5g}{unit} (moved by {m.session - m.file:+.3g} ± {m.se:.2g})"
 
 

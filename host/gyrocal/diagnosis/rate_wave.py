@@ -26,10 +26,6 @@ from gyrocal.variables.shapes import Columns
 
 FEWEST_CYCLES, STEP = 2.0, 0.25
 """Periods over the range of the rate that are tried: the fewest, and the step from one to the next."""
-ALIKE = 0.01
-"""Part of the range of the rate within which rates count as one."""
-NEARLY_ALL = 0.95
-"""Part of the blocks whose rates count."""
 
 
 @dataclass(frozen=True)
@@ -95,14 +91,14 @@ def _different(rates_dps: Array) -> int:
     A block in which the rate steps has a mean between both levels, and does not show what the sensor reads there.
     """
     ordered = np.sort(rates_dps)
-    width = ALIKE * (ordered[-1] - ordered[0])
+    width = POLICY.rates_alike * (ordered[-1] - ordered[0])
     held, at = [], 0
     while at < ordered.size:
         beyond = int(np.searchsorted(ordered, ordered[at] + width, side="right"))
         held.append(beyond - at)
         at = beyond
     together = np.cumsum(np.sort(held)[::-1])
-    return int(np.searchsorted(together, NEARLY_ALL * ordered.size)) + 1
+    return int(np.searchsorted(together, POLICY.rates_kept * ordered.size)) + 1
 
 
 def _of(period_dps: float) -> Callable[[Run], Array]:

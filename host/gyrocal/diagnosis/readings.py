@@ -15,6 +15,7 @@ from gyrocal.plausibility.readings import clip_level_dps
 from gyrocal.policy import POLICY
 from gyrocal.recording.session import AXES, Array, Session
 from gyrocal.recording.tail import ROBUST, chance_of
+from gyrocal.units import percentage
 from gyrocal.variables.reading import Reading
 
 BITS = 16
@@ -52,9 +53,7 @@ def _stuck_bit(axis: str, readings: list[Array], lsb_dps: float, alarm: float, l
     if not readings:
         return None
     codes = np.concatenate([np.rint(g / lsb_dps).astype(np.int64) for g in readings])
-    steps = np.abs(np.concatenate([np.diff(g) for g in readings]))
-    # the noise that toggles a bit at all times, not that of a burst
-    noise = min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(steps))) / np.sqrt(2) / lsb_dps
+    noise = _steady_sd(np.concatenate([np.diff(g) for g in readings])) / lsb_dps
     mean_codes = np.array([int(np.rint(np.mean(g) / lsb_dps)) for g in readings])
     worst: Finding | None = None
     for bit in range(BITS):
@@ -70,9 +69,15 @@ def _stuck_bit(axis: str, readings: list[Array], lsb_dps: float, alarm: float, l
             chance = min(1.0, BITS * min(0.5 ** (places - 1), _never(readings, lsb_dps, bit, ones))) if stuck else 1.0
             z = float(tails.normal_z(max(chance, 1e-300)))
         if chance < alarm and (worst is None or z > worst.strength):
-            note = f"bit {bit} of the reading is {'1' if ones > 0.5 else '0'} in {max(ones, 1 - ones):.0%} of the samples"
+            state, share = (1, ones) if ones > 0.5 else (0, 1 - ones)
+            note = f"bit {bit} of the reading is {state} in {percentage(share)} of the samples"
             worst = Finding(axis, Reading.name, float(z), chance, 2**bit * lsb_dps, note)
     return worst
+
+
+def _steady_sd(steps: Array) -> float:
+    """The noise of readings from their differences [n]: what toggles a bit at all times, not a burst or a wild reading."""
+    return min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(np.abs(steps)))) / 2**0.5
 
 
 def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> float:
@@ -82,7 +87,7 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
     """
     log_chance = 0.0
     for g in readings:
-        mean, variance = float(g.mean()) / lsb_dps, float(np.mean(np.diff(g) ** 2)) / 2 / lsb_dps**2 - SHEPPARD
+        mean, variance = float(g.mean()) / lsb_dps, (_steady_sd(np.diff(g)) / lsb_dps) ** 2 - SHEPPARD
         if variance < 1.0:
             continue
         sd = float(np.sqrt(variance))

@@ -17,7 +17,7 @@ class BiasTemperature(Effect):
     cause = (
         "Silicon, glue and board expand differently, and the amplifiers' offsets drift, so the bias follows the "
         "temperature of the die: along a line over a few degrees, along a curve over tens. A part that warms by 5 "
-        "degC after power-on, or is calibrated in a cooler room than it is used in, reads a rate that is not "
+        "°C after power-on, or is calibrated in a cooler room than it is used in, reads a rate that is not "
         "there."
     )
     equation = "k1_dps_per_c·(T-25) + k2_dps_per_c2·(T-25)^2 + k3_dps_per_c3·(T-25)^3"
@@ -31,9 +31,9 @@ class BiasTemperature(Effect):
         "its earlier value"
     )
     parameters = (
-        Parameter("k1_dps_per_c", "dps/degC", (0.001, 0.03), "LSM6DSO datasheet, table 2: +-0.010 dps/degC", 0.01),
-        Parameter("k2_dps_per_c2", "dps/degC^2", (1e-5, 1e-3), "as much as k1 at 30-100 degC from 25", 0.0),
-        Parameter("k3_dps_per_c3", "dps/degC^3", (1e-7, 1e-5), "as much as k2 at 100 degC from 25", 0.0),
+        Parameter("k1_dps_per_c", "dps/degC", (0.001, 0.03), "LSM6DSO datasheet, table 2: +-0.010 dps/°C", 0.01),
+        Parameter("k2_dps_per_c2", "dps/degC^2", (1e-5, 1e-3), "as much as k1 at 30-100 °C from 25", 0.0),
+        Parameter("k3_dps_per_c3", "dps/degC^3", (1e-7, 1e-5), "as much as k2 at 100 °C from 25", 0.0),
     )
     linear = tuple(POWERS)
     origin_free = True

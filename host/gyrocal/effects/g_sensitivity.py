@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, Values, stack
-from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths
+from gyrocal.effects.quantities import acceleration_g, acceleration_of_tenths, pose_changes
 from gyrocal.recording.session import Array, Run
 
 COMPONENTS = {"gx_dps_per_g": 0, "gy_dps_per_g": 1, "gz_dps_per_g": 2}
@@ -77,7 +77,9 @@ class GSensitivity(Effect):
         return [(float(COMPONENTS[name]),) for name in self.used(values)]
 
     def _moving(self, runs: Sequence[Run]) -> list[str]:
-        """Components whose mean over a tenth of a run changes by more than the noise between or within runs."""
+        """Components whose mean over a tenth of a run changes by more than the noise between or within runs, with the pose."""
+        if not pose_changes(runs):
+            return []
         means = [tenths[0] for r in runs if (tenths := acceleration_of_tenths(r)) is not None]
         moved_g = np.ptp(np.vstack(means), axis=0) if means else np.zeros(3)
         return [name for name, i in COMPONENTS.items() if moved_g[i] >= LEAST_CHANGE_G]

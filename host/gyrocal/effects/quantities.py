@@ -20,7 +20,7 @@ REFERENCE_C = 25.0
 TURNING = "a run in which the table turns about this axis at a known rate"
 TURNING_AT_ALL = "a run in which the table turns at a known rate"
 VARYING_RATE = "a run about this axis whose true rate changes (swing the table), with a rate_ref_dps column"
-MOVING_TEMPERATURE = "a temp_c column that moves by 1 degC or more over the session"
+MOVING_TEMPERATURE = "a temp_c column that moves by 1 °C or more over the session"
 
 LOST_IN_BLOCKS_HZ = 2.5
 """Frequency above which means over blocks of a tenth of a second lose more than a tenth of a wave's amplitude, Hz."""
@@ -113,6 +113,34 @@ def acceleration_of_tenths(run: Run) -> tuple[Array, Array] | None:
     """Mean (g) and mean square (g^2) of the acceleration in each tenth of a run, shape [min(n, 10), 3] each."""
     acc_g = acceleration_g(run)
     return None if acc_g is None else (means_of_tenths(acc_g), means_of_tenths(acc_g**2))
+
+
+LEAST_TURN_RAD = 0.05
+"""Least change of the direction of gravity that is a change of pose, and no drift of the accelerometer."""
+
+
+def pose_changes(runs: Sequence[Run]) -> bool:
+    """True if the direction of the acceleration, as means over seconds show it, changes between or within runs.
+
+    In one pose gravity is constant. What an accelerometer then shows beyond it is its own drift, which follows the temperature
+    as a gyroscope's bias does, and nothing can be told to depend on the acceleration.
+    """
+    found = [means for r in runs if (means := _acceleration_by_second(r)) is not None]
+    if not found:
+        return False
+    mean_g = np.vstack(found)
+    direction = mean_g / np.maximum(np.linalg.norm(mean_g, axis=1, keepdims=True), 1e-300)
+    return bool(np.any(np.linalg.norm(direction - direction[0], axis=1) >= LEAST_TURN_RAD))
+
+
+@once_a_run
+def _acceleration_by_second(run: Run) -> Array | None:
+    """Mean acceleration of each second of a run that has samples, shape [m, 3], g."""
+    acc_g = acceleration_g(run)
+    if acc_g is None or not len(acc_g):
+        return None
+    starts = np.unique(np.floor(run.t_s - run.t_s[0]), return_index=True)[1]
+    return np.asarray(np.add.reduceat(acc_g, starts, axis=0) / np.diff([*starts, len(acc_g)])[:, None])
 
 
 def means_of_tenths(values: Array) -> Array:

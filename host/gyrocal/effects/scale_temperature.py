@@ -31,7 +31,7 @@ class ScaleTemperature(Effect):
         "spin_up, if the part warms up in the same way in each run; scale, if the temperature hardly changes"
     )
     measure_next = "the same rate at two temperatures (a room and a fridge), in both directions"
-    parameters = (Parameter("k_per_c", "1/degC", (1e-5, 3e-4), "LSM6DSO datasheet, table 2: +-0.007 %/degC", 7e-5),)
+    parameters = (Parameter("k_per_c", "1/degC", (1e-5, 3e-4), "LSM6DSO datasheet, table 2: +-0.007 %/°C", 7e-5),)
     linear = ("k_per_c",)
     origin_free = True
     stands_for = Role.SCALE

@@ -25,7 +25,7 @@ class ThermalHysteresis(Effect):
         "After the temperature turns round, the bias moves from one branch to the other over a few degrees, and it stays "
         "where it is while the temperature rests."
     )
-    equation = "amplitude_dps·(T - p)/(width_c/2), where p follows T at a distance of width_c/2 at most (play operator)"
+    equation = "amplitude_dps·(T - h)/(width_c/2), where h follows T at a distance of width_c/2 at most (play operator)"
     looks_like = (
         "thermal_lag, if the temperature always changes at the same speed; drift and colored_noise, if the temperature goes "
         "up and down only once"
@@ -36,7 +36,7 @@ class ThermalHysteresis(Effect):
     )
     parameters = (
         Parameter(
-            "amplitude_dps", "dps", (0.01, 0.3), "half the loop of consumer MEMS gyroscopes over -40 to 85 degC", 0.1
+            "amplitude_dps", "dps", (0.01, 0.3), "half the loop of consumer MEMS gyroscopes over -40 to 85 °C", 0.1
         ),
         Parameter(
             "width_c", "degC", (0.5, 30.0), "from one branch to the other: a part of the temperature range", 5.0, POSITIVE,
@@ -52,7 +52,7 @@ class ThermalHysteresis(Effect):
         measured = bool(runs) and all(r.temp_c is not None for r in runs)
         if measured and any(_way_back_c(temperature_by_second(r)[1]) >= LEAST_RETURN_C for r in runs):
             return None
-        return "a run in which the temp_c column rises and falls by 1 degC or more"
+        return "a run in which the temp_c column rises and falls by 1 °C or more"
 
     def variants(self, runs: Sequence[Run], axis: int) -> list[Values]:
         range_c = max(float(np.ptp(temperature_by_second(r)[1])) for r in runs if r.temp_c is not None)

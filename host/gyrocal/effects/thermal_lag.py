@@ -19,7 +19,7 @@ class ThermalLag(Effect):
     offered_as = "a bias that follows changes of temperature"
     cause = (
         "While the part warms or cools, the vibrating mass, the package and the thermometer are at different "
-        "temperatures, and the gradient between them bends the structure. The bias at 40 degC differs between "
+        "temperatures, and the gradient between them bends the structure. The bias at 40 °C differs between "
         "warming and cooling. This loop (hysteresis) cannot be removed by a curve over temperature."
     )
     equation = "k_dps_s_per_c·dT/dt"
@@ -35,7 +35,7 @@ class ThermalLag(Effect):
             "k_dps_s_per_c",
             "dps·s/degC",
             (0.05, 1.0),
-            "0.010 dps/degC times 5-100 s that the thermometer is ahead or behind",
+            "0.010 dps/°C times 5-100 s that the thermometer is ahead or behind",
             1.0,
         ),
     )
@@ -47,7 +47,7 @@ class ThermalLag(Effect):
         measured = [r for r in runs if r.temp_c is not None and r.duration_s >= TEMPERATURE_WINDOW_S]
         if any(np.ptp(temperature_by_second(r)[1]) >= LEAST_CHANGE_C for r in measured):
             return None
-        return "a run of 10 s or more in which the temp_c column moves by 0.2 degC or more"
+        return "a run of 10 s or more in which the temp_c column moves by 0.2 °C or more"
 
     def lacks(self, run: Run) -> bool:
         return run.temp_c is None

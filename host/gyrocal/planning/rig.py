@@ -66,7 +66,7 @@ class Rig:
         if chamber_c is not None:
             low, high = chamber_c
             if not -100.0 <= low < high <= 200.0:
-                raise InputError(f"--chamber {low:g}:{high:g}: want MIN_C:MAX_C, the lower temperature first, degC")
+                raise InputError(f"--chamber {low:g}:{high:g}: want MIN_C:MAX_C, the lower temperature first, °C")
             temps = (None, low, high)
         starts, gaps = _pauses(session.runs)
         return Rig(

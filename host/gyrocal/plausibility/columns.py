@@ -60,7 +60,7 @@ def _temperature(session: Session) -> list[Warning]:
 
     def text(run: Run | None) -> str:
         return (
-            f"temp_c is {medians_c[(run or hit[0]).file]:.4g}, outside {low:g} to {high:g} degC. "
+            f"temp_c is {medians_c[(run or hit[0]).file]:.4g}, outside {low:g} to {high:g} °C. "
             "Give the unit when importing (--map temp_c=COLUMN:K, or degF), or drop the column"
         )
 

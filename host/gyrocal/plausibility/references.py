@@ -18,6 +18,7 @@ from gyrocal.recording.registration import Lost, Registration
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.recording.smoothing import Smoothed
 from gyrocal.recording.stretches import stretches
+from gyrocal.units import percentage
 from gyrocal.warning import Warning
 
 TOLD = 5
@@ -51,8 +52,8 @@ def check(session: Session) -> list[Warning]:
     if fit.left > POLICY.unrelated_part and fit.readings_dps > POLICY.unrelated_dps:
         text = (
             f"the reference does not show the motion of the readings: at its best offset, turned to fit best, it explains "
-            f"{1 - fit.left:.0%} of their power. Check that both belong to one recording and to one body, and that their times "
-            "differ by less than 2 s"
+            f"{percentage(1 - fit.left)} of their power. Check that both belong to one recording and to one body, and that "
+            "their times differ by less than 2 s"
         )
         return [*out, Warning("reference_unrelated", None, None, text, True)]
     out += map(_lost, fit.lost)
@@ -108,7 +109,7 @@ def _noisy(run: Run) -> list[Warning]:
     starts_s = run.t_s[stretches(noisy)[0]]
     text = (
         f"the orientations are more than {POLICY.noisy_times:g} times as noisy as usual in {_stretches(starts_s)}. These "
-        f"samples, {noisy.mean():.1%} of the run, are left out. Check markers and tracking"
+        f"samples, {percentage(float(noisy.mean()), 1)} of the run, are left out. Check markers and tracking"
     )
     return [Warning("reference_jumps", None, run.file, text)]
 
@@ -136,11 +137,13 @@ def _inverse_left(session: Session) -> float:
 def _lost(found: Lost) -> Warning:
     """``reference_jumps`` for stretches in which the reference and the readings show different motions."""
     kept = (
-        f"These are {found.part:.0%} of the run. That is too much to tell whether the reference or the readings are wrong, and "
+        f"These are {percentage(found.part)} of the run. That is too much to tell whether the reference or the readings "
+        "are wrong, and "
         "nothing is left out. Check markers and tracking, the axes and the range of the sensor"
     )
     left = (
-        f"The tracker seems to have lost the sensor. These samples, {found.part:.1%} of the run, are left out. Check markers "
+        f"The tracker seems to have lost the sensor. These samples, {percentage(found.part, 1)} of the run, are left out. "
+        "Check markers "
         "and tracking"
     )
     text = (
@@ -154,7 +157,7 @@ def _noise_unknown(session: Session) -> list[Warning]:
     """``noise_unknown``: a measured column whose noise hides in its motion, and how much that noise may attenuate at most."""
     columns: list[tuple[str, str, str, str, Callable[[Run], Smoothed | None]]] = [
         ("true rate", "dps", "the scale", "ref_noise_dps", lambda run: run.smooth_rate),
-        ("temperature", "degC", "the temperature coefficients", "temp_noise_c", lambda run: run.smooth_temp),
+        ("temperature", "°C", "the temperature coefficients", "temp_noise_c", lambda run: run.smooth_temp),
     ]
     out = []
     for name, unit, of, key, column in columns:

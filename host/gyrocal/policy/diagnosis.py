@@ -154,6 +154,16 @@ class Diagnosis:
         smaller="a wave follows any error of a few rates, between which nobody measured, and known effects lose their names",
         chosen_by="pytest tests/diagnosis/test_rate_wave.py",
     )  # fmt: skip
+    rates_alike: float = threshold(
+        0.01, "part of the range of the rate within which rates count as one",
+        larger="the waves of a converter with many steps are not looked for", smaller="a table's wander counts as many rates",
+        chosen_by="pytest tests/diagnosis/test_rate_wave.py",
+    )  # fmt: skip
+    rates_kept: float = threshold(
+        0.95, "part of the block means, those of the most frequent rates, whose different rates are counted",
+        larger="block means between two levels count as rates", smaller="the ends of a motion by hand do not count",
+        chosen_by="pytest tests/diagnosis/test_rate_wave.py",
+    )  # fmt: skip
     most_rate_cycles: float = threshold(
         40.0, "largest number of periods of a wave over the range of the rate",
         larger="more looks, which hide a faint wave", smaller="a nonlinearity with more periods is not found",

@@ -365,9 +365,9 @@ class Plausibility:
         larger="a wrong range passes", smaller="the bias of an accelerometer is reported", chosen_by=COLUMNS,
     )  # fmt: skip
     temperatures_c: tuple[float, float] = threshold(
-        (-60.0, 150.0), "temperatures of a working part, degC",
+        (-60.0, 150.0), "temperatures of a working part, °C",
         larger="degrees Fahrenheit and kelvin pass", smaller="hot parts are reported",
-        chosen_by="the usual -40 to 125 degC with a margin; pytest tests/plausibility/test_columns.py",
+        chosen_by="the usual -40 to 125 °C with a margin; pytest tests/plausibility/test_columns.py",
     )  # fmt: skip
     told_attenuation: float = threshold(
         1e-3, "attenuation by the unknown noise of a measured column, as a fraction, from which on its bound is told",

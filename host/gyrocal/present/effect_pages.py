@@ -21,6 +21,7 @@ from gyrocal.parameter import Described
 from gyrocal.recording.header import Face
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS
+from gyrocal.units import to_read
 
 SECONDS = 20.0
 FACES: tuple[Face, ...] = ("up", "down")
@@ -36,7 +37,7 @@ RATE_LEFT, RATE_RIGHT = 545.0, 735.0
 
 SYMBOLS = (
     "w true rate, T temperature, t time in the run, p time since power-on, th angle of the table, "
-    "ax ay az acceleration, y the reading; all in dps, degC, s and g."
+    "ax ay az acceleration, y the reading; all in dps, °C, s and g."
 )
 CAPTION = (
     "What the effect adds to the reading at the size that `gyrocal simulate` plants. Left, within three runs of one "
@@ -75,7 +76,7 @@ def _index() -> str:
 
 def _page(kind: Described) -> str:
     parameters = [
-        f"| `{p.name}` | {p.unit} | {p.typical[0]:g} to {p.typical[1]:g} "
+        f"| `{p.name}` | {to_read(p.unit)} | {p.typical[0]:g} to {p.typical[1]:g} "
         f"| {'any' if p.default is None else f'{p.default:g}'} | {p.source} |"
         for p in kind.parameters
     ]

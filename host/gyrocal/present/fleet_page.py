@@ -12,6 +12,7 @@ from gyrocal.fleet.missing import Missing
 from gyrocal.fleet.trend import Board, Trend
 from gyrocal.present import page
 from gyrocal.present.output import plus_minus, stdout, table
+from gyrocal.units import percentage
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,7 +46,7 @@ def missing_words(m: Missing) -> str:
     alone = f"{m.named_alone_by} boards show it by themselves" if m.named_alone_by else "no board shows it by itself"
     rivals = f" The boards cannot distinguish it from {', '.join(i for i in m.group if i != m.effect)}." if m.group else ""
     return (
-        f"{m.effect} on {m.axis}: {m.parameter} = {plus_minus(m.mean, m.mean_se)} on average{at}; {m.share:.0%} of the "
+        f"{m.effect} on {m.axis}: {m.parameter} = {plus_minus(m.mean, m.mean_se)} on average{at}; {percentage(m.share)} of the "
         f"boards have it, with a spread of {m.sd:.2g}. Held-out gain {m.heldout_gain:.1f}; {alone}. "
         f"It belongs to {m.belongs_to}.{rivals}"
     )
@@ -79,7 +80,7 @@ def write_page(path: Path, fleet: Fleet, dashboard: str | None = None) -> None:
     name = f"A fleet of {len({b.board for b in fleet.boards})} boards"
     text = page.render(
         "present/fleet.html", name, headline(fleet), not fleet.missing, (),
-        attribution=fleet.attribution, dashboard=dashboard, population_columns=[c.rstrip(":") for c in COLUMNS],
+        attribution=fleet.attribution, dashboard=dashboard, population_columns=COLUMNS,
         population=population_rows(fleet), missing=[missing_words(m) for m in fleet.missing],
         histograms=[(name, png_data(histogram(fleet, name))) for name in _shown(fleet)],
         outliers=[(o.session, o.why) for o in fleet.outliers[:SHOWN]], more_outliers=len(fleet.outliers[SHOWN:]),

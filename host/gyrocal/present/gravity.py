@@ -6,21 +6,34 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.diagnosis.rate_unit import RateUnit, negligible, shares, unit_of
 from gyrocal.errors import InputError
 from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration
 from gyrocal.gravity import compare as comparison
 from gyrocal.gravity import diagnose as diagnosis
 from gyrocal.gravity.as_is import compare_as_is
-from gyrocal.gravity.budget import budget
+from gyrocal.gravity.budget import BudgetRow, budget
 from gyrocal.gravity.calibrate import Calibration, misalignment
 from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
 from gyrocal.gravity.scene import Scene
 from gyrocal.present.output import emit, plus_minus, stdout, table
-from gyrocal.present.report import ANGLES, BLOCKED, MOVED, REJECTED_SHOWN, angle_row, deg, moved_rows, print_warnings, sizes
+from gyrocal.present.report import (
+    ANGLES,
+    BLOCKED,
+    MOVED,
+    REJECTED_SHOWN,
+    angle_row,
+    deg,
+    moved_rows,
+    print_note,
+    print_warnings,
+    sizes,
+)
+from gyrocal.present.verdict import stands_on
 from gyrocal.recording.session import Session
+from gyrocal.units import percentage
 
 
 def show_calibration(
@@ -121,6 +134,7 @@ def print_comparison(c: Comparison) -> None:
         table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
+    print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold", markup=False)
 
 
@@ -149,7 +163,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
 
 def _candidate(c: Candidate) -> list[str]:
     return [
-        c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
         "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c),
     ]  # fmt: skip
 
@@ -178,12 +192,20 @@ def print_calibration(c: Calibration) -> None:
         for name, fitted in c.fits.items() for row in misalignment(fitted, name)
     ]  # fmt: skip
     table("What an axis reads of rotation about another", ["scenario:", "axis:", "about:", "%"], cross)
-    shares = [
-        [row.axis, row.cause, percent(row.scale_se, row.scale_se)[0],
-         unit.pair(row.bias_se_dps, row.bias_se_dps)[0], row.advice]
-        for fitted in c.fits.values() for row in budget(fitted)
-    ]  # fmt: skip
-    table("Where the error comes from", ["axis:", "cause:", "scale ± %", f"bias ± {unit.name}", "to lower it:"], shares)
+    rows = [row for fitted in c.fits.values() for row in _shares(budget(fitted), unit)]
+    table("Where the error comes from", ["axis:", "cause:", "scale ± %", f"bias ± {unit.name}", "to lower it:"], rows)
+
+
+def _shares(rows: Sequence[BudgetRow], unit: RateUnit) -> list[list[str]]:
+    """Axis, cause, parts of the errors of scale and bias, and advice where there is something to lower."""
+    told = []
+    for axis in dict.fromkeys(row.axis for row in rows):
+        mine = [row for row in rows if row.axis == axis]
+        scale = shares([(row.scale_se, True) for row in mine], 100.0)
+        bias = shares([(row.bias_se_dps, True) for row in mine], unit.per_dps)
+        for row, s, b in zip(mine, scale, bias, strict=True):
+            told.append([axis, row.cause, s, b, "" if negligible(s) and negligible(b) else row.advice])
+    return told
 
 
 def _begins(scene: Scene) -> str:

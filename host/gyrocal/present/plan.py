@@ -39,7 +39,7 @@ def cycle_rows(runs: Sequence[PlannedRun]) -> list[list[str]]:
 def words(run: PlannedRun) -> str:
     """One run in words."""
     turning = "at rest" if run.table_rate_dps == 0 else f"table at {run.table_rate_dps:g} dps"
-    air = "" if run.temp_c is None else f", chamber at {run.temp_c:g} degC"
+    air = "" if run.temp_c is None else f", chamber at {run.temp_c:g} °C"
     return f"{run.axis} {run.face}, {turning}{air}"
 
 

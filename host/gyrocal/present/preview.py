@@ -7,13 +7,14 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from gyrocal.recording.session import Session
+from gyrocal.units import CELSIUS
 
 ROWS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("rate, dps", ("gx_dps", "gy_dps", "gz_dps", "rate_ref_dps", "ref_x_dps", "ref_y_dps", "ref_z_dps")),
     ("angle, deg", ("table_angle_deg", "ref_angle_deg")),
     ("quaternion", ("ref_qw", "ref_qx", "ref_qy", "ref_qz")),
     ("acceleration, g", ("ax_g", "ay_g", "az_g")),
-    ("temperature, °C", ("temp_c",)),
+    (f"temperature, {CELSIUS}", ("temp_c",)),
 )
 """The unit of each row of axes, and the columns drawn there."""
 POINTS = 4000

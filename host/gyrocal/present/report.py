@@ -14,10 +14,12 @@ from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
-from gyrocal.effects.base import Effect
+from gyrocal.effects.base import Effect, effects
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
+from gyrocal.present.verdict import stands_on
+from gyrocal.units import percentage, to_read
 from gyrocal.warning import Warning, by_weight, line
 
 REJECTED_SHOWN = 3
@@ -90,6 +92,28 @@ def level_rows(c: Comparison) -> list[list[str]]:
     ]
 
 
+def judged_by(c: Comparison) -> str:
+    """The title of the levels of a session that is judged by angle; empty for one that is judged by rate."""
+    if c.angles is None:
+        return ""
+    return "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
+
+
+def level_columns(c: Comparison) -> list[str]:
+    """The columns of :func:`judged_rows`."""
+    if c.angles is not None:
+        return ANGLES
+    return ["axis:", *(f"{of} {level_unit(c).name}" for of in ("rms", "floor", "excess", "±", "within cycles"))]
+
+
+WHERE = ["axis:", "against:", "sigma", "what:"]
+
+
+def where_rows(c: Comparison) -> list[list[str]]:
+    """Axis, variable, strength and words of each finding."""
+    return [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
+
+
 ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
 
 
@@ -103,24 +127,24 @@ def angle_row(name: str, v: angles.Level) -> list[str]:
     return [name, *(deg(x, v.excess_se_deg) for x in (v.rms_deg, v.floor_deg, v.excess_deg, v.excess_se_deg))]
 
 
+def judged_rows(c: Comparison) -> list[list[str]]:
+    """The levels by which the comparison is judged, as :func:`level_rows` or in deg; the last row is all axes."""
+    return [row[: len(level_columns(c))] for row in level_rows(c)]
+
+
 def print_comparison(c: Comparison) -> None:
     """Print the levels, findings and parameters of a comparison."""
     print_warnings(c.warnings)
-    if c.angles is None:
-        unit = level_unit(c).name
-        table("", ["axis:", *(f"{of} {unit}" for of in ("rms", "floor", "excess", "±", "within cycles"))], level_rows(c))
-    else:
-        title = "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
-        table(title, ANGLES, [row[: len(ANGLES)] for row in level_rows(c)])
+    table(judged_by(c), level_columns(c), judged_rows(c))
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     print_note(reference_words(c))
     print_note(stand_in_words(c))
     if c.where:
-        rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
-        table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+        table("Where it fails", WHERE, where_rows(c))
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
         print_note(c.note)
+    print_note(stands_on(c.to_json()))
     stdout.print(headline(c), style="bold")
 
 
@@ -151,7 +175,7 @@ def moved_rows(moved: Sequence[Moved]) -> list[list[str]]:
     return [
         [f"{m.effect} {m.name}", m.axis, f"{m.file:.6g}", "-" if m.session is None else f"{m.session:.6g}",
          "-" if m.session is None else f"{m.session - m.file:+.3g}", "-" if m.se is None else f"{m.se:.2g}",
-         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else m.unit]
+         "-" if m.z is None else f"{m.z:+.1f}", "" if m.unit == "fraction" else to_read(m.unit)]
         for m in moved
     ]  # fmt: skip
 
@@ -168,7 +192,7 @@ def print_diagnosis(d: Diagnosis, session: Path, model: str | None) -> None:
     passed = [c for c in d.candidates if c.decision in ("add", "suggest")]
     rejected = [c for c in d.candidates if c.decision == "reject"]
     rows = [
-        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else f"{c.explained:.0%}",
+        [c.effect.id, c.axis, c.decision, "-" if c.explained is None else percentage(c.explained),
          "-" if c.gain is None else plus_minus(c.gain, c.gain_se), sizes(c)]
         for c in (*passed, *rejected[:REJECTED_SHOWN])
     ]  # fmt: skip
@@ -212,7 +236,7 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
     if d.verdict == "add" and best is not None:
         named = {c.axis for c in d.candidates if c.decision == "add" and c.effect.id == best.effect.id}
         cause = best.effect.cause_in(d.comparison.fit.session.runs).split(". ")[0]
-        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}."
+        return f"Missing: {best.effect.title.lower()} on {', '.join(sorted(named))}. {cause}.{_also(d, best)}"
     if d.verdict == "ambiguous" and best is not None:
         group = ", ".join(map(called, best.group))
         return f"One of {group}; this session cannot tell which. To part them: {best.next_measurement}."
@@ -226,6 +250,21 @@ def verdict_text(d: Diagnosis, called: Callable[[str], str] = str) -> str:
             return f"Something is there {where}. It may be {ids}, but this session cannot prove it. To prove it: {proof}."
         return f"Something is there that no effect of the library explains: {where}."
     return UNTIMED if _is_untimed(d.comparison) else "Nothing is missing: what is left over is noise."
+
+
+def _also(d: Diagnosis, best: Candidate) -> str:
+    """The other effects that a diagnosis names, beside the one of its headline; empty if there are none."""
+    axes: dict[str, set[str]] = {}
+    for c in d.candidates:
+        if c.decision == "add" and c.effect.id not in best.group and c.effect.id != best.effect.id:
+            axes.setdefault(" or ".join(_title(i) for i in sorted(c.group) or [c.effect.id]), set()).add(c.axis)
+    told = "; ".join(f"{titles} on {', '.join(sorted(on))}" for titles, on in axes.items())
+    return f" Also: {told}." if told else ""
+
+
+def _title(effect_id: str) -> str:
+    kinds = effects()
+    return kinds[effect_id].title.lower() if effect_id in kinds else effect_id
 
 
 def unproven(d: Diagnosis) -> list[Candidate]:
@@ -251,13 +290,11 @@ def sizes(c: Candidate) -> str:
 
 def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) -> str:
     """The values of an effect's parameters, as text; a fraction is told in percent."""
-    units = {p.name: p.unit for p in effect.parameters}
+    units = {p.name: to_read(p.unit) for p in effect.parameters}
     shown: dict[str, str] = {}
     for name, value in values.items():
-        unit, error = units.get(name, units.get(name.removesuffix("_sd"), "")), se.get(name)
-        if unit.startswith("fraction"):
-            unit, value, error = unit.replace("fraction", "%", 1), 100 * value, None if error is None else 100 * error
-        shown[name] = plus_minus(value, error, unit)
+        error, (factor, unit) = se.get(name), in_percent(units.get(name, units.get(name.removesuffix("_sd"), "")))
+        shown[name] = plus_minus(factor * value, None if error is None else factor * error, unit)
     named = (WHOLE.get((units.get(name, ""), values[name]), f"{name} {text}") for name, text in shown.items())
     return effect.told(values, shown) or ", ".join(named)
 
@@ -290,7 +327,7 @@ def print_before_after(before: Comparison, after: Comparison, model: Path) -> No
         where = ", within power cycles" if few else ""
         told = (v.excess_within_dps if few else v.excess_dps for v in (new, old))
         a, b = (unit.text(v, 2, old.excess_within_se_dps if few else old.excess_se_dps) for v in told)
-        stdout.print(f"{part:.1%} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
+        stdout.print(f"{percentage(part, 1)} of the squared excess of all axes explained{where}: 1 - ({a} / {b})²")
     stdout.print(headline(after), style="bold")
 
 
@@ -301,26 +338,39 @@ def write_page(path: Path, c: Comparison) -> None:
     drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
-        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit_name(c),
-        where=c.where, pictures=drawn,
-        parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
-        note=c.note,
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=judged_rows(c), level_columns=level_columns(c),
+        judged_by=judged_by(c), stands_on=stands_on(c.to_json()),
+        where=where_rows(c), where_columns=WHERE, pictures=drawn, parameters=parameter_rows(c), parameter_columns=PARAMETERS,
+        moved=moved_rows(c.moved or ()), moved_columns=MOVED, note=c.note,
     )  # fmt: skip
     page.write(path, text)
 
 
-def parameter(value: float, se: float | None) -> tuple[str, str]:
-    """A parameter to the second digit of its standard error, and that error; five digits and a dash without one."""
-    return pair(value, se, 1.0, 0) if places(se, -1) >= 0 else (f"{value:.5g}", UNKNOWN)
+PARAMETERS = ["effect:", "axis:", "parameter:", "value", "± se", "unit:"]
+
+
+def parameter(value: float, se: float | None, unit: str) -> list[str]:
+    """A parameter to the second digit of its standard error, that error, and the unit; five digits and a dash without one.
+
+    A fraction is told in percent, as it is in the words of an effect.
+    """
+    factor, unit = in_percent(unit)
+    told = pair(value, se, factor, 0) if places(se, -1) >= 0 else (f"{factor * value:.5g}", UNKNOWN)
+    return [*told, unit]
+
+
+def in_percent(unit: str) -> tuple[float, str]:
+    """What a number in a unit is multiplied by to be told, and its unit then."""
+    return (100.0, unit.replace("fraction", "%", 1)) if unit.startswith("fraction") else (1.0, unit)
 
 
 def parameter_rows(c: Comparison) -> list[list[Any]]:
-    """Rows of effect, axis, parameter, value, standard error and unit."""
+    """The rows below ``PARAMETERS``."""
     rows = []
     for listed in c.fit.model.lines():
-        units = {p.name: p.unit for p in listed.kind.parameters}
+        units = {p.name: to_read(p.unit) for p in listed.kind.parameters}
         for name, value in listed.values.items():
             se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-            rows.append([listed.id, listed.axis, name, *parameter(value, se), unit])
+            rows.append([listed.id, listed.axis, name, *parameter(value, se, unit)])
     return rows

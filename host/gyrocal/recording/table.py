@@ -16,6 +16,7 @@ from gyrocal.errors import InputError, first_line
 from gyrocal.files import LONGEST_LINE, long_line
 from gyrocal.recording.parquet_pages import read_parquet
 from gyrocal.recording.stamps import step_range_s
+from gyrocal.units import CELSIUS
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 REQUIRED = ("t_s", "gx_dps", "gy_dps", "gz_dps")
@@ -23,7 +24,7 @@ OPTIONAL = (
     "ax_g", "ay_g", "az_g", "temp_c", "rate_ref_dps", "table_angle_deg", "ref_angle_deg", "ref_x_dps", "ref_y_dps", "ref_z_dps",
     "ref_qw", "ref_qx", "ref_qy", "ref_qz",
 )  # fmt: skip
-UNITS = {"dps": "dps", "g": "g", "c": "degC", "deg": "degrees"}
+UNITS = {"dps": "dps", "g": "g", "c": CELSIUS, "deg": "degrees"}
 """The unit at the end of a column's name."""
 NUMBERS = b"0123456789+-.eE, \t\r\n" + b"nafiNAFI"
 """Characters of a table's rows. The values nan and inf are read, and then rejected with their row."""

@@ -139,9 +139,9 @@ CAMPAIGNS = {
     "table2": Campaign("paper with effects that give the errors of the paper's Table 2", paper_plan),
     "full": Campaign("rest and three rates, both directions and faces", full_plan),
     "swing": Campaign("the table swings, with an encoder", swing_plan),
-    "bench": Campaign("six positions in a chamber at 25 +- 20 degC", bench_plan, chamber_c=20.0),
+    "bench": Campaign("six positions in a chamber at 25 +- 20 °C", bench_plan, chamber_c=20.0),
     "shaker": Campaign("at rest and turning on a shaker, off and at two levels", shaker_plan),
-    "chamber": Campaign("at rest in a chamber that goes up and down by 20 degC", chamber_plan, chamber_c=20.0),
+    "chamber": Campaign("at rest in a chamber that goes up and down by 20 °C", chamber_plan, chamber_c=20.0),
     "hands": Campaign("no table: 30 rests of a phone-grade part, turned by hand between", hands_plan),
 }
 HANDS = "hands"

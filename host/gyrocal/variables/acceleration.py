@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from gyrocal.effects.quantities import acceleration_g
+from gyrocal.effects.quantities import acceleration_g, pose_changes
 from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.variables.base import Symbol, Variable
 from gyrocal.variables.shapes import Columns, Shape
@@ -28,6 +28,6 @@ class Acceleration(Variable):
         return acceleration_g(run)
 
     def shapes(self, axis: int) -> list[Shape]:
-        if all(r.acc_g is None for r in self.runs):
+        if not pose_changes(self.runs):
             return []
         return [Columns(acceleration_g, len(AXES), "in proportion to the acceleration")]

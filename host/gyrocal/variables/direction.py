@@ -21,6 +21,8 @@ from gyrocal.variables.shapes import Columns, Shape, Steps
 BOTH_WAYS = np.array([0.0])
 SENSES = ("the table's negative direction", "the table's positive direction, or at rest")
 
+CHANGING = "between a rate that rises and one that falls"
+
 
 class Direction(Variable):
     """+1 or -1: the sign of the temperature's change if the temperature returns within a run, else that of the table's rate."""
@@ -40,8 +42,7 @@ class Direction(Variable):
             turning = Steps(lambda run: sense_of_rotation(run) * run.face_sign, BOTH_WAYS, names=SENSES)
             shapes.append(turning)
         if rate_varies(self.runs, axis):
-            changing = "between a rate that rises and one that falls"
-            shapes.append(Columns(lambda run: sense_of_change(run, axis)[:, None], 1, changing))
+            shapes.append(Columns(lambda run: sense_of_change(run, axis)[:, None], 1, CHANGING))
         return shapes
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from gyrocal.effects.quantities import temperature_c
 from gyrocal.recording.session import Array, Run
+from gyrocal.units import CELSIUS
 from gyrocal.variables.base import MOST_STEPS, Symbol, Variable, quantile_edges
 from gyrocal.variables.shapes import Shape
 
@@ -19,8 +20,8 @@ FEW_STEPS = 2
 
 
 class Temperature(Variable):
-    name, title, quantity, unit, order = "temperature", "Temperature", "temperature", "°C", 3
-    symbols: ClassVar = {"temp_c": Symbol("temperature, degC", lambda run, axis: temperature_c(run))}
+    name, title, quantity, unit, order = "temperature", "Temperature", "temperature", CELSIUS, 3
+    symbols: ClassVar = {"temp_c": Symbol(f"temperature, {CELSIUS}", lambda run, axis: temperature_c(run))}
     letters = ("T",)
     searched = ("temp_c",)
 

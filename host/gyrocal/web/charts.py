@@ -165,6 +165,11 @@ NARROW = 560
 """Width of a chart in px below which its legend has a line of its own."""
 
 
+LEGEND_LINE_PX = 20
+SHORT_LEGEND = 3
+"""Methods whose names stand on one line on a phone."""
+
+
 def fitting(wide: Options, narrow: Options) -> list[Options]:
     """The parts of a chart's options that depend on its width, which ECharts chooses by itself whenever that changes."""
     return [{"query": {"maxWidth": NARROW}, "option": narrow}, {"option": wide}]
@@ -261,7 +266,7 @@ def hero(
         [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
         for x, y, s in zip(shown.centres, curve, se, strict=True)
     ]
-    names = ["left over, means", AFTER if added else "the effect, less what bias and scale take up", "± 2 standard errors"]
+    names = [LEFT, AFTER if added else EFFECT, WITHIN_SE]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     dashes = DASH if shown.few else {}
@@ -299,7 +304,9 @@ def hero(
     )  # fmt: skip
 
 
+LEFT, EFFECT, WITHIN_SE = "left over, means", "the effect, less what bias and scale take up", "± 2 standard errors"
 AFTER = "where the means should lie now"
+"""Names in the legend of an effect's picture, on the page and in the report."""
 
 
 def _headed(p: Palette, lines: Sequence[str], named: int, count: int = 0) -> Options:
@@ -345,9 +352,16 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
                 "lineStyle": {"color": colour, "width": 3 if m == order[-1] else 1.5}, "itemStyle": {"color": colour},
             })  # fmt: skip
     first = "first seconds of each face"
+
+    def below(legend_px: int) -> Options:
+        return {"title": [{"top": 6 + legend_px}] * 2, "grid": [{"top": 24 + legend_px}] * 2}
+
+    lines = 2 if len(order) > SHORT_LEGEND else 1
+
     return base(
         p,
-        legend={**legend(p, [{"name": m} for m in order], top=0), "itemWidth": 24}, tooltip=tooltip(p, ["%", unit.name], "s"),
+        legend={**legend(p, [{"name": m} for m in order], top=0, type="plain"), "itemWidth": 24},
+        media=fitting(below(LEGEND_LINE_PX), below(lines * LEGEND_LINE_PX)), tooltip=tooltip(p, ["%", unit.name], "s"),
         toolbox=BOX, units=["%", unit.name], axisPointer={"link": [{"xAxisIndex": "all"}]},
         grid=[grid(left=58, right="56%", top=44, bottom=36), grid(left="59%", right=14, top=44, bottom=36)],
         title=[title(p, "scale, %", 26, 58), title(p, f"bias, {unit.name}", 26, "59%")],
@@ -355,46 +369,3 @@ def calibration(p: Palette, errors: Mapping[str, Mapping[float, tuple[float, flo
         yAxis=[axis(p, gridIndex=k, min=0) for k in (0, 1)],
         series=series,
     )  # fmt: skip
-
-
-def signature_svg(
-    dots: Sequence[tuple[float, float]], curve: Sequence[tuple[float, float]], label: str,
-    band: Sequence[tuple[float, float, float]] = (), few: bool = False,
-) -> str:  # fmt: skip
-    """A small plot of the residual (dots) and the fitted effect (line), in the colours of the page.
-
-    ``band`` is filled between its lowest and highest values at each x. With ``few``, nothing was measured between the values,
-    and each has a dash.
-    """
-    width, height = 220.0, 76.0
-    everything = [*dots, *curve, *((x, y) for x, *both in band for y in both)]
-    if not everything:
-        return ""
-    xs, ys = [x for x, _ in everything], [y for _, y in everything]
-    low, high = min(ys), max(ys)
-    across, up = (max(xs) - min(xs)) or 1.0, (high - low) or 1.0
-
-    def place(point: tuple[float, float]) -> tuple[float, float]:
-        return 6 + (point[0] - min(xs)) / across * (width - 12), height - 6 - (point[1] - low) / up * (height - 12)
-
-    def path(points: Sequence[tuple[float, float]]) -> str:
-        return " ".join(f"{x:.1f},{y:.1f}" for x, y in map(place, points))
-
-    radius = 4 if few else 1.6
-    drawn = f'<polyline class="curve" points="{path(curve)}"/>'
-    if few:
-        dashes = (f"{x - 8:.1f},{y:.1f} {x + 8:.1f},{y:.1f}" for x, y in map(place, curve))
-        drawn = "".join(f'<polyline class="curve" points="{points}"/>' for points in dashes)
-    circles = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}"/>' for x, y in map(place, dots))
-    at = [(place((x, low)), place((x, high))) for x, low, high in band]
-    outlines = [[*(low for low, _ in at), *(high for _, high in reversed(at))]] if at else []
-    if few:
-        outlines = [[(x - 8, low), (x + 8, low), (x + 8, high), (x - 8, high)] for (x, low), (_, high) in at]
-    filled = "".join(
-        f'<polygon class="band" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in outline)}"/>' for outline in outlines
-    )
-    return (
-        f'<svg class="signature" viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{html.escape(label, quote=True)}" '
-        f'preserveAspectRatio="none">{filled}{drawn}'
-        f'<g class="dots">{circles}</g></svg>'
-    )

@@ -11,6 +11,9 @@ from gyrocal.diagnosis.rivals import cosine
 from gyrocal.effects.base import effects
 from gyrocal.policy import POLICY
 
+FASTER = 0.02
+"""Part of the squared excess within blocks from which on it is told."""
+
 
 def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list[str]:
     """The conditions for naming an effect that a candidate does not meet; empty if it is named alone or was rejected.
@@ -39,6 +42,14 @@ def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list
 def _title(effect_id: str) -> str:
     kinds = effects()
     return kinds[effect_id].title.lower() if effect_id in kinds else effect_id
+
+
+def faster(found: Comparison, axis: str) -> bool:
+    """True if a part of an axis's excess that is no rounding of a percentage lies within blocks of 0.1 s."""
+    squares, floor = found.squares.get(axis), found.floors.get(axis)
+    if squares is None or floor is None or not squares.samples:
+        return False
+    return squares.fast - floor.fast > FASTER * max(squares.all - floor.all, 0.0) > 0
 
 
 def _not_enough(part: float | None, *, contradicted: bool) -> str:

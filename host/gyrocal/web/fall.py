@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from gyrocal.diagnosis.levels import Floor, Level, MeanSquares, explained, pooled
 from gyrocal.diagnosis.rate_unit import RateUnit, unit_of
 from gyrocal.policy import POLICY
+from gyrocal.units import percentage
 
 MUCH = 0.9
 """Part of the excess over the floor of the richest model below which that over the first model's own floor is explained."""
@@ -84,7 +85,9 @@ class Fall:
             return ""
         if abs(self.part) < NOTHING:
             return "nothing of its square explained"
-        return f"{self.part:.1%} of its square explained" if self.part > 0 else f"its square grew by {-self.part:.1%}"
+        if self.part < 0:
+            return f"its square grew by {percentage(-self.part, 1)}"
+        return f"{percentage(self.part, 1)} of its square explained"
 
     @property
     def sentence(self) -> str:

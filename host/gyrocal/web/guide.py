@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from gyrocal.policy import POLICY
+from gyrocal.units import percentage
 from gyrocal.web.coach import Advice, ring
 
 if TYPE_CHECKING:
@@ -107,6 +108,6 @@ def _cell(aim: dict[str, Any], error: str, wanted_error: str, form: str, wanted_
         return "<td class=text>not known yet</td><td></td>"
     part = min(1.0, wanted / se)
     told = f"{form.format(se)}, aim {wanted_form.format(wanted)}".replace("%", " %")
-    said = f'role="img" aria-label="{part:.0%} of the way to the aim"'
+    said = f'role="img" aria-label="{percentage(part)} of the way to the aim"'
     bar = f'<div class="reached {"good" if part >= 1 else ""}" {said}><div style="width: {part:.1%}"></div></div>'
     return f"<td class=text>{told}</td><td>{bar}</td>"

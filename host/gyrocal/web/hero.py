@@ -26,6 +26,9 @@ A_FUNCTION = 0.6
 ALIKE = 0.02
 """Parts that differ by less than this are equal; the variable that takes more values is then shown."""
 
+CONSTANT = 1e-12
+"""Part of the signal's square that is rounding."""
+
 Points = Mapping[str, Array]
 
 
@@ -99,7 +102,7 @@ def _best(
         if panel.variable.name == "reading" or against not in ("", panel.variable.name):  # a reading holds the effect itself
             continue
         x = points[panel.key(axis)]
-        use = there & np.isfinite(x)
+        use = there & np.isfinite(x) & np.isfinite(signal)
         if np.count_nonzero(use) < 0.9 * np.count_nonzero(there) or np.count_nonzero(use) < 4 * LEAST or np.ptp(x[use]) == 0:
             continue
         place = _places(x[use], _edges(x[use], panel))
@@ -108,9 +111,11 @@ def _best(
         seen = count > 0
         mean = np.bincount(place, s)[seen] / count[seen]
         total = float(np.sum((s - s.mean()) ** 2))
+        if total <= CONSTANT * float(s @ s):  # it acts in rows without a residual, as those of turns of known angle
+            continue
         between = float(np.sum(count[seen] * (mean - s.mean()) ** 2))
         spare = (s.size - 1) / max(s.size - np.count_nonzero(seen), 1)
-        parts.append((1 - (1 - between / max(total, 1e-300)) * spare, int(np.count_nonzero(seen)), panel))
+        parts.append((1 - (1 - between / total) * spare, int(np.count_nonzero(seen)), panel))
     if not parts:
         return None
     top = max(part for part, _, _ in parts)

@@ -8,6 +8,7 @@ from nicegui import ui
 
 from gyrocal.web import charts
 from gyrocal.web.hero import left_now, of_each_run
+from gyrocal.web.models import latest
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, Picture
 
@@ -59,7 +60,7 @@ class HeroView:
 
         A first card without a picture, as a tone has none, leaves the place empty: another effect's would stand for it.
         """
-        diagnosis, step = self.bench.diagnosis, self.bench.latest
+        diagnosis, step = self.bench.diagnosis, latest(self.bench.steps)
         cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
         card = self._chosen if self._chosen in cards else next(iter(cards), None)
         card = card if card is not None and card.picture is not None else None

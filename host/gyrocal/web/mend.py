@@ -16,10 +16,13 @@ from gyrocal.errors import InputError
 from gyrocal.recording.header import read_header, write_header
 from gyrocal.recording.run import Run
 from gyrocal.recording.session import Session
+from gyrocal.web.views import RunView
 
 KEPT_AS = "session.toml.before"
 """The name under which the file that the user wrote is kept when it is first changed."""
 DEG_PER_RAD = 180 / np.pi
+MOST_RATES = 3
+"""Rates that are listed before "and so on"."""
 
 Kind = Literal["face", "sign", "units", "accept", "leave_out"]
 
@@ -36,32 +39,72 @@ class Mend:
     file: str | None
 
 
-def mends(warning: dict[str, Any]) -> list[Mend]:
-    """The ways to mend what a warning of ``--json`` speaks of, the surest first; empty if only the user can."""
+def mends(warning: dict[str, Any], runs: Sequence[RunView], last_run: str | None = None) -> list[Mend]:
+    """The ways to mend what a warning of ``--json`` speaks of, the surest first; empty if only the user can.
+
+    ``runs`` are those of the session. ``last_run`` is the file of the only run in the fits, which is not left out; None if
+    there are several.
+    """
     code, axis, file = warning["code"], warning["axis"], warning["file"]
     which = file or ("every run" if axis is None else f"every run about {axis}")
+    meant = [run for run in runs if file in (None, run.file) and axis in (None, run.axis)]
     toml = f"session.toml (its present text is kept as {KEPT_AS})"
+    kept = f"The present text of session.toml is kept as {KEPT_AS}."
     out = []
 
     def offer(kind: Kind, label: str, told: str) -> None:
         out.append(Mend(kind, label, told, code, axis, file))
 
     if code == "face_wrong":
-        told = f"The face of {which} is changed, from up to down or from down to up, in {toml}."
-        offer("face", f"Change the face of {which}", told)
+        offer("face", f"Change the face of {which}", f"{_other_face(which, meant)} {kept}")
     if code == "sign_flipped":
-        told = f"table_rate_dps of {which} is written with the other sign into {toml}."
-        offer("sign", f"Reverse the rates of {which}", told)
+        offer("sign", f"Reverse the rates of {which}", f"{_other_sign(which, meant)} {kept}")
     if code == "unit_rad_s":
         told = "A new session is written beside this one, in which what is in rad/s is in dps. It is then opened."
         offer("units", "Convert to dps", told)
-    if file is not None:
+    if file is not None and file != last_run:
         told = f"{file} is left out of the fits. The session's files stay as they are; the choice is kept in workbench.json."
         offer("leave_out", f"Leave {file} out", told)
     if warning["blocking"]:
         entry = code if axis is None else f"{code}:{axis}"
         offer("accept", "Accept it", f'accept = ["{entry}"] is written into {toml}. The warning stays, but no longer blocks.')
     return out
+
+
+def _other_face(which: str, runs: Sequence[RunView]) -> str:
+    """What another face of runs changes in session.toml, and what that says of the sensor on the table."""
+    if len(runs) != 1:
+        return (
+            f'In session.toml, face = "up" of {which} becomes face = "down", and "down" becomes "up". This says that the '
+            "sensor lay the other way up on the table: every table rate counts about its axis with the other sign than before. "
+            "table_rate_dps stays as it is."
+        )
+    (run,) = runs
+    new, points = ("down", "against") if run.face == "up" else ("up", "along")
+    told = (
+        f'In session.toml, face = "{run.face}" of {run.file} becomes face = "{new}". This says that the sensor lay face {new} '
+        f"on the table, with its {run.axis} axis {points} the table's axis of rotation."
+    )
+    if run.rate_dps is None:
+        return f"{told} A known turn of the table then counts with the other sign; a reference in the file stays as it is."
+    if run.rate_dps == 0:
+        return f"{told} It was at rest, so its true rate stays 0."
+    rate_dps = run.rate_dps if new == "up" else -run.rate_dps
+    return (
+        f"{told} The table's {run.rate_dps:g} dps are then a true rate of {rate_dps:g} dps about {run.axis}, not "
+        f"{-rate_dps:g}. table_rate_dps stays as it is."
+    )
+
+
+def _other_sign(which: str, runs: Sequence[RunView]) -> str:
+    """What reversed rates change in session.toml, and what that says of the table."""
+    rates = dict.fromkeys(run.rate_dps for run in runs if run.rate_dps)
+    shown = ", ".join(f"{rate:g} becomes {-rate:g}" for rate in list(rates)[:MOST_RATES])
+    told = f": {shown}{', and so on' if len(rates) > MOST_RATES else ''}" if rates else ""
+    return (
+        f"In session.toml, table_rate_dps of {which} is written with the other sign{told}. This says that the table turned the "
+        "other way. face stays as it is."
+    )
 
 
 def apply(folder: Path, mend: Mend, out: Callable[[], Path]) -> Path:

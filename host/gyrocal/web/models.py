@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -100,6 +100,12 @@ class Step:
             name, _, rest = self.recipe.held.partition(" of ")
             return f"{name} {'held' if ' held at ' in rest else 'fitted again'}"
         return f"without {self.title}" if self.removed else self.title
+
+
+def latest(steps: Sequence[Step]) -> Step | None:
+    """The step that added the effect which is shown: the last one whose effect the current model has."""
+    there = {id for id, _, _ in steps[-1].view.effects} if steps else set()
+    return next((s for s in reversed(steps) if s.adds and s.id in there), None)
 
 
 @dataclass(frozen=True)

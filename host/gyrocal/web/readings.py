@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import background_tasks, ui
 
+from gyrocal.diagnosis.rate_unit import UNKNOWN
+from gyrocal.units import CELSIUS
 from gyrocal.web import charts
 from gyrocal.web.samples import SHOWN_S, Frame
 from gyrocal.web.tools import tools
@@ -21,11 +23,11 @@ FRAME_S = 0.033
 READ_S = 0.15
 """Time between two updates of the numbers, so that they can be read."""
 MOST_IN_FLIGHT = 3
-READINGS = (("x", "dps"), ("y", "dps"), ("z", "dps"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", "°C"))
+READINGS = (("x", "dps"), ("y", "dps"), ("z", "dps"), ("a x", "g"), ("a y", "g"), ("a z", "g"), ("temp.", CELSIUS))
 COLUMNS = ("t_s", "gx_dps", "gy_dps", "gz_dps", "ax_g", "ay_g", "az_g", "temp_c")
 """Columns of the saved table, named as in a session's files."""
-STRIPS = ("rate x, dps", "rate y, dps", "rate z, dps", "acceleration, g", "temperature, °C")
-UNITS = ("dps", "dps", "dps", "g", "°C")
+STRIPS = ("rate x, dps", "rate y, dps", "rate z, dps", "acceleration, g", f"temperature, {CELSIUS}")
+UNITS = ("dps", "dps", "dps", "g", CELSIUS)
 """The unit of each strip."""
 STRIP_OF = (0, 1, 2, 3, 3, 3, 4)
 RATES = 3
@@ -75,7 +77,7 @@ class Readings:
 
     def _value(self, name: str, unit: str) -> tuple[ui.html, ui.label]:
         with ui.element("div").classes("reading"):
-            value = ui.html("<b>–</b>", sanitize=False)
+            value = ui.html(f"<b>{UNKNOWN}</b>", sanitize=False)
             ui.label(f"{name}, {unit}")
             scatter = ui.label("")
         return value, scatter
@@ -186,8 +188,8 @@ class Readings:
         shown = rows.mean(axis=0) if statistics else rows[-1]
         scatters = rows.std(axis=0, ddof=1) if statistics else [np.nan] * len(READINGS)
         for (element, scatter), value, within, (_, unit) in zip(self._values, shown, scatters, READINGS, strict=True):
-            digits = 2 if unit == "°C" else 3
-            element.content = "<b>–</b>" if value != value else f"<b>{round(value, digits) + 0.0:.{digits}f}</b>"
+            digits = 2 if unit == CELSIUS else 3
+            element.content = f"<b>{UNKNOWN}</b>" if value != value else f"<b>{round(value, digits) + 0.0:.{digits}f}</b>"
             scatter.text = "" if within != within else f"scatter {within:.{digits + 1}f}"
 
     def _options(self, frame: Frame) -> charts.Options:

@@ -100,10 +100,10 @@ class Workbench:
         return self.steps[-1] if self.steps else None
 
     @property
-    def latest(self) -> Step | None:
-        """The step that added the effect which is shown: the last one whose effect the current model has."""
-        there = {id for id, _, _ in self.steps[-1].view.effects} if self.steps else set()
-        return next((s for s in reversed(self.steps) if s.adds and s.id in there), None)
+    def last_run(self) -> str | None:
+        """The file of the only run in the fits, which cannot be left out; None if there are several."""
+        used = [] if self.session is None else [run.file for run in self.session.runs if run.file not in self.excluded]
+        return used[0] if len(used) == 1 else None
 
     @property
     def recording(self) -> Recording:
@@ -219,13 +219,12 @@ class Workbench:
             self.changed("training")
             try:
                 errors = await self.training.run()
+                parity = await self.jobs.run("Checking the trained network", "verify", folder)
+                self._networks[toml, axis] = TrainedView(folder, errors, parity)
+                self.exported = None
             finally:
                 self.training = None
                 self.changed("training")
-            parity = await self.jobs.run("Checking the trained network", "verify", folder)
-            self._networks[toml, axis] = TrainedView(folder, errors, parity)
-            self.exported = None
-            self.changed("training")
             self.say(f"The network is trained and in {self.places.name(folder)}.")
 
     async def export(self, name: str, axis: str) -> None:

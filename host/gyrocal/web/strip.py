@@ -24,30 +24,42 @@ REFOCUS = """if (document.activeElement === document.body) document.querySelecto
 
 
 def strip(
-    runs: Sequence[RunView], left: Mapping[str, float], floor: float, excluded: frozenset[str], act: Callable[[str], Any]
+    runs: Sequence[RunView], left: Mapping[str, float], floor: float, excluded: frozenset[str], last_run: str | None,
+    act: Callable[[str], Any],
 ) -> None:
-    """A button for each run. ``left`` is the excess by file, mdps; ``act`` is called with the file of the pressed run."""
+    """A button for each run. ``left`` is the excess by file, mdps; ``act`` is called with the file of the pressed run.
+
+    ``last_run`` is the file of the only run in the fit, whose button does nothing and says why; None if there are several.
+    """
     worst = max(left.values(), default=0.0)
     with ui.element("section").classes("face strip").props('aria-label="runs"'):
         told = f"each coloured by its own excess error, at most {_told(worst)}; full colour is {_told(max(worst, floor))}"
         told = told if left else "excess error not known yet"
         out = f"; {len(excluded)} left out" if excluded else ""
         plural = "s" if len(runs) > 1 else ""
-        act_on = "▲ face up, ▼ face down. Press one to leave it out of the fit."
-        ui.label(f"{len(runs)} run{plural}, {told}{out}. {act_on}").classes("dim small")
+        press = "Press one to leave it out of the fit."
+        if last_run is not None:
+            press = f"{last_run} is the only one in the fit, and stays. Press another to take it in again."
+            press = press if excluded else "It cannot be left out of the fit, because there is no other."
+        ui.label(f"{len(runs)} run{plural}, {told}{out}. ▲ face up, ▼ face down. {press}").classes("dim small")
         with ui.element("div").classes("cells").style(f"--runs: {len(runs)}").on("keydown", js_handler=MOVE):
             for run in runs:
                 excess = left.get(run.file)
-                cell = _cell(run, excess, share(excess, worst, floor), run.file in excluded)
-                with cell.on("click", lambda r=run: act(r.file)):
+                cell = _cell(run, excess, share(excess, worst, floor), run.file in excluded, run.file == last_run)
+                if run.file != last_run:
+                    cell.on("click", lambda r=run: act(r.file))
+                with cell:
                     ui.label("▲" if run.face == "up" else "▼").props('aria-hidden="true"')
 
 
-def _cell(run: RunView, excess: float | None, part: int, out: bool) -> ui.element:
+def _cell(run: RunView, excess: float | None, part: int, out: bool, stays: bool) -> ui.element:
     told = "left out" if out else "excess not known" if excess is None else f"excess {_told(excess)}"
+    told = f"{told}; it stays in the fit, because no other run is left" if stays else told
     words = html.escape(f"{run.file}, {run.scenario}, face {run.face}: {told}", quote=True)
-    cell = ui.element("button").classes("cell out" if out else "cell").style(f"--share: {part}%")
-    return cell.props(f'type="button" title="{words}" aria-label="{words}" aria-pressed="{str(out).lower()}"')
+    kind = "cell out" if out else "cell stays" if stays else "cell"
+    cell = ui.element("button").classes(kind).style(f"--share: {part}%")
+    states = f'aria-pressed="{str(out).lower()}" aria-disabled="{str(stays).lower()}"'
+    return cell.props(f'type="button" title="{words}" aria-label="{words}" {states}')
 
 
 def _told(excess_mdps: float) -> str:

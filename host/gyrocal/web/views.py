@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from gyrocal.web.fall import Levels
 
 AXES = ("x", "y", "z")
+NOT_JUDGED = "not judged"
+"""In the name of an axis that has a blocking warning, in the rows of a comparison."""
 NOT_NAMED = "sensor not named"
 """The sensor of a session whose session.toml names none."""
 
@@ -165,6 +167,8 @@ class Card:
     within: bool
     """True if the explained part counts within power cycles, because there are few."""
     picture: Picture | None = None
+    means: bool = False
+    """True if the explained part is that of means, because the effect is slow and the axis has a faster error too."""
 
     @property
     def signature(self) -> Signature | None:

@@ -27,7 +27,8 @@ def show(warnings: Sequence[dict[str, Any]], bench: Workbench | None = None) -> 
             with ui.row().classes("tight").style("flex-wrap: nowrap; align-items: baseline"):
                 ui.element("span").classes(f"light {'bad' if warning.blocking else ''}")
                 ui.label(line(warning)).classes("small").style("font-weight: 600" if warning.blocking else "")
-            offered = mends(warning.to_json()) if bench is not None else []
+            session = None if bench is None else bench.session
+            offered = [] if bench is None or session is None else mends(warning.to_json(), session.runs, bench.last_run)
             if bench is not None and offered:
                 with ui.row().classes("tight").style("padding-left: 20px"):
                     for mend in offered:

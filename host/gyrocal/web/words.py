@@ -6,8 +6,10 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus
+from gyrocal.units import percentage
 from gyrocal.web.views import Card, Holdable
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ def evidence(card: Card) -> list[tuple[str, str]]:
     if card.doubts:
         rows.append(("in doubt", "; ".join(card.doubts)))
     if judged["explained"] is not None:
-        rows.append(("explains", explains(judged["explained"], judged["axis"], within=card.within)))
+        rows.append(("explains", explains(judged["explained"], judged["axis"], within=card.within, means=card.means)))
     if judged["heldout_gain"] is not None:
         how = "better" if judged["heldout_gain"] > 0 else "worse"
         gain = plus_minus(abs(judged["heldout_gain"]), judged["heldout_gain_se"])
@@ -93,7 +95,7 @@ def small_excess(per_axis: Mapping[str, Mapping[str, Any]]) -> str:
         return ""
     return (
         f"The excess on {' and '.join(beyond)} differs from zero, but no test finds a shape in it. It counts as noise while "
-        f"it is below {POLICY.least_excess:.0%} of the noise floor within power cycles, or not certain there."
+        f"it is below {percentage(POLICY.least_excess)} of the noise floor within power cycles, or not certain there."
     )
 
 
@@ -119,12 +121,19 @@ def symbols(equation: str) -> str:
     return "; ".join(found)
 
 
-def explains(part: float, axis: str, *, within: bool) -> str:
-    """The explained part in squares, as ``gyrocal diagnose`` gives it, and what it means for the rms."""
+def explains(part: float, axis: str, *, within: bool, means: bool = False) -> str:
+    """The explained part in squares, as ``gyrocal diagnose`` gives it, and what it means for the rms.
+
+    With ``means`` it is the part of what means of 0.1 s show, beside a faster error that no slow effect can explain.
+    """
     where = f"on {axis}, within power cycles" if within else f"on {axis}"
+    where = f"{where}, as means over {BLOCK_S:g} s show it (a faster one is left)" if means else where
     if part <= 0:
         return f"nothing of the excess error {where}"
-    return f"{part:.0%} of the squared excess error {where}; its rms falls by {1 - max(0.0, 1 - part) ** 0.5:.0%}"
+    squared = f"{percentage(part)} of the squared excess error {where}"
+    if part >= 1:
+        return f"{squared}: what is left is within the noise floor"
+    return f"{squared}, which makes the error itself {percentage(1 - (1 - part) ** 0.5)} smaller"
 
 
 LEFT_OUT = {

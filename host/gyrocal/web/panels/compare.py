@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from gyrocal.diagnosis.rate_unit import UNKNOWN
+from gyrocal.present.verdict import stands_on
 from gyrocal.variables.base import variables
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
@@ -19,7 +20,7 @@ from gyrocal.web.state import Topic
 from gyrocal.web.strip import REFOCUS, strip
 from gyrocal.web.tools import named, tool, tools
 from gyrocal.web.traces import Traces
-from gyrocal.web.views import AXES, ModelView, Place, RunView
+from gyrocal.web.views import AXES, NOT_JUDGED, ModelView, Place, RunView
 from gyrocal.web.words import above_excess
 
 if TYPE_CHECKING:
@@ -101,7 +102,8 @@ class ComparePanel:
             left = {} if self.bench.step is None else self.bench.step.view.left
             with ui.element("div").classes("beside"):
                 floor = None if self.bench.step is None else self.bench.step.view.compared.get("floor_dps")
-                strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), self.bench.excluded, self._include)
+                excluded, last_run = self.bench.excluded, self.bench.last_run
+                strip(self.bench.session.runs, left, 1e3 * (floor or 0.0), excluded, last_run, self._include)
                 if self.pressed is not None:
                     ui.run_javascript(REFOCUS % self.pressed)
                 runs = {i: run.file for i, run in enumerate(self.bench.session.runs)}
@@ -154,9 +156,10 @@ class ComparePanel:
                 ui.label(why).classes("dim")
                 with ui.row().classes("tight").style("margin-top: 4px"):
                     for finding, place in list(zip(view.compared["where"], view.places, strict=True))[:MOST_NAMED]:
-                        against = variables()[finding["against"]].quantity
+                        shown = PANELS.get(place.view)
+                        against = shown.label.partition(",")[0] if shown else variables()[finding["against"]].quantity
                         if not place.view:
-                            text = f"{finding['axis']}: {finding['note']}; it shows from one reading to the next, in no picture"
+                            text = f"{finding['axis']}: {finding['note']}; no picture against a variable shows it"
                             ui.label(text).classes("finding plain")
                             continue
                         ui.button(
@@ -164,7 +167,8 @@ class ComparePanel:
                             on_click=lambda f=finding, p=place: self._look_at(f["axis"], p),
                             color=None,
                         ).props("flat dense no-caps").classes("finding")
-            _figures(view, tone, above_excess(view.compared["where"][:MOST_NAMED], view.compared["per_axis"]))
+            above = above_excess(view.compared["where"][:MOST_NAMED], view.compared["per_axis"])
+            _figures(view, tone, stands_on(view.compared) or above, judged=judged)
             if not fits and judged:
                 button = ui.button("What is missing?", icon="search", on_click=self._diagnose, color=None)
                 button.props("unelevated no-caps").classes("primary")
@@ -315,8 +319,11 @@ class ComparePanel:
         self.chart.run_chart_method("setOption", {"series": seen})
 
 
-def _figures(view: ModelView, tone: str, above: str) -> None:
-    """rms, floor and excess of all axes as ``gyrocal compare`` gives them, and the excess of each axis."""
+def _figures(view: ModelView, tone: str, above: str, *, judged: bool) -> None:
+    """rms, floor and excess of all axes as ``gyrocal compare`` gives them, and the excess of each axis that is judged.
+
+    Where the session's axis is not ``judged``, the figures say so and have no colour of a verdict.
+    """
     *axes, (_, rms, floor, excess, excess_se, *_) = view.rows
     unit = view.unit
     sure = "" if excess_se == UNKNOWN else f" ± {excess_se}"
@@ -324,12 +331,18 @@ def _figures(view: ModelView, tone: str, above: str) -> None:
         with ui.element("div").classes("figures").style("justify-content: flex-end"):
             for name, value, kind in (
                 (f"error, {unit} rms", rms, ""), (f"noise floor, {unit}", floor, ""),
-                (f"excess{sure}, {unit}", excess, f"excess {tone}"),
+                (f"excess{sure}, {unit}", excess, f"excess {tone if judged else 'unjudged'}"),
             ):  # fmt: skip
                 with ui.element("div").classes(f"figure {kind}"):
-                    ui.html(f"<b>{'–' if value == UNKNOWN else value}</b>", sanitize=False)
+                    ui.html(f"<b>{value}</b>", sanitize=False)
                     ui.label(name)
-        known = [f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN]
+        if not judged:
+            ui.label("Not judged: figures of the readings as they stand, with what the warning contradicts.").classes(
+                "dim small per-axis"
+            )
+        known = [
+            name if NOT_JUDGED in name else f"{name} {of} ± {error}" for name, _, _, of, error, *_ in axes if of != UNKNOWN
+        ]
         told = f"excess by axis, {unit}: {' · '.join(known)}" if known else "not known: nothing could be left out of the fit"
         ui.label(told).classes("dim small per-axis")
         if above:

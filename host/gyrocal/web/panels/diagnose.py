@@ -16,8 +16,9 @@ from gyrocal.web.fall_chart import waterfall
 from gyrocal.web.formula_card import formula_card
 from gyrocal.web.held import parameters
 from gyrocal.web.hero_view import HeroView
-from gyrocal.web.models import Step
+from gyrocal.web.models import Step, latest
 from gyrocal.web.side_by_side import side_by_side
+from gyrocal.web.small_picture import signature_svg
 from gyrocal.web.state import Topic
 from gyrocal.web.tools import named, tools
 from gyrocal.web.views import Card, DiagnosisView, Picture
@@ -145,7 +146,7 @@ class DiagnosePanel:
 
     def _added(self) -> None:
         """The candidate that was added last, as the diagnosis found it."""
-        step, found = self.bench.latest, self.bench.diagnosed
+        step, found = latest(self.bench.steps), self.bench.diagnosed
         if step is None:
             return
         every = [c for c in ([] if found is None else found.cards) if c.judged["effect"] == step.effect]
@@ -179,7 +180,7 @@ class DiagnosePanel:
         passed = judged["decision"] == "add"
         alone = passed and not card.looks_like
         proven = not card.doubts
-        word = "fits the evidence" if alone else "one of several" if passed else "a hint, not enough to be sure"
+        word = "proven" if alone else "one of several" if passed else "a hint, not enough to be sure"
         with ui.element("article").classes(f"card {'add' if passed and not added else ''}"):
             with ui.element("div").classes("head"):
                 ui.html(f"<h2>{html.escape(card.title)}</h2>", sanitize=False)
@@ -216,7 +217,7 @@ class DiagnosePanel:
         with ui.element("div").style("flex: none"):
             button = ui.element("button").classes("thumbnail").props(f'type="button" aria-label="{words}, in full"')
             with button.on("click", lambda: self.hero.choose(card)):
-                small = charts.signature_svg(card.signature.dots, card.signature.line, words, band, few=card.signature.few)
+                small = signature_svg(card.signature.dots, card.signature.line, words, band, few=card.signature.few)
                 ui.html(small, sanitize=False)
             ui.label(f"left over (dots) and effect (line) {card.signature.title}").classes("dim small").style(
                 "max-width: 220px; font-size: 11px"
@@ -352,8 +353,8 @@ class DiagnosePanel:
         with self.calibration:
             with ui.row().classes("tight"):
                 ui.html("<h2>Calibration error</h2>", sanitize=False)
-                ui.label(CALIBRATION_ERROR).classes("dim small")
                 bar = ui.element("div").classes("tools")
+            ui.label(CALIBRATION_ERROR).classes("dim small")
             if found is None:
                 ui.label("Calibrating…" if self.bench.jobs.current else "").classes("dim")
             elif not found.errors:

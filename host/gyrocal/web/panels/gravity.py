@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
+from gyrocal.present.tables import number, plain
+from gyrocal.present.verdict import stands_on
 from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
 from gyrocal.web.state import Topic
 from gyrocal.web.strips import strips
-from gyrocal.web.tables import number, plain
 from gyrocal.web.words import unseen
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ def _verdict(view: GravityView) -> None:
             ui.label(view.headline).classes("big")
             counted = f"{compared['movements']} movements between {compared['rests']} rests are compared by angle"
             ui.label(f"The reference is gravity: {counted}. {unseen(compared['held_out'])}").classes("dim")
+            if why := stands_on(compared):
+                ui.label(why).classes("dim small")
         with ui.element("div").classes("figures"):
             *values, error = view.rows[-1][1:]
             sure = "" if error == UNKNOWN else f" ± {error}"
