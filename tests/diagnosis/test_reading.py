@@ -7,7 +7,9 @@ import polars as pl
 import pytest
 
 from gyrocal.calibration.calibrate import calibrate
+from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import measure
+from gyrocal.diagnosis.decision import proven
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.diagnosis.readings import _never, reading_fault
 from gyrocal.effects.base import effect
@@ -29,6 +31,14 @@ def test_the_chance_of_a_quiet_bit_is_that_of_a_gaussian_reading(bit: int, state
     sd, mean = 0.044, 0.31
     shaped = (few - few.mean()) / np.sqrt(np.mean(np.diff(few) ** 2) / 2) * sd + mean  # just that mean and noise
     assert _never([shaped], LSB_DPS, bit, state) == pytest.approx(expected, rel=0.05, abs=1e-6)
+
+
+def test_a_fault_without_a_sure_gain_needs_codes_beyond_doubt() -> None:
+    """Clipping was named from a gain of 1.3 of its standard errors and codes that one of some hundred sound axes has."""
+    weak = Candidate(effect("saturation"), "y", "suggest", {"full_scale_dps": 0.61}, gain=4.7, gain_se=3.7, chance=3e-5)
+    assert not proven(weak, tested=60)
+    assert proven(replace(weak, chance=1e-12), tested=60)
+    assert proven(replace(weak, gain=9.0), tested=60)
 
 
 def stuck(session: Session, bit: int, state: int) -> Session:

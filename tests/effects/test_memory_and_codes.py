@@ -297,3 +297,16 @@ def test_outliers_of_another_cause_have_no_byte_of_another_sample(make_run: Make
         spike = rng.choice((-1.0, 1.0), t_s.size) * (size or rng.uniform(200, 2000, t_s.size))
         codes = np.rint((w_dps + rng.normal(0, 0.15, t_s.size)) / LSB_DPS + at * spike)
         assert single_power([swinging(make_run, codes * LSB_DPS, w_dps)], 2) is None
+
+
+@pytest.mark.parametrize("digits", [4, 5, 6])
+def test_the_digits_of_a_log_make_no_clipping(make_run: MakeRun, digits: int) -> None:
+    """The top code has fewer readings than the one below. A band of codes lost one where the last digit was rounded down."""
+    counted = {-9: 60, -8: 110, -7: 170, -6: 300, -5: 330, -4: 300, -3: 145, -2: 61, -1: 22, 0: 17}
+    codes = np.random.default_rng(9402).permutation(np.repeat(list(counted), list(counted.values())))
+    fault = effect("saturation").fault
+    assert fault is not None
+    for top in range(40, 140):
+        y_dps = np.round((top + codes) * 250 / 32768, digits)
+        run = make_run(np.arange(y_dps.size) / 100, y_dps[:, None] * [0.0, 0.0, 1.0], table_rate_dps=0.0)
+        assert fault.detect([run], 2) is None, top

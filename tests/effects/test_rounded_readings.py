@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.effects.base import effect
 from gyrocal.effects.byte_fault import lost_carry, single_power
 from gyrocal.effects.quantization import coarse_step_dps
 from gyrocal.recording.session import Run
+from make_runs import make_run as bare_run
+from make_runs import make_session
 
 from .conftest import Array, MakeRun
 
@@ -71,3 +74,23 @@ def test_rounding_is_no_other_fault_of_the_reading(make_run: MakeRun, step_dps: 
                 assert found is None, (name, axis, samples, found)
         assert lost_carry(runs, 2) is None
         assert single_power(runs, 2) is None
+
+
+@pytest.mark.parametrize(("count_dps", "named"), [(0.5, True), (0.2, True), (0.04, False)])
+def test_a_step_that_hides_the_noise_is_named_without_a_stated_count(count_dps: float, named: bool) -> None:
+    """A session without lsb_dps was unknown, or small rates that round to zero were a dead band."""
+    rng = np.random.default_rng(9501)
+    t_s = np.arange(4000) / 100.0
+    runs = []
+    for cycle in range(4):
+        rate_dps = np.repeat(rng.uniform(-60, 60, 40), 100) * np.repeat(rng.choice([0.0, 0.004, 1.0], 40), 100)
+        gyro = rng.normal(0, 0.04, (t_s.size, 3)) + np.array([0.2, -0.1, 0.05]) + rng.normal(0, 0.01, 3)
+        gyro[:, 2] += 1.003 * rate_dps
+        rounded = np.rint(gyro / count_dps) * count_dps
+        runs.append(bare_run(t_s, rounded, rate_ref_dps=rate_dps, scenario=f"s{cycle}"))
+    found = diagnose(make_session(*runs))
+    added = [(c.effect.id, c.axis) for c in found.candidates if c.decision == "add" and c.axis == "z"]
+    assert added == ([("quantization", "z")] if named else [])
+    if named:
+        assert found.best is not None
+        assert found.best.values["lsb_dps"] == pytest.approx(count_dps, rel=1e-6)

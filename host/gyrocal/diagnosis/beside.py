@@ -88,7 +88,7 @@ def _gains(again: Candidate, better: Sequence[Candidate], tested: int) -> bool:
     same_codes = any(c.effect.fault_of(c.values) is not None or c.effect.fault is not None for c in better)
     if same_codes and again.effect.fault_of(again.values) is not None and not sure_gain(again):
         return False
-    return bool(again.values) and proven(again, tested) and in_range(again)
+    return bool(again.values) and proven(again, tested) and in_range(again) and not again.contradicted
 
 
 def as_sets(candidates: Sequence[Candidate], comparison: Comparison) -> list[Candidate]:

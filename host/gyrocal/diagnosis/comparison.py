@@ -98,6 +98,11 @@ class Comparison(Shown):
         return [axis for axis in self.per_axis if axis not in blocked]
 
     @property
+    def unsure(self) -> set[str]:
+        """The axes on which no effect is named, because a run turned otherwise than stated."""
+        return plausibility.unsure(self.warnings, AXES)
+
+    @property
     def implausible(self) -> bool:
         """True if a blocking warning applies to the session's own axis."""
         return any(w.blocks(self.fit.session.axis) for w in self.warnings)

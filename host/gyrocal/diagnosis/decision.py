@@ -95,7 +95,8 @@ def proven(c: Candidate, tested: int) -> bool:
     """True if a candidate is significant among all that were tested and improves the prediction of held-out data."""
     better = sure_gain(c)
     if c.effect.fault_of(c.values):
-        better = better or (c.gain is not None and c.gain >= -POLICY.reading_loss)
+        shown = c.chance < POLICY.shown_by_codes
+        better = better or (shown and c.gain is not None and c.gain >= -POLICY.reading_loss)
     return better and c.chance * tested < POLICY.name_alarm
 
 

@@ -14,6 +14,8 @@ from gyrocal.diagnosis.explained import Explained, explained
 from gyrocal.diagnosis.gains import held_out_gain, total
 from gyrocal.diagnosis.reading_evidence import judge_reading
 from gyrocal.effects.base import Effect, Mask
+from gyrocal.effects.mistaken import must_be_sure
+from gyrocal.effects.order_tone import OrderTone
 from gyrocal.effects.reading_fault import ReadingFault
 from gyrocal.effects.timing import TimingEffect
 from gyrocal.effects.wave import Wave
@@ -27,7 +29,8 @@ from gyrocal.inference.reml import Spreads
 from gyrocal.inference.standard_errors import finish
 from gyrocal.inference.structure import choose_variant
 from gyrocal.policy import POLICY
-from gyrocal.recording.session import AXES, Array
+from gyrocal.recording.session import AXES, Array, Run
+from gyrocal.variables.shapes import Columns
 
 
 def judge(current: Current, effect: Effect, unless: float = 1.0) -> Candidate:
@@ -97,6 +100,7 @@ def _judge(current: Current, effect: Effect, unless: float) -> Candidate:
         (isinstance(effect, Wave) and _contradicted(fitted, effect)) or (effect.common_mean and without_mean(term))
         or effect.contradicted(term.values, excess.part)
         or (chance < POLICY.false_discovery_rate and _outdone(current.fit, fitted, effect))
+        or (effect.scope == "session" and _held_at_rest(current.fit, fitted))
         or (chance < POLICY.name_alarm and _wave_over_rate(blocks, current.fit, fitted))
     )  # fmt: skip
     return Candidate(
@@ -137,7 +141,20 @@ def _contradicted(fitted: AxisFit, wave: Wave) -> bool:
 def _outdone(current: AxisFit, fitted: AxisFit, effect: Effect) -> bool:
     """True if what can be mistaken for the effect explains the session better, and the effect hardly adds to it."""
     runs = [b.run for b in current.design.blocks]
-    return any(_better(current, fitted, other) for other in effect.passes_for_it(runs, current.design.axis))
+    others = effect.passes_for_it(runs, current.design.axis)
+    return any(_better(current, fitted, other, POLICY.shape_gain if must_be_sure(other) else 0.0) for other in others)
+
+
+def _held_at_rest(current: AxisFit, fitted: AxisFit) -> bool:
+    """True if a constant of each rest, as a tone of the model holds at an unknown angle, explains as much as an effect."""
+    if not any(isinstance(term.effect, OrderTone) for term in current.design.terms):
+        return False
+    rests = [b.run.file for b in current.design.blocks if OrderTone.holds_unknown(b.run)]
+
+    def held(run: Run) -> Array:
+        return np.ones((len(run), 1)) * np.array([file == run.file for file in rests], dtype=float)
+
+    return bool(rests) and _better(current, fitted, Columns(held, len(rests)), -POLICY.shape_gain)
 
 
 def _wave_over_rate(blocks: Current, current: AxisFit, fitted: AxisFit) -> bool:

@@ -17,7 +17,8 @@ from gyrocal.diagnosis.rate_unit import rate_text
 from gyrocal.diagnosis.rate_wave import over_rate
 from gyrocal.diagnosis.readings import dropped_carry, reading_fault, single_readings
 from gyrocal.diagnosis.rounding import beside_rounding, rounding_power
-from gyrocal.diagnosis.told import curves_within, strongest_first, told_once, without_echoes
+from gyrocal.diagnosis.step import steps_of_runs
+from gyrocal.diagnosis.told import curves_within, leader, strongest_first, told_once, without_echoes
 from gyrocal.diagnosis.whiteness import too_much_power
 from gyrocal.effects.base import is_left_of_a_line
 from gyrocal.effects.byte_fault import ByteFault
@@ -196,14 +197,14 @@ def find_misfit(
     """The findings of every test on each of the ``axes``. ``remainders`` holds what the model leaves of each axis.
 
     A test reports a finding if the probability that noise alone produces it is below the test's share of
-    ``Policy.misfit_alarm``. Three shares of each axis are left: for a wave over the rate, for patches, which are looked for
-    where nothing else is found, and for the test of the excess, which needs the floor.
+    ``Policy.misfit_alarm``. Four shares of each axis are left: for a wave over the rate, for steps of single runs, for
+    patches, which are looked for where nothing else is found, and for the test of the excess, which needs the floor.
     """
     if sum(b.t_s.size for b in fitted.blocks) < POLICY.least_blocks:
         return Misfit([], {}, 0.0)
     probes = {axis: of_session(fitted.session, AXES.index(axis)) for axis in axes}
     tests = sum(len(shapes) for on_axis in probes.values() for _, shapes in on_axis)
-    share = POLICY.misfit_alarm / max(1, tests + (len(BEYOND_NOISE) + 3) * len(axes))
+    share = POLICY.misfit_alarm / max(1, tests + (len(BEYOND_NOISE) + 4) * len(axes))
 
     block_s = float(np.median(np.concatenate([np.diff(b.t_s) for b in fitted.blocks])))
 
@@ -225,6 +226,9 @@ def find_misfit(
         found = told_once(found, [b.run.about(axis) for b in fitted.blocks], block_s)
         if any(isinstance(f.shape, Transient) for f in found):
             found += curves_within(current, axis, probes[axis], found, share)
+        once = steps_of_runs(current, axis, share)
+        if once is not None and leader(current, [*found, once]) is once:
+            found.append(once)
         found = without_echoes(fitted, axis, found, share, of_frequency)
         if not found:  # whatever another test finds is in some patch of the spectrogram too
             seen = _patch(fitted, axis, remainders[axis], share)

@@ -50,7 +50,7 @@ def candidates(
     if wrong:
         kept = [_contradicted(c) if (c.effect.id, c.axis) in wrong else c for c in alone]
         judged = as_sets(kept, comparison)
-    judged = _symmetric(judged, comparison)
+    judged = [_unproven(c) if c.axis in comparison.unsure else c for c in _symmetric(judged, comparison)]
     unnamed = {f.axis for f in comparison.where} - {c.axis for c in judged if c.decision == "add"}
     return sorted(with_suggested_groups(without_unphysical(judged), unnamed), key=best_first)
 
@@ -73,6 +73,11 @@ def findings(comparison: Comparison, judged: Sequence[Candidate]) -> list[Findin
             against, shape, note = Reading.name, None, c.effect.title.lower()
         out.append(Finding(c.axis, against, strength, c.chance, amplitude, note, shape))
     return sorted(out, key=lambda f: -f.strength)
+
+
+def _unproven(c: Candidate) -> Candidate:
+    """The candidate, whose evidence may come from a run that a warning accuses."""
+    return replace(c, decision="suggest", group=()) if c.decision == "add" else c
 
 
 def _contradicted(c: Candidate) -> Candidate:

@@ -29,10 +29,13 @@ class RunPower:
 def judge_reading(current: Current, effect: Effect, fault: Detected) -> Candidate:
     """Judge a fault that the effect detected in the values of the readings."""
     term = Term(effect.id, current.axis, fault.values, fault.se)
-    old = current.fit.design
-    design = old.over(current.comparison.fit.blocks, [*old.terms, term])
-    fitted = fit_noise(design, start=with_noise(design, current.fit.noise, carry_spreads(current.fit, design)))
-    before, after = (_run_powers(current, fit) for fit in (current.fit, fitted))
+    known = current.fit
+    kind = effect.fault_of(fault.values)
+    if kind is not None and kind.step_dps(fault.values) > 0:  # no waves of rounding beside the rounding
+        known = current.comparison.fit.axes[current.axis]
+    design = known.design.over(current.comparison.fit.blocks, [*known.design.terms, term])
+    fitted = fit_noise(design, start=with_noise(design, known.noise, carry_spreads(known, design)))
+    before, after = (_run_powers(current, fit) for fit in (known, fitted))
     noise = max(_mean_power(after), _rounding_power(current))
     gains = np.array([_power_gain(before[file], after[file], noise) for file in before])
     gain, gain_se = total(gains)

@@ -21,7 +21,7 @@ from gyrocal.policy import POLICY
 from gyrocal.recording.session import Array, Run
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
-from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps, TableWave, Transient, Waves
+from gyrocal.variables.shapes import Shape, ShapeOfEachRun, Steps, StepsOfRuns, TableWave, Transient, Waves
 from gyrocal.variables.table_angle import TableAngle
 from gyrocal.variables.time import Time
 
@@ -61,7 +61,7 @@ def without_echoes(
         return found
     if first.shape is None:
         return [first, *(f for f in found if f is not first)]
-    of_runs = isinstance(first.shape, (ShapeOfEachRun, Waves))
+    of_runs = isinstance(first.shape, (ShapeOfEachRun, StepsOfRuns, Waves))
     leading = [f for f in found if f is first or (of_runs and type(f.shape) is type(first.shape))]
     rest = [f for f in found if f not in leading]
     doubted = [f for f in rest if f.against == Frequency.name or (f.shape and (of_runs or isinstance(f.shape, ShapeOfEachRun)))]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
+from gyrocal.effects.mistaken import square_of_slope
 from gyrocal.effects.quantities import TURNING_AT_ALL, true_rate_dps, turns
 from gyrocal.recording.session import Array, Run
 
@@ -39,3 +40,6 @@ class Centripetal(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(true_rate_dps(run) ** 2)
+
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        return [square_of_slope()]

@@ -67,6 +67,10 @@ class DeadBand(Effect):
         """True if small rates are not lost for the most part: the rate's error in this range is another effect's."""
         return values["depth"] < LEAST_DEPTH
 
+    def observable(self, values: Values, runs: Sequence[Run]) -> bool:
+        """False for a band narrower than the step of the readings, which rounding makes."""
+        return values["width_dps"] > min((float(r.step_dps.max()) for r in runs), default=0.0)
+
     def step(self, name: str, values: Mapping[str, float], runs: Sequence[Run]) -> float:
         return 0.1
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Effect, Parameter, Values, stack
-from gyrocal.effects.quantities import power_on_time_s, rate_about, warming_c
+from gyrocal.effects.quantities import power_on_time_s, rate_about, slope_squared, warming_c
 from gyrocal.recording.session import Array, Run
 
 Course = Callable[[Run, int, Mapping[str, float]], Array]
@@ -41,6 +41,28 @@ class _Mistaken(Effect):
 def course(of: Callable[[Run, int], Array]) -> Effect:
     """One known course [n]."""
     return _Mistaken(lambda run, axis, values: of(run, axis)[:, None])
+
+
+class _SquareOfSlope(_Mistaken):
+    """What grows with the slope of the rate: it is largest where the rate is small. No known effect does."""
+
+    def __init__(self) -> None:
+        super().__init__(_square_of_slope)
+
+
+def _square_of_slope(run: Run, axis: int, values: Mapping[str, float]) -> Array:
+    found = slope_squared(run)
+    return np.zeros((len(run), 1)) if found is None else found[:, None]
+
+
+def square_of_slope() -> Effect:
+    """The square of the slope of the table's rate."""
+    return _SquareOfSlope()
+
+
+def must_be_sure(other: Effect) -> bool:
+    """True for what no physics suggests, and which must gain more than rounding before it contradicts a known effect."""
+    return isinstance(other, _SquareOfSlope)
 
 
 SETTLING = Parameter("tau_s", "s", (10.0, 120.0), "thermal time constants of package and board", search=(3.0, 600.0))

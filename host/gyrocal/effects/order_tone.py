@@ -157,6 +157,11 @@ class OrderTone(Tone):
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
         return None if any(map(_turns, runs)) else TURNING_AT_ALL
 
+    @staticmethod
+    def holds_unknown(run: Run) -> bool:
+        """True at rest: a tilt's or a magnet's tone then holds its value at the standing angle, which is not in the model."""
+        return not run.rate_is_mean and not _turns(run)
+
     def scope_in(self, runs: Sequence[Run]) -> str:
         known = all(r.column("table_angle_deg") is not None for r in runs)
         return "session" if known and runs else "run"

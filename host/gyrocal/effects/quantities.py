@@ -36,6 +36,11 @@ LEAST_ACCELERATION_DPS_S = 0.5
 """A reference that changes by less than this (rms, deg/s) counts as a constant rate with encoder noise."""
 
 
+def slope_squared(run: Run) -> Array | None:
+    """The square of the slope of the table's rate, shape [n], dps^2/s^2: no known effect. None if no rate is known."""
+    return None if run.rate_is_mean or len(run) < 2 else np.asarray(np.gradient(true_rate_dps(run), run.sample_s) ** 2)
+
+
 def true_rate_dps(run: Run) -> Array:
     """True rate about the run's axis, shape [n], deg/s, without the reference's noise.
 

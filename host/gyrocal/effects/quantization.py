@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Parameter
+from gyrocal.effects.quantities import white_sd_dps
 from gyrocal.effects.reading_fault import Detected, ReadingFault
 from gyrocal.recording.once import once
 from gyrocal.recording.session import Array, Run
@@ -23,6 +24,8 @@ HALF_COUNT, LEAST_AGAIN = 0.6, 3.0
 """Counts by which a multiple that was rounded to counts again may be off, and the least counts of such a step."""
 WHOLE = 0.01
 """Part of a number of counts by which it may deviate from a whole number."""
+LEAST_LEVELS, HIDES = 8, 0.5
+"""Fewest values that show a grid without a stated count, and the noise in steps (with rounding) up to which a step hides it."""
 SHOWN = 1e-4
 """Probability that readings on a finer grid differ by multiples of the step by chance, above which no grid is told."""
 
@@ -62,6 +65,22 @@ def _in_phase(values: Array, step_dps: float) -> float:
     return float(tried[np.argmax([float(np.cos(2 * np.pi / s * some).mean()) for s in tried])])
 
 
+@once
+def bare_step_dps(runs: Sequence[Run], axis: int) -> float:
+    """The step of an axis's readings, deg/s, where no run states its count and the step hides the noise; else 0.
+
+    Any sensor's readings are whole counts. Only if the noise is below half a count does averaging not remove the rounding.
+    """
+    if not runs or any(r.lsb_dps is not None for r in runs):
+        return 0.0
+    values = np.unique(np.concatenate([r.gyro_dps[:, axis] for r in runs]))
+    step_dps = max((float(r.step_dps[axis]) for r in runs), default=0.0)
+    if values.size < LEAST_LEVELS or step_dps <= 0 or white_sd_dps(runs, axis) > HIDES * step_dps:
+        return 0.0
+    off_dps = float(np.abs(values - np.rint(values / step_dps) * step_dps).max())
+    return round(step_dps, 9) if off_dps < max(OFF * step_dps, WRITTEN_DPS) else 0.0
+
+
 def is_whole(counts: float) -> bool:
     """True if a step of so many counts is a whole number of them, so that its readings have codes of their own."""
     return abs(counts - round(counts)) <= WHOLE * counts
@@ -93,11 +112,13 @@ class Quantization(ReadingFault):
     )
 
     def missing(self, runs: Sequence[Run], axis: int) -> str | None:
-        return None if all(r.lsb_dps is not None for r in runs) else "lsb_dps in session.toml, the size of one count"
+        if all(r.lsb_dps is not None for r in runs) or bare_step_dps(runs, axis) > 0:
+            return None
+        return "lsb_dps in session.toml, the size of one count"
 
     def detect(self, runs: Sequence[Run], axis: int) -> Detected | None:
-        """The grid on which all readings of the axis lie, if it is coarser than the count that the session states."""
-        step_dps = coarse_step_dps(runs, axis)
+        """The grid on which all readings of the axis lie, if it is coarser than the stated count, or than the noise."""
+        step_dps = coarse_step_dps(runs, axis) or bare_step_dps(runs, axis)
         return Detected({"lsb_dps": step_dps}, {}, 1e-300) if step_dps > 0 else None
 
     def respond(self, run: Run, axis: int, modelled_dps: Array, values: Mapping[str, float], white_sd_dps: float) -> Array:

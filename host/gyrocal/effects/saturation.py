@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -87,14 +88,13 @@ class Saturation(ReadingFault):
         heaped = sum(int(np.count_nonzero(size > limit - ROUNDING_DPS)) for size in sizes)
         if heaped < LEAST_HEAPED or heaped > MOST_HEAPED * sum(size.size for size in sizes):
             return None
-        near, far = (
-            sum(_dwells(size, limit - (k + 1) * half * step_dps, limit - k * half * step_dps) for size in sizes)
-            for k in range(2)
-        )
+        # edges between codes: a log's last digit moves readings about their codes
+        edges = [limit - (k * half + 0.5) * step_dps for k in range(3)]
+        near, far = (sum(_dwells(size, low, high) for size in sizes) for high, low in pairwise(edges))
         slope = (half + 1) / (2 * half)  # distance of the limit from the nearer band, over the distance of the bands
         expected = np.log((near + 0.5) / half) + slope * np.log((near + 0.5) / (far + 0.5))
         variance = (1 + slope) ** 2 / (near + 0.5) + slope**2 / (far + 0.5)
-        dwell = _mean_dwell(sizes, limit - 2 * half * step_dps, limit)
+        dwell = _mean_dwell(sizes, edges[-1], edges[0])
         counted = heaped / dwell
         chance = float(tails.normal((np.log(counted) - expected) / np.sqrt(variance + 1 / counted)))
         return Detected({"full_scale_dps": limit}, {}, chance)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gyrocal.effects.base import Case, Effect, Law, Parameter, stack
+from gyrocal.effects.mistaken import square_of_slope
 from gyrocal.effects.quantities import TURNING, rate_about, turns
 from gyrocal.recording.session import Array, Run
 
@@ -37,3 +38,6 @@ class ScaleAsymmetry(Effect):
 
     def columns(self, run: Run, axis: int, values: Mapping[str, float]) -> Array:
         return stack(np.abs(rate_about(run, axis)))
+
+    def passes_for_it(self, runs: Sequence[Run], axis: int) -> Sequence[Effect]:
+        return [square_of_slope()]

@@ -50,6 +50,16 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
     return accepted(found, session.accept)
 
 
+OF_THE_TURN = ("face_wrong", "rate_wrong")
+"""Warnings that a run turned otherwise than stated. What its axes read in proportion to the rate then is no effect."""
+
+
+def unsure(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
+    """The axes on which no effect is named, because a run whose other axis a blocking warning accuses turned otherwise."""
+    accused = [w for w in warnings if w.blocking and w.file is not None and w.code in OF_THE_TURN]
+    return {a for a in axes if any(not w.blocks(a) for w in accused)}
+
+
 def blocked(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
     """The axes that are not judged, because they have a blocking warning or no readings."""
     return {a for a in axes if any(w.blocks(a) or (w.code == "axis_absent" and w.axis == a) for w in warnings)}

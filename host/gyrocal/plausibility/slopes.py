@@ -160,7 +160,7 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     def where(fits: Callable[[Slope], bool]) -> list[Slope]:
         return [s for s in informed if fits(s)]
 
-    small = where(_is_in_rad)
+    small = where(lambda s: _is_in_rad(s) and not any(_follows(found[axis, a], s.run) for a in AXES if a != axis))
     if small:
         return _told(means, "unit_rad_s", axis, small, informed, _rad_readings)
     large = where(lambda s: abs(s.value / DEG - 1) < POLICY.unit_within)
@@ -169,8 +169,9 @@ def _of_axis(means: Means, axis: str, found: Lines) -> list[Warning]:
     for other in (a for a in AXES if a != axis):
         swapped = [s for s in where(lambda s: abs(s.value) < POLICY.follows_not) if _follows(found[axis, other], s.run)]
         if swapped:
-            follows = float(np.median([s.value for s in found[axis, other].slopes]))
-            return _told(means, "axes_swapped", axis, swapped, informed, partial(_swapped_text, other, follows))
+            text = partial(_swapped_text, other, found[axis, other], swapped, len(swapped) == len(informed))
+            told_of = _told(means, "axes_swapped", axis, swapped, informed, text)
+            return [w if w.file is None else replace(w, axis=None) for w in told_of]  # no column of such a file is sure
     flipped = where(lambda s: abs(s.value + 1) < POLICY.sign_within)
     if flipped and len(flipped) == len(informed):
         return _told(means, "sign_flipped", axis, flipped, informed, _flipped_text)
@@ -300,10 +301,14 @@ def _rad_reference(s: Slope, axis: str) -> str:
     )
 
 
-def _swapped_text(other: str, follows: float, s: Slope, axis: str) -> str:
+def _swapped_text(other: str, line: Line, hit: list[Slope], whole: bool, s: Slope, axis: str) -> str:
+    follows = np.median([found.value for one in (hit if whole else [s]) if (found := line.of(one.run)) is not None])
+    text = f"the table turns about {axis}, but {axis} follows its rate with {s.value:.3f} and {other} with {follows:.3f}"
+    if whole:
+        return f'{text}. Set axis = "{other}" in session.toml, or exchange the columns when importing'
     return (
-        f"the table turns about {axis}, but {axis} follows its rate with {s.value:.3f} and {other} with {follows:.3f}. "
-        f'Set axis = "{other}" in session.toml, or exchange the columns when importing'
+        f"{text} in this file{' only' if len(hit) == 1 else ''}: its columns are in another order than those of other files. "
+        f"Give them their order in this file (the readings of {axis} are in g{other}_dps), or leave the run out"
     )
 
 

@@ -238,6 +238,12 @@ class Diagnosis:
         larger="effects that improve only some runs are not named",
         smaller="an effect is named though half of the runs are predicted worse",
     )  # fmt: skip
+    shown_by_codes: float = threshold(
+        1e-8, "probability of the codes of sound readings below which they show a fault although no gain confirms it",
+        larger="one of many sound axes whose codes look odd is given a fault",
+        smaller="a fault of few readings, which changes no prediction, is only suggested",
+        chosen_by="chosen by judgement, far below what the number of axes and tests explains",
+    )  # fmt: skip
     reading_loss: float = threshold(
         1.0, "loss of held-out log-likelihood that is allowed for a fault of the reading, which the codes themselves show",
         larger="a wrong fault is named although predictions get worse",

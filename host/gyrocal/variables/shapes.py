@@ -122,6 +122,17 @@ class Waves(Columns):
         self.orders = tuple(orders)
 
 
+class StepsOfRuns(Columns):
+    """Steps at moments of single runs, each with its own size. ``at`` holds a file and a time in it, s, for each."""
+
+    def __init__(self, at: Sequence[tuple[str, float]]) -> None:
+        self.at = tuple(at)
+        super().__init__(self._of, len(self.at))
+
+    def _of(self, run: Run) -> Array:
+        return np.column_stack([(run.sample_s >= s) * float(run.file == file) for file, s in self.at])
+
+
 def per_turn(order: float) -> str:
     """An order in words."""
     return "once per turn" if order == 1 else f"{order:.4g} per turn"
