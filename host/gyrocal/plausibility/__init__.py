@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gyrocal.error_model.model import Model
+from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility import columns, header, noise, readings, references, rests, sizes, slopes
 from gyrocal.plausibility.runs import Means
 from gyrocal.recording.register import registered
@@ -48,6 +49,11 @@ def check(session: Session, model: Model | str | Path | None = None) -> list[War
         *header.check(session),
     ]
     return accepted(found, session.accept)
+
+
+def of_fit(fitted: Fit, warnings: list[Warning]) -> list[Warning]:
+    """The warnings of a session, and those of what has been fitted to it."""
+    return [*warnings, *accepted(sizes.of_fit(fitted, warnings), fitted.session.accept)]
 
 
 def blocked(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
