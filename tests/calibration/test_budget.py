@@ -14,6 +14,7 @@ from gyrocal.calibration.calibrate import Estimate, calibrate
 from gyrocal.cli import main
 from gyrocal.recording.session import AXES, Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS, simulate
+from make_runs import make_run, make_session
 
 TABLE_DPS = 78.0
 CAMPAIGN = Path(str(files("gyrocal"))) / "data" / "table2" / "model.toml"
@@ -117,6 +118,43 @@ def test_a_fitted_model_splits_noise_as_its_parts_do() -> None:
     assert (drift.source, drift.scale) == ("drift", pytest.approx(answer.scale_se, rel=1e-3))
 
 
+@pytest.mark.parametrize("both_directions", [False, True])
+def test_no_turns_are_asked_for_that_were_made(both_directions: bool) -> None:
+    """The Earth's rate keeps its sign where the table turns the other way, so both ways on each face cancel it."""
+    runs = session(both_directions=both_directions).runs
+    (row,) = (r for r in beside(runs, "z", None) if r.source == "Earth's rate")
+    assert ("turn in both directions" in row.advice) == (not both_directions)
+    assert "state latitude_deg" in row.advice
+    assert row.bias_dps == 0.0, "rounding errors are no share"
+    assert (row.scale == 0.0) == both_directions
+
+
+@pytest.mark.parametrize("turn_se_deg", [None, 1.8])
+def test_a_turn_by_hand_has_the_error_of_its_angle_and_not_of_a_table(turn_se_deg: float | None) -> None:
+    t_s = np.arange(round(8 * RATE_HZ)) / RATE_HZ
+    rest, turned = make_run(t_s, 0.1, table_rate_dps=0.0), make_run(t_s, 45.1, turn_deg=360.0)
+    of = make_session(rest, replace(turned, turn_se_deg=turn_se_deg))
+    (found,) = (e for e in calibrate(of) if e.axis == "z")
+    assert "table rate" not in rows(found)
+    row = rows(found)["turn angle"]
+    assert (row.scale, row.in_se) == (None if turn_se_deg is None else pytest.approx(1.8 / 360), False)
+    assert "turn_se_deg" in row.advice
+    assert not any("table" in row.advice for row in found.budget)
+
+
+def test_turns_that_the_fit_weighs_by_their_scatter_are_no_bound() -> None:
+    t_s = np.arange(100) / RATE_HZ
+    turns = [make_run(t_s, 0.0, turn_deg=angle) for angle in (360.0, -360.0)]
+    assert "turn angle" not in {row.source for row in beside(turns, "z", None, weighed=True)}
+    assert "turn angle" in {row.source for row in beside(turns[:1], "z", None, weighed=True)}
+
+
+@pytest.mark.parametrize("method", ["cnn", "model"])
+def test_the_model_of_a_campaign_is_not_asked_for_where_it_is_given(method: str) -> None:
+    assert any("--model" in row.advice for row in at_6_s(session(), method).budget)
+    assert not any("--model" in row.advice for row in at_6_s(session(), method, CAMPAIGN).budget)
+
+
 def test_without_a_latitude_the_earths_row_is_the_bound_of_all_places_and_says_how_to_correct_it() -> None:
     found = rows(at_6_s(session()))["Earth's rate"]
     assert found.scale == pytest.approx(15.041067 / 3600 / TABLE_DPS, abs=1e-12), "its sign follows the face as w does"
@@ -196,6 +234,6 @@ def test_the_command_prints_the_budget(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["calibrate", str(tmp_path / "s")]) == 0
     text = capsys.readouterr().out
     assert "Where the error comes from" in text
-    assert ", 6 s" in text
+    assert "from the first 6 s of 2 recordings" in text
     assert "The largest known source is" in text
     assert "To lower it," in text

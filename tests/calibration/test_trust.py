@@ -11,7 +11,10 @@ import polars as pl
 import pytest
 
 from gyrocal.calibration.calibrate import Estimate, calibrate
-from gyrocal.calibration.uncertainty import FaceSums, face_posterior, misfit, misfit_limit, white_variance
+from gyrocal.calibration.estimator import Answer
+from gyrocal.calibration.flags import FLAGS
+from gyrocal.calibration.trust import Evidence
+from gyrocal.calibration.uncertainty import Combined, FaceSums, face_posterior, misfit, misfit_limit, white_variance
 from gyrocal.cli import main
 from gyrocal.recording.session import AXES, Array, Run, Session
 from gyrocal.simulation.simulate import LSB_DPS, RATE_HZ, WHITE_SD_DPS
@@ -146,6 +149,19 @@ def test_a_table_that_ripples_twice_a_turn_is_not_what_the_network_knows() -> No
     twice = session(lambda y, w: y + 0.0012 * w * np.cos(2 * np.deg2rad(TABLE_DPS) * np.arange(y.size) / RATE_HZ + 0.5))
     flags = at_6_s(twice, "cnn").flags
     assert {"misfit", "disagrees", "net_range"} & set(flags)
+
+
+def test_the_words_of_disagrees_hold_for_an_answer_that_is_the_fits_own() -> None:
+    """The rule weighs errors: the same scale and bias are flagged where the error that they state is much too small."""
+    evidence = Evidence.of(session().runs)
+    assert evidence is not None
+    fit = Combined.of(evidence.faces, evidence.w_dps)
+    same = [float(v[0]) for v in (fit.scale, np.sqrt(fit.scale_variance), fit.bias_dps, np.sqrt(fit.bias_variance))]
+    answer = Answer(*same, None)
+    assert not evidence.disagrees(answer)
+    assert evidence.disagrees(replace(answer, scale_se=0.1 * answer.scale_se))
+    assert "error" in FLAGS["disagrees"]
+    assert "another answer" not in FLAGS["disagrees"]
 
 
 def test_a_rippling_table_makes_the_baselines_errors_large_and_a_steady_one_does_not() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gyrocal.diagnosis.rate_unit import DPS, MDPS, part_text, percent, rate_text, rounded, unit_of
+from gyrocal.diagnosis.rate_unit import DPS, MDPS, negligible, part_text, percent, rate_text, rounded, shares, unit_of
 
 
 @pytest.mark.parametrize(
@@ -51,3 +51,18 @@ def test_the_sign_of_a_positive_value_is_shown_if_asked_for() -> None:
 )
 def test_a_part_of_the_rate_has_no_hundred_thousands_of_ppm(part: float, told: str) -> None:
     assert part_text(part, "+") == told
+
+
+def test_a_share_far_below_the_error_is_not_told_with_more_digits_than_the_error() -> None:
+    told = shares([(2.5e-5, True), (4.4e-4, False), (3.1e-7, True), (5.3e-8, False), (0.0, False), (None, False)], 100.0)
+    assert told == ["0.0025", "0.044", "0.00003", "< 0.00001", "0", "-"]
+    assert [negligible(of) for of in told] == [False, False, False, True, True, False]
+    assert not any("e-" in of for of in shares([(1e-3, True), (1.3e-8, False), (6e-20, False)], 1.0))
+
+
+@pytest.mark.parametrize("whole", [3e-6, 0.0025, 0.7, 45.0, 1234.0])
+def test_shares_are_told_within_a_hundredth_of_the_whole(whole: float) -> None:
+    parts = [whole * part for part in (0.9999, 0.3, 0.042, 0.0099, 0.002, 1e-9)]
+    for part, text in zip(parts, shares([(part, True) for part in parts], 1.0), strict=True):
+        shown = float(text.removeprefix("< "))
+        assert part < shown if text.startswith("<") else abs(part - shown) <= 0.06 * part + 0.005 * whole

@@ -117,3 +117,17 @@ def test_coarse_counts_that_stay_longest_at_the_largest_value_are_not_clipped() 
     assert fault is not None
     for runs in (made[:1], made):
         assert all(found is None or found.chance > 1e-4 for found in (fault._constant(runs, axis) for axis in range(3)))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("at", [0, 700])
+def test_one_wild_reading_stops_no_bit(seed: int, at: int) -> None:
+    """A first reading that was 57 deg/s off made the noise look so large that bit 8 should have toggled."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(1450) / 145
+    runs = []
+    for i in range(6):
+        gyro = rng.normal(0.3, 0.05, (t_s.size, 3))
+        gyro[at, 0] += 57.0 * (i == 3)
+        runs.append(make_run(t_s, np.rint(gyro / LSB_DPS) * LSB_DPS, table_rate_dps=0.0, scenario=f"s{i // 2}"))
+    assert reading_fault(make_session(*runs, lsb_dps=LSB_DPS), "x", 1e-4) is None

@@ -10,6 +10,7 @@ from gyrocal.diagnosis.compare import compare
 from gyrocal.diagnosis.diagnose import diagnose
 from gyrocal.error_model.model import Model
 from gyrocal.inference.fit import fit
+from gyrocal.inference.heldout import fitted
 from gyrocal.plausibility import check
 from gyrocal.recording.session import Run, Session
 from make_runs import make_run, make_session
@@ -134,7 +135,11 @@ def test_what_turns_leak_into_other_axes_does_not_pull_the_bias_that_rests_tell(
                 gyro += moving[:, None] * np.array(turned_deg)
             run = make_run(t_s, gyro, table_rate_dps=0.0, turn_deg=None if turned_deg is None else -360.0, scenario="s0")
             runs.append(replace(run, axis=axis))
-    told = {t.axis: t for t in compare(make_session(*runs)).fit.model.terms if t.effect_id == "bias"}
+    found = compare(make_session(*runs))
+    told = {t.axis: t for t in found.fit.model.terms if t.effect_id == "bias"}
+    left_dps = [float(p.residual_dps.mean()) for p in fitted(found.fit)]
+    assert len(left_dps) == 18
+    assert np.abs(left_dps).max() < 0.02  # what is drawn of the rests is what the table's bias leaves
     for axis, truth_dps in zip("xyz", bias_dps, strict=True):
         assert abs(told[axis].values["bias_dps"] - truth_dps) < 4 * told[axis].se["bias_dps"] < 0.02
 

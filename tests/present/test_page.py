@@ -20,6 +20,14 @@ def test_a_page_takes_its_style_and_verdict_from_the_shared_one(template: Path) 
     assert not set(re.findall(r"^(\S+) \{ ", text, re.M)) & {":root", "body", "table", ".verdict", ".blocking"}
 
 
+@pytest.mark.parametrize("template", TEMPLATES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_every_table_has_a_header_and_no_name_changes_its_case(template: Path) -> None:
+    """Parameters are k3 and not K3: a name is as the model file has it."""
+    text = template.read_text(encoding="utf-8")
+    assert "<table" not in text, "`table(columns, rows)` makes a header that is repeated on each printed page"
+    assert not re.search(r"\|\s*(upper|capitalize|title)\b", text)
+
+
 def test_text_is_escaped_and_blocking_warnings_come_first() -> None:
     warnings = [Warning("clipped", "z", None, "at the end"), Warning("rate_wrong", "z", "<b>.csv", "off", True)]
     text = page.render("present/page.html", "a<b", "It does not fit.", False, warnings)

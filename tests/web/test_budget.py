@@ -36,4 +36,7 @@ def test_the_largest_source_has_the_full_bar_and_bounds_are_marked() -> None:
     assert told.count("(a bound, not in the standard error)") == 2
     assert "b&lt;" in told
     assert "pale bar" in told
+    small = Budget("axis z", (*lines, Line("d", 1e-12, 0.0, False, "never"))).table()
+    assert "&lt;&nbsp;0.0" in small
+    assert "never" not in small, "what does not matter needs no advice"
     assert "pale bar" not in Budget("axis z", lines[:1]).table()

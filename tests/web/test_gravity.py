@@ -15,6 +15,7 @@ import polars as pl
 import pytest
 
 from gyrocal.cli import main
+from gyrocal.diagnosis.rate_unit import UNKNOWN
 from gyrocal.gravity.compare import compare, residual_table
 from gyrocal.present.output import plus_minus
 from gyrocal.recording.session import Session
@@ -71,7 +72,7 @@ def test_rests_and_comparison_are_those_of_the_command_line(
     page.locator(".session-name", has_text="short").wait_for()
     page.get_by_text("not known: nothing could be left out of the fit").wait_for()
     assert "±" not in page.locator("[aria-label=verdict]").inner_text()  # nothing is known, with no error of it either
-    assert page.locator(".figure b").all_inner_texts()[0] == "–"
+    assert page.locator(".figure b").all_inner_texts()[0] == UNKNOWN
     page.locator(".per-axis").evaluate("e => { e.textContent = 'x 333.88 ± 13.06 · '.repeat(4); }")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
 

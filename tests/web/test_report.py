@@ -8,7 +8,11 @@ import io
 import json
 import re
 import shlex
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as NS
 from typing import Any, cast
@@ -16,14 +20,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from gyrocal.api import Model, fit
+from gyrocal.api import Model, Session, compare, fit
 from gyrocal.cli import main
+from gyrocal.effects.base import effects
+from gyrocal.present import pictures
 from gyrocal.present.output import plus_minus
 from gyrocal.simulation.simulate import simulate
+from gyrocal.web import charts
+from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.models import Recipe, Step
-from gyrocal.web.report import correlated
+from gyrocal.web.report import correlated, page
 from gyrocal.web.state import Workbench
-from gyrocal.web.told import story
+from gyrocal.web.told import Change, story
+from gyrocal.web.views import Picture
 from make_runs import make_run, make_session
 
 from .loop import finish
@@ -72,6 +81,51 @@ def test_the_evidence_is_kept_of_every_axis_that_an_effect_was_added_on() -> Non
     assert [c.judged["axis"] for c in changes[0].cards] == ["y", "x"]
 
 
+def test_an_effect_whose_evidence_was_not_kept_has_its_axes_and_its_doubt(folder: Path) -> None:
+    """A session that is opened again knows what was added and what speaks against it, and not the cards of before."""
+    added = Change("drift", "Drift", False, "", ("not proven by these runs",), (), axes=("x", "z"))
+    removed = Change("drift", "Drift", True, "", (), ())
+    found = compare(Session.open(folder / "hidden"), Model.open("paper"))
+    told = words(page("hidden", found, None, [added], None, None))
+    assert "Not proven: Drift." in told
+    assert "Added: Drift on x, z" in told
+    assert "The evidence was not kept" in told
+    assert "In doubt: not proven by these runs." in told
+    assert "Not proven" not in words(page("hidden", found, None, [added, removed], None, None))
+
+
+def test_the_commands_leave_out_the_runs_that_were_left_out(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = Session.open(folder / "hidden")
+    left_out = [session.runs[1].file]
+    kept = compare(session.with_runs([run for run in session.runs if run.file not in left_out]), Model.open("paper"))
+    text = page("hidden", kept, None, [], None, None, left_out)
+    block = re.search(r'<pre class="commands">(.*?)</pre>', text, flags=re.DOTALL)
+    assert block is not None
+    copied, compared, *_ = (shlex.split(line) for line in html.unescape(block[1]).splitlines())
+    shutil.copytree(folder / "hidden", tmp_path / "hidden")
+    monkeypatch.chdir(tmp_path)
+    subprocess.run([sys.executable, *copied[1:]], check=True)
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        assert main([*compared[1:], "--model", "paper", "--json"]) == 0
+    assert json.loads(out.getvalue())["rms_dps"] == pytest.approx(kept.to_json()["rms_dps"], rel=1e-9)
+
+
+def test_a_session_judged_by_angle_has_its_levels_in_degrees() -> None:
+    t_s = np.arange(400) / 100
+    noise = np.random.default_rng(4).normal(0, 0.05, (400, 3))
+    turns = [(noise + np.array([0, 0, w]), {"turn_deg": 4.0 * w}) for w in (90.0, -90.0, 90.0)]
+    rests = [(noise, {"table_rate_dps": 0.0})] * 3
+    found = compare(make_session(*(make_run(t_s, y, **known) for y, known in (*turns, *rests))))
+    assert found.angles is not None
+    told = words(page("turned", found, None, [], None, None))
+    assert "Net angles of the runs, by which this session is judged" in told
+    assert "floor deg" in told
+    assert "floor mdps" not in told
+
+
 def words(text: str) -> str:
     """What a person reads of a page."""
     return html.unescape(re.sub(r"<style>.*?</style>|<[^>]+>", " ", text, flags=re.DOTALL))
@@ -91,7 +145,7 @@ def test_a_model_that_fits_lacks_nothing_and_keeps_the_evidence(reports: tuple[s
         assert contradiction not in told
     assert "Added: Ripple of the table's speed on z" in told
     assert "of the squared excess error on z" in told
-    assert reports[1].count('class="signature"') == 1
+    assert reports[1].count('<img alt="Ripple of the table&#39;s speed on z, ') == 1
 
 
 def test_it_has_both_spectra(reports: tuple[str, str]) -> None:
@@ -107,8 +161,34 @@ def test_correlated_parameters_are_listed_by_name() -> None:
     found = fit(make_session(*runs), Model.open("paper"), axes="z")
     expected = -np.mean(rates) / np.sqrt(np.mean(np.square(rates)))
     ((axis, *names, correlation),) = correlated(found, "z")
-    assert (axis, set(names)) == ("z", {"scale scale", "bias bias_dps"})
+    assert (axis, set(names)) == ("z", {"scale.scale", "bias.bias_dps"})
     assert float(correlation) == pytest.approx(expected, abs=0.005)
+
+
+def test_the_picture_of_an_effect_has_the_pages_words_and_every_number_a_unit() -> None:
+    edges, centres, left, curve = [-2.0, 0.0, 2.0], [-1.0, 1.0], [5.0, -4.0], [4.0, -4.0]
+    shown = Picture("rate", "z", "true rate, dps", None, "", edges, centres, left, [1.0, 1.0], curve)
+    for few in (False, True):
+        (axes,) = effect_figure(replace(shown, few=few)).axes
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("true rate, dps", "mdps")
+        drawn = charts.hero(charts.LIGHT, shown, shown.left, shown.curve, ["z"])
+        on_page = {entry["name"] for entry in drawn["legend"]["data"]}
+        assert {text.get_text() for text in axes.get_legend().get_texts()} == on_page
+        (dots,) = (line for line in axes.lines if line.get_label() == charts.LEFT)
+        assert dots.get_xydata().tolist() == [[-1.0, 5.0], [1.0, -4.0]]
+    large = replace(shown, left=[5000.0, -4000.0], marks={-1.0: "down", 1.0: "up"})
+    (axes,) = effect_figure(large).axes
+    assert axes.get_ylabel() == "dps"
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["down", "up"]
+
+
+def test_no_two_figures_have_one_title(reports: tuple[str, str]) -> None:
+    for report in reports:
+        titles = re.findall(r'<img alt="([^"]*)"', report)
+        assert len(titles) == len(set(titles))
+    session, _ = simulate(None, "paper", [], 3, scenarios=2, seconds=20)
+    drawn = [figure.axes[0].get_title().split("\n")[0] for _, figure in pictures.of_spectra(compare(session)).values()]
+    assert len(drawn) == len(set(drawn)) == 2
 
 
 def test_it_lists_correlations_or_says_that_there_are_none(reports: tuple[str, str]) -> None:
@@ -133,10 +213,13 @@ def test_its_commands_repeat_it(reports: tuple[str, str], folder: Path) -> None:
     with contextlib.chdir(folder), contextlib.redirect_stdout(out):
         assert main([*commands[2][1:], "--json"]) == 0
     added = json.loads(out.getvalue())
+    units = {p.name: p.unit for effect in effects().values() for p in effect.parameters}
     for parameter in added["after"]["parameters"]:
         if parameter["se"]:
-            value, error = plus_minus(parameter["value"], parameter["se"]).split(" ± ")
-            assert f"<td>{value}</td><td>{error}</td>" in reports[1]
+            percent = units.get(parameter["name"].removesuffix("_sd"), "").startswith("fraction")
+            factor = 100 if percent else 1
+            value, error = plus_minus(factor * parameter["value"], factor * parameter["se"]).split(" ± ")
+            assert f'<td>{value}</td><td>{error}</td><td class="text">{"%" if percent else ""}' in reports[1]
     assert (folder / "model.toml").read_text() in html.unescape(reports[1])
 
 

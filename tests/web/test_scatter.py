@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gyrocal.calibration.taken import Taken
 from gyrocal.web.charts import LIGHT
 from gyrocal.web.export import as_csv
 from gyrocal.web.scatter import Scatter, meanings, options, sentences
@@ -19,7 +20,7 @@ def estimates(bias_mdps: list[float], error_mdps: float, flags: tuple[str, ...] 
         {
             "scenario": f"s{i:03d}", "method": "model", "seconds": 6.0, "axis": "z", "scale": 0.01, "scale_se": 1e-4,
             "bias_dps": 1e-3 * value, "bias_se_dps": 1e-3 * error_mdps, "misfit": 1.0, "flags": list(flags),
-            "trusted": not flags,
+            "trusted": not flags, "taken": Taken(first=2, seconds=6.0),
         }
         for i, value in enumerate(bias_mdps)
     ]  # fmt: skip
@@ -41,6 +42,16 @@ def test_biases_within_their_errors_are_not_said_to_scatter() -> None:
     assert "the scale scatters by 0 % about 1.000 %, own error 0.010 %." in told[0]
 
 
+def test_an_answer_that_is_not_trusted_does_not_enter_what_they_say_together() -> None:
+    """One power cycle whose faces were exchanged: its scale of -202 % moves neither the mean nor the scatter."""
+    sound = estimates([-4.0, 0.0, 1.0, 3.0], 2.0)
+    wrong = [{**e, "scale": -2.02, "scenario": "s009"} for e in estimates([5000.0], 2.0, ("direction",))]
+    alone, both = (sentences(found, "z") for found in (sound, [*sound[:2], *wrong, *sound[2:]]))
+    assert alone[0].replace("4 power cycles", "4 trusted power cycles") == both[0]
+    assert "1 of 5 answers is not trusted" in both[-1]
+    assert "No answer is trusted" in sentences(wrong, "z")[-1]
+
+
 def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
     found = [*estimates([-1.0, 0.0, 1.0], 2.0), *estimates([5.0], 2.0, ("misfit", "missed"))]
     assert "1 of 4 answers is not trusted" in sentences(found, "z")[-1]
@@ -50,7 +61,11 @@ def test_what_is_not_trusted_is_counted_explained_and_hollow() -> None:
     assert [bias for _, bias, _ in answers] == pytest.approx([-1.0, 0.0, 1.0, 5.0])
     assert [error for _, _, error in answers] == pytest.approx([2.0] * 4)
     assert [filled for *_, filled in points] == [1, 1, 1, 0]
-    assert "first 6 s" in drawn["title"]["text"]
+    for words in [drawn["title"]["text"], *(of["option"]["title"]["text"] for of in drawn["media"])]:
+        assert "first 6 s" in words
+        assert "bars: ± 2 standard errors" in words
+    ends = [(low, high) for _, _, low, high, _ in points]
+    assert ends == [pytest.approx((bias - 4.0, bias + 4.0)) for _, bias, _ in answers]
     rows = list(csv.DictReader(as_csv(drawn).splitlines()))
     assert [(row["x"], row["unit"]) for row in rows] == [("s000", "mdps"), ("s001", "mdps"), ("s002", "mdps"), ("s000", "mdps")]
 

@@ -73,7 +73,7 @@ def calibration_row(estimate: dict[str, Any], large: bool) -> list[str]:
         )
     )
     return [
-        estimate["scenario"], estimate["axis"], method(estimate["method"]), f"{estimate['seconds']:g}", *scale, *bias,
+        estimate["scenario"], method(estimate["method"]), f"2, first {estimate['seconds']:g} s", *scale, *bias,
         f"{estimate['misfit']:.2f}", "yes" if estimate["trusted"] else "no: " + ", ".join(estimate["flags"]),
     ]  # fmt: skip
 

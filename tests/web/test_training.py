@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,6 +14,8 @@ import pytest
 from gyrocal.calibration.network import FaceNetwork
 from gyrocal.simulation.simulate import simulate
 from gyrocal.web import training
+from gyrocal.web.panels.calibrate import SHIPPED_FOR
+from gyrocal.web.state import Workbench
 from gyrocal.web.training import Training
 
 from .loop import finish
@@ -79,6 +82,43 @@ def test_what_the_command_says_reaches_the_person(tmp_path: Path, require_module
         assert not (tmp_path / "out").exists()
 
     finish(story())
+
+
+def test_a_training_is_under_way_until_its_network_was_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page shows no untrained state, and no button that starts a second training, between the two."""
+    seen: list[bool] = []
+
+    async def trained(self: Training) -> list[Any]:
+        return []
+
+    async def story() -> None:
+        bench = Workbench([tmp_path], lambda topic: None)
+
+        async def check(*asked: Any) -> dict[str, Any]:
+            seen.append(bench.training is not None)
+            return {"ok": True}
+
+        monkeypatch.setattr(bench.jobs, "run", check)
+        bench.steps = [step]
+        try:
+            await bench.train("network", "z", 1)
+            assert bench.training is None
+            assert bench.network("z") is not None
+        finally:
+            bench.close()
+
+    step: Any = SimpleNamespace(view=SimpleNamespace(toml="name = 'x'\n"))
+    monkeypatch.setattr(Training, "run", trained)
+    finish(story())
+    assert seen == [True]
+
+
+def test_the_page_says_for_which_rates_the_shipped_network_is_trained() -> None:
+    rate_dps, rate_hz = (float(number) for number in re.findall(r"\d+", SHIPPED_FOR))
+    net = FaceNetwork.shipped()
+    assert net.suits(rate_hz, rate_dps)
+    assert not net.suits(rate_hz, 1.05 * rate_dps)
+    assert not net.suits(1.01 * rate_hz, rate_dps)
 
 
 def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,8 +5,9 @@ The squares of the sources that the standard error contains add up to its square
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ ROUNDING = 1e-9
 WHITE, DRIFT, STEPS, SCATTER = "white noise", "drift", "resolution", "scatter beyond the noise"
 EFFECTS, NETWORK, PRIOR, FIT = "effects not excluded", "network", "prior", "fit of all power cycles"
 TABLE, REFERENCE, TILT, EARTH = "table rate", "reference", "tilt", "Earth's rate"
-CLOCK, TEMPERATURE = "sample clock", "temperature"
+TURN, CLOCK, TEMPERATURE = "turn angle", "sample clock", "temperature"
 
 ADVICE = {
     WHITE: "record longer runs",
@@ -48,13 +49,18 @@ ADVICE = {
     FIT: "record longer runs in more power cycles",
     TABLE: "measure the table's rate over many turns, and state table_rate_se_dps in session.toml",
     REFERENCE: "compare the reference with a known turn, because its own scale error is that of the answer",
-    TILT: "align the sensor's axis with the table's, and record the accelerometer, which shows the tilt",
-    EARTH: "state latitude_deg in session.toml, which corrects a table's known rate, or turn in both directions on each face",
+    TURN: "measure the angle of the turn, and state its error as turn_se_deg in session.toml",
+    TILT: "align the sensor's axis with the axis of rotation, and record the accelerometer, which shows the tilt",
+    EARTH: "state latitude_deg in session.toml, which corrects a known rate or turn, or turn in both directions on each face",
     CLOCK: "compare t_s with a better clock over an hour",
     TEMPERATURE: "calibrate at the temperature of use, or record temp_c, which shows how far the temperature moves",
 }
-ALIGN = "align the sensor's axis with the table's; the accelerometer's own offset hides the last degree"
-BOTH_WAYS = "turn in both directions on each face"
+ALIGN = "align the sensor's axis with the axis of rotation; the accelerometer's own offset hides the last degree"
+BOTH_WAYS, STATE_LATITUDE = "turn in both directions on each face", "state latitude_deg in session.toml"
+LONGER, OTHER_NETWORK = "record longer runs", "take the model's answer, or train a network for this model"
+NO_EARTH = "nothing: the runs turn in both directions on each face"
+NO_CLOCK = "nothing: the rate is known without the sensor's clock"
+NO_TEMPERATURE = "nothing: the model holds what the temperature changes"
 MORE_TURNS = "measure the table's rate over more turns, and state the smaller table_rate_se_dps"
 
 
@@ -105,8 +111,8 @@ def by_evidence(evidence: Evidence, answer: Answer, *, widened: bool = False) ->
 
 
 def by_network(answer: Answer, runs: Sequence[Run]) -> list[BudgetRow]:
-    """The one source of a network's answer with a prior: what it states itself."""
-    return _rows([NETWORK], variances(answer, runs)[None])
+    """The one source of a network's answer with a model's prior: what it states itself."""
+    return _rows([NETWORK], variances(answer, runs)[None], {NETWORK: OTHER_NETWORK})
 
 
 def by_fit(answer: Answer, runs: Sequence[Run]) -> list[BudgetRow]:
@@ -114,8 +120,10 @@ def by_fit(answer: Answer, runs: Sequence[Run]) -> list[BudgetRow]:
     return _rows([FIT], variances(answer, runs)[None])
 
 
-def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer) -> list[BudgetRow]:
+def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer, *, fitted: bool = False) -> list[BudgetRow]:
     """The sources of an answer by the model, whose covariance is linear in those of noise, drift and priors.
+
+    ``fitted`` is true for the model of a campaign.
 
     Of alternatives that exclude each other, the middle one is taken. What the average over them adds belongs to the effects.
     """
@@ -139,7 +147,7 @@ def by_posterior(calibration: Calibration, runs: Sequence[Run], answer: Answer) 
     total, stated = parts.sum(0), variances(answer, runs)
     parts *= np.minimum(1.0, stated / total)
     parts[-1] += np.maximum(stated - total, 0.0)
-    return _rows([WHITE, DRIFT, PRIOR, EFFECTS], parts)
+    return _rows([WHITE, DRIFT, PRIOR, EFFECTS], parts, {EFFECTS: LONGER} if fitted else {})
 
 
 def variances(answer: Answer, runs: Sequence[Run]) -> Array:
@@ -148,23 +156,27 @@ def variances(answer: Answer, runs: Sequence[Run]) -> Array:
     return np.array([answer.scale_se**2 - table**2, answer.bias_se_dps**2])
 
 
-def beside(runs: Sequence[Run], axis: str, spread_c: float | None, modelled: Sequence[str] = ()) -> list[BudgetRow]:
-    """The table's rate, and bounds of the sources that no standard error contains, for an answer from ``runs``.
+def beside(
+    runs: Sequence[Run], axis: str, spread_c: float | None, modelled: Sequence[str] = (), *, weighed: bool = False
+) -> list[BudgetRow]:
+    """The true rate, and bounds of the sources that no standard error contains, for an answer from ``runs``.
 
     ``spread_c`` is the spread of the session's temperatures in degC. ``modelled`` are ids of effects that the method's model
-    corrects.
+    corrects. ``weighed`` is true if the standard error contains that of the turns' angles, as far as it is known.
     """
     views = [run.about(axis) for run in runs]
-    rows = [_of_table(views)]
+    turns = [run for run in runs if run.axis == axis and run.rate_is_mean and run.turn_deg]
+    rows = _of_turns(turns, weighed=weighed)
+    if not turns or any(run.table_rate_dps for run in views):
+        rows.append(_of_table(views))
     if not any(run.three_axes for run in views):
         remedy = "" if any(run.acc_g is None for run in views) else ALIGN
         rows.append(BudgetRow(TILT, float(1 - np.cos(np.deg2rad(tilt_deg(views)))), 0.0, in_se=False, remedy=remedy))
     in_rate = all(run.latitude_deg is not None and run.reference_dps is None for run in views)  # by in_known_rate
     if EarthRate.id not in modelled and not in_rate:
-        remedy = "" if views[0].latitude_deg is None else BOTH_WAYS
-        rows.append(BudgetRow(EARTH, *earth_share(views), in_se=False, remedy=remedy))
+        rows.append(BudgetRow(EARTH, *earth_share(views), in_se=False, remedy=_of_earth(views)))
     by_angle = any(r.rate_is_mean or (r.measured_rates is not None and r.measured_rates.derived) for r in views)
-    rows.append(BudgetRow(CLOCK, CLOCK_SE if by_angle else 0.0, 0.0, in_se=False))
+    rows.append(BudgetRow(CLOCK, *((CLOCK_SE, 0.0, False) if by_angle else (0.0, 0.0, False, NO_CLOCK))))
     return [*rows, _of_temperature(spread_c, modelled)]
 
 
@@ -179,7 +191,15 @@ def _of_temperature(spread_c: float | None, modelled: Sequence[str]) -> BudgetRo
         f"calibrate at the temperature of use, or by a model with {missing}: without it, typical slopes are assumed over the "
         f"{spread_c:.2g} °C by which the session's temperature moves"
     )
-    return BudgetRow(TEMPERATURE, scale, bias_dps, in_se=False, remedy=remedy if missing else "")
+    return BudgetRow(TEMPERATURE, scale, bias_dps, in_se=False, remedy=remedy if missing else NO_TEMPERATURE)
+
+
+def _of_earth(runs: Sequence[Run]) -> str:
+    """What lowers the share of the Earth's rate and was not done yet: its sign goes with the face, not with the rate."""
+    stated = runs[0].latitude_deg is not None
+    if all(any(s * r.rate_dps.mean() > 0 for r in runs if r.face == f) for f in {r.face for r in runs} for s in (-1, 1)):
+        return NO_EARTH if stated else STATE_LATITUDE
+    return BOTH_WAYS if stated else ""
 
 
 def largest(rows: Sequence[BudgetRow]) -> BudgetRow | None:
@@ -212,14 +232,25 @@ def earth_share(runs: Sequence[Run]) -> tuple[float, float]:
     rate_dps = np.concatenate([run.rate_dps for run in runs])
     earth_dps = np.concatenate([np.full(len(run), vertical_dps * run.face_sign) for run in runs])
     columns = np.stack([rate_dps, np.ones(rate_dps.size)])
-    scale, bias_dps = np.linalg.lstsq(columns @ columns.T, columns @ earth_dps, rcond=None)[0]
-    return abs(float(scale)), abs(float(bias_dps))
+    scale, bias_dps = (abs(float(v)) for v in np.linalg.lstsq(columns @ columns.T, columns @ earth_dps, rcond=None)[0])
+    largest_dps = float(np.abs(rate_dps).max(initial=0.0))
+    least = ROUNDING * vertical_dps
+    return scale if scale * largest_dps > least else 0.0, bias_dps if bias_dps > least else 0.0
 
 
 def temperature_spread_c(session: Session) -> float | None:
     """Largest less smallest temperature of a session, degC; None without a thermometer."""
     temps = [run.temp_c for run in session.runs if run.temp_c is not None]
     return float(max(np.nanmax(t) for t in temps) - min(np.nanmin(t) for t in temps)) if temps else None
+
+
+def _of_turns(turns: Sequence[Run], *, weighed: bool) -> list[BudgetRow]:
+    """The error of turns of which the angle is known: the largest that is stated, or None if one states none."""
+    if not turns or (weighed and (len(turns) > 1 or turns[0].turn_se_deg is not None)):  # several show it by their scatter
+        return []
+    relative = [None if r.turn_se_deg is None or not r.turn_deg else abs(r.turn_se_deg / r.turn_deg) for r in turns]
+    known = [of for of in relative if of is not None]
+    return [BudgetRow(TURN, max(known) if len(known) == len(turns) else None, 0.0, in_se=False)]
 
 
 def _of_table(runs: Sequence[Run]) -> BudgetRow:
@@ -231,11 +262,12 @@ def _of_table(runs: Sequence[Run]) -> BudgetRow:
     return BudgetRow(REFERENCE if measured else TABLE, None, 0.0, in_se=False)
 
 
-def _rows(names: Sequence[str], parts: Array) -> list[BudgetRow]:
-    """Rows of variances [rows, 2]; sources without a part beyond rounding errors are left out."""
+def _rows(names: Sequence[str], parts: Array, remedies: Mapping[str, str] = MappingProxyType({})) -> list[BudgetRow]:
+    """Rows of variances [rows, 2] with other ``remedies``; sources without a part beyond rounding errors are left out."""
     matters = (parts > ROUNDING * parts.sum(0)).any(1)
     roots = np.sqrt(np.maximum(parts, 0.0))
-    return [BudgetRow(n, float(s), float(b)) for n, (s, b), kept in zip(names, roots, matters, strict=True) if kept]
+    given = zip(names, roots, matters, strict=True)
+    return [BudgetRow(n, float(s), float(b), remedy=remedies.get(n, "")) for n, (s, b), kept in given if kept]
 
 
 def _line(w_dps: Array, variance: Array) -> Array:

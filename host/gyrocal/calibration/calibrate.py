@@ -14,6 +14,7 @@ from gyrocal.calibration.budget import BudgetRow, beside, by_evidence, by_fit, b
 from gyrocal.calibration.estimator import BLOCK_US, Answer, calibration_of, estimate
 from gyrocal.calibration.flags import ordered
 from gyrocal.calibration.network_answer import consecutive, network, network_prior, network_stage, suits_network
+from gyrocal.calibration.taken import Taken
 from gyrocal.calibration.trust import Evidence, answer_flags, reading_flags, warning_flags, with_table
 from gyrocal.calibration.uncertainty import DRIFT_SD_DPS, DRIFT_TAU_S
 from gyrocal.effects.base import Role
@@ -56,6 +57,8 @@ class Estimate:
     """The flags that were raised against it (:data:`gyrocal.calibration.flags.FLAGS`)."""
     budget: tuple[BudgetRow, ...] = field(default=(), repr=False, compare=False)
     """The sources of its errors; empty if its standard errors are not known."""
+    taken: Taken = field(default=Taken(), compare=False)
+    """What it was calculated from; nothing is known of it for an answer by gravity."""
 
     @property
     def trusted(self) -> bool:
@@ -64,7 +67,7 @@ class Estimate:
 
     def to_json(self) -> dict[str, Any]:
         fields = asdict(replace(self, budget=()))
-        del fields["budget"]
+        del fields["budget"], fields["taken"]
         return {**fields, "flags": list(self.flags), "trusted": self.trusted}
 
     def budget_json(self) -> list[dict[str, Any]]:
@@ -255,23 +258,26 @@ def _estimates(task: _Task, scenario: str, runs: Sequence[Run], span: float | No
                 found.append(_by_baseline(first[0], first[1]))
             else:
                 found += _by_network(up, down, span or min(up.duration_s, down.duration_s), network_prior(task.model, up.axis))
-    return [_estimate(task, scenario, method, span or max(r.duration_s for r in one.used), one) for one in found]
+    return [_estimate(task, scenario, method, span, one) for one in found]
 
 
-def _estimate(task: _Task, scenario: str, method: str, seconds: float, found: Found) -> Estimate:
-    """An answer with its flags and its budget; None if the method gives no answer."""
+def _estimate(task: _Task, scenario: str, method: str, span: float | None, found: Found) -> Estimate:
+    """An answer from the first ``span`` s, or from whole runs, with its flags and its budget."""
     axis, used, answer, own, sources, modelled = found
+    seconds = float(span or max(r.duration_s for r in used))
+    taken = Taken.of(used, len(task.session.runs), span)
     flags = set(own) | reading_flags(used, axis, task.session.full_scale_dps) | warning_flags(task.warnings, axis, used)
     if answer is None:
-        return Estimate(scenario, method, float(seconds), axis, None, None, None, None, None, ordered(flags))
+        return Estimate(scenario, method, seconds, axis, None, None, None, None, None, ordered(flags), taken=taken)
     flags |= answer_flags(answer, sum(np.unique(r.t_us // BLOCK_US).size for r in used))
     scale_se, bias_se_dps, misfit = (
         None if x is None or np.isnan(x) else x for x in (answer.scale_se, answer.bias_se_dps, answer.misfit)
     )
-    rows = (*sources, *beside(used, axis, task.temperature_spread_c, modelled)) if sources else ()
+    bounds = beside(used, axis, task.temperature_spread_c, modelled, weighed=scenario == POOLED) if sources else ()
+    rows = (*sources, *bounds)
     return Estimate(
-        scenario, method, float(seconds), axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags),
-        rows,
+        scenario, method, seconds, axis, answer.scale, scale_se, answer.bias_dps, bias_se_dps, misfit, ordered(flags), rows,
+        taken,
     )  # fmt: skip
 
 
@@ -285,7 +291,6 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
     axes = [axis for axis in AXES if _informed(runs, axis)]
     if not axes:
         return []
-    seconds = span if span is not None else max(r.duration_s for r in runs)
     out = []
     for axis, fitted in fit(session.with_runs(runs), Model.open(task.model), axes=axes).axes.items():
         scale, bias = (next(t for t in fitted.terms if t.effect.role is role) for role in (Role.SCALE, Role.BIAS))
@@ -294,7 +299,7 @@ def _pooled(task: _Task, span: float | None) -> list[Estimate]:
             answer = Answer(scale.values["scale"], scale_se, bias.values["bias_dps"], bias.se["bias_dps"], None)
             modelled = [t.effect.id for t in fitted.terms] + [EarthRate.id] * (session.latitude_deg is not None)  # by the fit
             one = Found(axis, runs, answer, sources=by_fit(answer, runs), modelled=modelled)
-            out.append(_estimate(task, POOLED, "model", seconds, one))
+            out.append(_estimate(task, POOLED, "model", span, one))
     return out
 
 
@@ -340,7 +345,7 @@ def _by_model(runs: Sequence[Run], model: Model, of_slopes: Mapping[str, float])
             sources = by_evidence(evidence, answer)
         else:
             answer = replace(answer, scale_se=with_table(answer.scale_se, mine))
-            sources = by_posterior(calibration, mine, answer)
+            sources = by_posterior(calibration, mine, answer, fitted=fitted)
         modelled = [t.effect.id for t in model.on(axis) if t.effect.id != EarthRate.id]  # the estimator has no column for it
         found.append(Found(axis, mine, answer, sources=sources, modelled=modelled))
     return found

@@ -17,7 +17,7 @@ def run(
     effects: OwnEffects = None,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate scale and bias of each scenario from the first seconds of its runs."""
+    """Estimate scale and bias of each scenario from the first seconds of its runs, or from whole runs."""
     from gyrocal.calibration.calibrate import calibrate, unanswered
     from gyrocal.calibration.flags import FLAGS
     from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
@@ -26,6 +26,7 @@ def run(
     from gyrocal.present.budget import print_budget
     from gyrocal.present.output import emit, stdout, table
     from gyrocal.present.report import print_warnings
+    from gyrocal.present.taken import cell
     from gyrocal.recording.session import Session
 
     try:
@@ -49,13 +50,13 @@ def run(
     print_warnings(warnings)
     unit = unit_of(e.bias_dps for e in found)
     rows = [
-        [e.scenario, e.axis, e.method, f"{e.seconds:g}", *percent(e.scale, e.scale_se),
+        [e.scenario, e.axis, e.method, cell(e.taken), *percent(e.scale, e.scale_se),
          *unit.pair(e.bias_dps, e.bias_se_dps), UNKNOWN if e.misfit is None else f"{e.misfit:.2f}",
          "yes" if e.trusted else "no: " + ", ".join(e.flags)]
         for e in found
     ]  # fmt: skip
     bias = (f"bias {unit.name}", f"± {unit.name}")
-    table("", ["scenario:", "axis:", "method:", "seconds", "scale %", "± %", *bias, "misfit", "trusted:"], rows)
+    table("", ["scenario:", "axis:", "method:", "recordings:", "scale %", "± %", *bias, "misfit", "trusted:"], rows)
     for flag, meaning in FLAGS.items():
         count = sum(flag in e.flags for e in found)
         if count:

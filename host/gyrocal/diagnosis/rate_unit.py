@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 LARGE_DPS = 0.9995
@@ -59,6 +59,29 @@ def pair(value: float | None, se: float | None, factor: float, decimals: int) ->
     """A value and its standard error, both times ``factor`` and both as :func:`rounded` gives them."""
     scaled, error = (None if v is None else factor * v for v in (value, se))
     return rounded(scaled, error, decimals), rounded(error, error, decimals)
+
+
+def shares(parts: Sequence[tuple[float | None, bool]], factor: float) -> list[str]:
+    """Parts of an error, times ``factor``, each with whether its square adds to the error's.
+
+    They are told in two digits, but with no decimals beyond the third digit of the error. What these do not show is told as
+    less than the last of them.
+    """
+    whole = math.hypot(*(part or 0.0 for part, inside in parts if inside))
+    return [_share(part, whole, factor) for part, _ in parts]
+
+
+def _share(part: float | None, whole: float, factor: float) -> str:
+    if part is None or part == 0:
+        return UNKNOWN if part is None else "0"
+    at = min(places(factor * part, 0), places(factor * whole, MOST_PLACES) + 1)
+    least = 10.0**-at
+    return f"< {least:.{at}f}" if factor * part < least else f"{factor * part:.{at}f}"
+
+
+def negligible(told: str) -> bool:
+    """True for a part of an error that :func:`shares` tells as nothing, or as less than its column shows."""
+    return told == "0" or told.startswith("<")
 
 
 def percent(value: float | None, se: float | None) -> tuple[str, str]:

@@ -53,9 +53,7 @@ def _stuck_bit(axis: str, readings: list[Array], lsb_dps: float, alarm: float, l
     if not readings:
         return None
     codes = np.concatenate([np.rint(g / lsb_dps).astype(np.int64) for g in readings])
-    steps = np.abs(np.concatenate([np.diff(g) for g in readings]))
-    # the noise that toggles a bit at all times, not that of a burst
-    noise = min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(steps))) / np.sqrt(2) / lsb_dps
+    noise = _steady_sd(np.concatenate([np.diff(g) for g in readings])) / lsb_dps
     mean_codes = np.array([int(np.rint(np.mean(g) / lsb_dps)) for g in readings])
     worst: Finding | None = None
     for bit in range(BITS):
@@ -77,6 +75,11 @@ def _stuck_bit(axis: str, readings: list[Array], lsb_dps: float, alarm: float, l
     return worst
 
 
+def _steady_sd(steps: Array) -> float:
+    """The noise of readings from their differences [n]: what toggles a bit at all times, not a burst or a wild reading."""
+    return min(float(np.sqrt(np.mean(steps**2))), ROBUST * float(np.median(np.abs(steps)))) / 2**0.5
+
+
 def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> float:
     """The probability that a bit of the code keeps its state in all readings, given the noise about each run's mean.
 
@@ -84,7 +87,7 @@ def _never(readings: list[Array], lsb_dps: float, bit: int, state: float) -> flo
     """
     log_chance = 0.0
     for g in readings:
-        mean, variance = float(g.mean()) / lsb_dps, float(np.mean(np.diff(g) ** 2)) / 2 / lsb_dps**2 - SHEPPARD
+        mean, variance = float(g.mean()) / lsb_dps, (_steady_sd(np.diff(g)) / lsb_dps) ** 2 - SHEPPARD
         if variance < 1.0:
             continue
         sd = float(np.sqrt(variance))

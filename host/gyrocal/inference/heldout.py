@@ -8,12 +8,13 @@ because they share the drift of their run.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.base import Role
 from gyrocal.inference.blocks import Blocks, known_dps
 from gyrocal.inference.design import Mask
 from gyrocal.inference.fitted import AxisFit, Fit
@@ -195,12 +196,22 @@ def predictions(fit: Fit, all_folds: list[Fold], *, net: bool = False) -> Iterat
 
 
 def fitted(fit: Fit, *, net: bool = False) -> Iterator[Prediction]:
-    """The same predictions in sample, if nothing can be left out."""
+    """The same predictions in sample, if nothing can be left out, by the values that the model tells."""
     for axis in fit.axes.values():
-        everything = Step(EVERYTHING, axis, axis.solution, axis.spreads, {})
+        everything = Step(EVERYTHING, axis, _told(axis), axis.spreads, {})
         for i, b in enumerate(fit.blocks):
             if net or not b.run.rate_is_mean:
                 yield _predict(everything, i)
+
+
+def _told(axis: AxisFit) -> Solution:
+    """The solution with the bias that the model tells: where turns of known angle leak into the axis, they do not pull it."""
+    beta = axis.solution.beta.copy()
+    for k, (i, _) in enumerate(axis.design.layout.fixed):
+        term = axis.terms[i]
+        if term.effect.role is Role.BIAS and term.values and any(b.run.rate_is_mean for b in axis.design.blocks):
+            beta[k] = term.effect.coefficients(term.values)[0]
+    return replace(axis.solution, beta=beta)
 
 
 def _predict(step: Step, i: int) -> Prediction:

@@ -17,6 +17,8 @@ ONE_VALUE = 0.01
 """Part of a bin's width within which values count as one."""
 
 
+ALONE = 0.05
+"""Width of the bin of a variable that has one value."""
 HUNDREDTHS = 200
 """Parts of a variable's range in which its values are looked for: half a hundredth each."""
 MOST_PLATEAUS = 10
@@ -109,7 +111,7 @@ def binned(x: Array, y: Array, bins: int, run: Index | None = None) -> Binned:
         none = np.zeros(0)
         return Binned(none, none, none, none, none, np.zeros((runs, 0)))
     low, high = float(x.min()), float(x.max())
-    width = (high - low) / bins or 1.0
+    width = (high - low) / bins or ALONE
     edges = plateaus(x)
     if edges is None:
         place = np.minimum(((x - low) / width).astype(np.intp), bins - 1)

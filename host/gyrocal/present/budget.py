@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gyrocal.calibration.budget import BudgetRow, largest
-from gyrocal.calibration.calibrate import Estimate
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.calibration.calibrate import POOLED, Estimate
+from gyrocal.diagnosis.rate_unit import percent, shares, unit_of
 from gyrocal.present.output import stdout, table
+from gyrocal.present.taken import words
 
 
 def shown(found: Sequence[Estimate]) -> Estimate | None:
@@ -22,28 +23,34 @@ def print_budget(found: Sequence[Estimate]) -> None:
     if best is None:
         return
     unit = unit_of(e.bias_dps for e in found)
-    rows = [
-        [row.source, _percent(row.scale), unit.pair(row.bias_dps, row.bias_dps)[0], "yes" if row.in_se else "no"]
-        for row in sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
-    ]
-    title = f"Where the error comes from: {best.scenario}, {best.axis}, {best.method}, {best.seconds:g} s"
-    table(title, ["source:", "scale ± %", f"bias ± {unit.name}", "in the standard error:"], rows)
+    listed = sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
+    scale = shares([(row.scale, row.in_se) for row in listed], 100.0)
+    bias = shares([(row.bias_dps, row.in_se) for row in listed], unit.per_dps)
+    rows = [[row.source, s, b, "yes" if row.in_se else "no"] for row, s, b in zip(listed, scale, bias, strict=True)]
+    columns = ["source:", "scale ± %", f"bias ± {unit.name}", "in the standard error:"]
+    table(f"Where the error comes from: {answered(best)}", columns, rows)
     stdout.print(headline(best.budget), markup=False)
+
+
+def answered(one: Estimate) -> str:
+    """Which estimate it is, and what it was calculated from."""
+    whose = "all power cycles" if one.scenario == POOLED else one.scenario
+    return f"axis {one.axis} of {whose}, {one.method}, from {words(one.taken)}"
 
 
 def headline(rows: Sequence[BudgetRow]) -> str:
     """The largest source and what would lower it; the sources that the session does not show."""
     top, unknown = largest(rows), [row for row in rows if row.scale is None]
-    words = []
+    told = []
     if top is not None:
         where = "in" if top.in_se else "not in"
-        words.append(
+        told.append(
             f"The largest known source is {top.source}: {_percent(top.scale)} % of the scale, {where} the standard error. "
             f"To lower it, {top.advice}."
         )
     if unknown:
-        words.append(f"Not known: {'; '.join(f'{row.source} ({row.advice})' for row in unknown)}.")
-    return " ".join(words)
+        told.append(f"Not known: {'; '.join(f'{row.source} ({row.advice})' for row in unknown)}.")
+    return " ".join(told)
 
 
 def _percent(scale: float | None) -> str:

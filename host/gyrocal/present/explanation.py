@@ -127,7 +127,8 @@ def write_explanation(path: Path, e: Explanation) -> None:
         "present/explanation.html", page.name_of(start.fit.session), conclusion(e), e.verdict == "adequate",
         e.last.comparison.warnings, overview=overview, counted=counted(e.steps),
         steps=steps, left=[open_words(one) for one in e.left],
-        levels=report.level_rows(last), unit=report.level_unit_name(last), parameters=report.parameter_rows(last),
+        levels=report.judged_rows(last), level_columns=report.level_columns(last), judged_by=report.judged_by(last),
+        parameters=report.parameter_rows(last), parameter_columns=report.PARAMETERS,
         model=", ".join(e.model.ids), remains=shown(remains), remains_picture=_data(picture(last, remains)),
     )  # fmt: skip
     page.write(path, text)

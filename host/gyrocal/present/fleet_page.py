@@ -80,7 +80,7 @@ def write_page(path: Path, fleet: Fleet, dashboard: str | None = None) -> None:
     name = f"A fleet of {len({b.board for b in fleet.boards})} boards"
     text = page.render(
         "present/fleet.html", name, headline(fleet), not fleet.missing, (),
-        attribution=fleet.attribution, dashboard=dashboard, population_columns=[c.rstrip(":") for c in COLUMNS],
+        attribution=fleet.attribution, dashboard=dashboard, population_columns=COLUMNS,
         population=population_rows(fleet), missing=[missing_words(m) for m in fleet.missing],
         histograms=[(name, png_data(histogram(fleet, name))) for name in _shown(fleet)],
         outliers=[(o.session, o.why) for o in fleet.outliers[:SHOWN]], more_outliers=len(fleet.outliers[SHOWN:]),

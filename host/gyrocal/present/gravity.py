@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gyrocal.diagnosis.candidate import Candidate
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.diagnosis.rate_unit import RateUnit, negligible, shares, unit_of
 from gyrocal.errors import InputError
 from gyrocal.files import replacing
 from gyrocal.gravity import calibrate as calibration
 from gyrocal.gravity import compare as comparison
 from gyrocal.gravity import diagnose as diagnosis
 from gyrocal.gravity.as_is import compare_as_is
-from gyrocal.gravity.budget import budget
+from gyrocal.gravity.budget import BudgetRow, budget
 from gyrocal.gravity.calibrate import Calibration, misalignment
 from gyrocal.gravity.compare import Comparison
 from gyrocal.gravity.diagnose import Diagnosis
@@ -192,12 +192,20 @@ def print_calibration(c: Calibration) -> None:
         for name, fitted in c.fits.items() for row in misalignment(fitted, name)
     ]  # fmt: skip
     table("What an axis reads of rotation about another", ["scenario:", "axis:", "about:", "%"], cross)
-    shares = [
-        [row.axis, row.cause, percent(row.scale_se, row.scale_se)[0],
-         unit.pair(row.bias_se_dps, row.bias_se_dps)[0], row.advice]
-        for fitted in c.fits.values() for row in budget(fitted)
-    ]  # fmt: skip
-    table("Where the error comes from", ["axis:", "cause:", "scale ± %", f"bias ± {unit.name}", "to lower it:"], shares)
+    rows = [row for fitted in c.fits.values() for row in _shares(budget(fitted), unit)]
+    table("Where the error comes from", ["axis:", "cause:", "scale ± %", f"bias ± {unit.name}", "to lower it:"], rows)
+
+
+def _shares(rows: Sequence[BudgetRow], unit: RateUnit) -> list[list[str]]:
+    """Axis, cause, parts of the errors of scale and bias, and advice where there is something to lower."""
+    told = []
+    for axis in dict.fromkeys(row.axis for row in rows):
+        mine = [row for row in rows if row.axis == axis]
+        scale = shares([(row.scale_se, True) for row in mine], 100.0)
+        bias = shares([(row.bias_se_dps, True) for row in mine], unit.per_dps)
+        for row, s, b in zip(mine, scale, bias, strict=True):
+            told.append([axis, row.cause, s, b, "" if negligible(s) and negligible(b) else row.advice])
+    return told
 
 
 def _begins(scene: Scene) -> str:

@@ -24,6 +24,8 @@ from gyrocal.present.output import plus_minus
 from gyrocal.present.plan import promise, words
 from gyrocal.present.preview import preview
 from gyrocal.present.report import deg, headline, level_unit, verdict_text
+from gyrocal.present.taken import cell
+from gyrocal.present.taken import words as from_words
 from gyrocal.recording.session import Session
 from gyrocal.shown import VIEWS, View
 
@@ -101,7 +103,7 @@ def _diagnosis_figure(found: Diagnosis | gravity_diagnosis.Diagnosis) -> Figure:
 def _calibration_words(found: Calibration) -> str:
     trusted = sum(e.trusted for e in found)
     lines = [
-        f"{e.scenario} {e.method} {e.seconds:g} s {e.axis}: scale {_value(e.scale, e.scale_se)}, bias "
+        f"{e.axis} of {e.scenario}, {e.method}, from {from_words(e.taken)}: scale {_value(e.scale, e.scale_se)}, bias "
         f"{_value(e.bias_dps, e.bias_se_dps)} dps{'' if e.trusted else ' (' + ', '.join(e.flags) + ')'}"
         for e in found
     ]
@@ -114,12 +116,12 @@ def _value(value: float | None, se: float | None) -> str:
 
 def _calibration_figure(found: Calibration) -> Figure:
     """Scale and bias with their standard errors, methods side by side; an estimate that is not trusted is hollow."""
-    columns = list(dict.fromkeys((e.scenario, e.axis, e.seconds) for e in found))
+    columns = list(dict.fromkeys((e.scenario, e.axis, cell(e.taken)) for e in found))
     methods = list(dict.fromkeys(e.method for e in found))
     figure = Figure(figsize=(max(8.0, 0.6 * len(columns)), 5), layout="constrained")
     scale, bias = figure.subplots(2, 1, sharex=True)
     for e in found:
-        place = columns.index((e.scenario, e.axis, e.seconds)) + 0.15 * (methods.index(e.method) - (len(methods) - 1) / 2)
+        place = columns.index((e.scenario, e.axis, cell(e.taken))) + 0.15 * (methods.index(e.method) - (len(methods) - 1) / 2)
         style: dict[str, Any] = {"fmt": "o", "color": f"C{methods.index(e.method)}", "mfc": None if e.trusted else "white"}
         for axes, value, se in ((scale, e.scale, e.scale_se), (bias, e.bias_dps, e.bias_se_dps)):
             if value is not None:
@@ -129,7 +131,7 @@ def _calibration_figure(found: Calibration) -> Figure:
     scale.legend(title="hollow: not trusted", fontsize=8, title_fontsize=8)
     scale.set_ylabel("scale")
     bias.set_ylabel("bias, dps")
-    bias.set_xticks(range(len(columns)), [f"{scenario} {axis}\n{s:g} s" for scenario, axis, s in columns], fontsize=7)
+    bias.set_xticks(range(len(columns)), [f"{scenario} {axis}\n{taken}" for scenario, axis, taken in columns], fontsize=7)
     return figure
 
 

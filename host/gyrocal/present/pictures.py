@@ -179,7 +179,8 @@ def spectra(comparison: Comparison, against: str = Frequency.name) -> Figure | N
             return None
         reference = "white noise alone"
     x, y_name = ("periods per turn of the table", "mdps") if over_turn else ("frequency, Hz", "mdps/√Hz")
-    title = f"Spectrum of the residual (line: mean, band: lowest to highest; dashed: {reference})"
+    over = " over the turn of the table" if over_turn else ""
+    title = f"Spectrum of the residual{over}\nline: mean, band: lowest to highest, dashed: {reference}"
     logarithmic(axes)
     axes.set(xlabel=x, ylabel=y_name, title=title)
     axes.legend(frameon=False, ncols=3, loc="upper right")

@@ -92,6 +92,28 @@ def level_rows(c: Comparison) -> list[list[str]]:
     ]
 
 
+def judged_by(c: Comparison) -> str:
+    """The title of the levels of a session that is judged by angle; empty for one that is judged by rate."""
+    if c.angles is None:
+        return ""
+    return "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
+
+
+def level_columns(c: Comparison) -> list[str]:
+    """The columns of :func:`judged_rows`."""
+    if c.angles is not None:
+        return ANGLES
+    return ["axis:", *(f"{of} {level_unit(c).name}" for of in ("rms", "floor", "excess", "±", "within cycles"))]
+
+
+WHERE = ["axis:", "against:", "sigma", "what:"]
+
+
+def where_rows(c: Comparison) -> list[list[str]]:
+    """Axis, variable, strength and words of each finding."""
+    return [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
+
+
 ANGLES = ["", "rms deg", "floor deg", "excess deg", "± deg"]
 
 
@@ -105,21 +127,20 @@ def angle_row(name: str, v: angles.Level) -> list[str]:
     return [name, *(deg(x, v.excess_se_deg) for x in (v.rms_deg, v.floor_deg, v.excess_deg, v.excess_se_deg))]
 
 
+def judged_rows(c: Comparison) -> list[list[str]]:
+    """The levels by which the comparison is judged, as :func:`level_rows` or in deg; the last row is all axes."""
+    return [row[: len(level_columns(c))] for row in level_rows(c)]
+
+
 def print_comparison(c: Comparison) -> None:
     """Print the levels, findings and parameters of a comparison."""
     print_warnings(c.warnings)
-    if c.angles is None:
-        unit = level_unit(c).name
-        table("", ["axis:", *(f"{of} {unit}" for of in ("rms", "floor", "excess", "±", "within cycles"))], level_rows(c))
-    else:
-        title = "Angles of the samples" if c.angles.of_samples else "Net angles of the runs"
-        table(title, ANGLES, [row[: len(ANGLES)] for row in level_rows(c)])
+    table(judged_by(c), level_columns(c), judged_rows(c))
     stdout.print(f"model: {', '.join(c.ids)}; held out: {c.held_out}")
     print_note(reference_words(c))
     print_note(stand_in_words(c))
     if c.where:
-        rows = [[f.axis, f.against.replace("_", " "), f"{f.strength:.1f}", f.note] for f in c.where]
-        table("Where it fails", ["axis:", "against:", "sigma", "what:"], rows)
+        table("Where it fails", WHERE, where_rows(c))
     if c.moved is not None:
         table("What has moved", MOVED, moved_rows(c.moved))
         print_note(c.note)
@@ -272,10 +293,8 @@ def sized(effect: Effect, values: Mapping[str, float], se: Mapping[str, float]) 
     units = {p.name: to_read(p.unit) for p in effect.parameters}
     shown: dict[str, str] = {}
     for name, value in values.items():
-        unit, error = units.get(name, units.get(name.removesuffix("_sd"), "")), se.get(name)
-        if unit.startswith("fraction"):
-            unit, value, error = unit.replace("fraction", "%", 1), 100 * value, None if error is None else 100 * error
-        shown[name] = plus_minus(value, error, unit)
+        error, (factor, unit) = se.get(name), in_percent(units.get(name, units.get(name.removesuffix("_sd"), "")))
+        shown[name] = plus_minus(factor * value, None if error is None else factor * error, unit)
     named = (WHOLE.get((units.get(name, ""), values[name]), f"{name} {text}") for name, text in shown.items())
     return effect.told(values, shown) or ", ".join(named)
 
@@ -319,26 +338,39 @@ def write_page(path: Path, c: Comparison) -> None:
     drawn = [(title, pictures.png_data(figure)) for title, figure in pictures.of_comparison(c).values()]
     text = page.render(
         "present/report.html", page.name_of(c.fit.session), headline(c), c.verdict == "adequate", c.warnings,
-        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=level_rows(c), unit=level_unit_name(c),
-        where=c.where, pictures=drawn,
-        parameters=parameter_rows(c), moved=moved_rows(c.moved or ()), moved_columns=[name.rstrip(":") for name in MOVED],
-        note=c.note, stands_on=stands_on(c.to_json()),
+        model=", ".join(c.fit.model.ids), held_out=c.held_out, levels=judged_rows(c), level_columns=level_columns(c),
+        judged_by=judged_by(c), stands_on=stands_on(c.to_json()),
+        where=where_rows(c), where_columns=WHERE, pictures=drawn, parameters=parameter_rows(c), parameter_columns=PARAMETERS,
+        moved=moved_rows(c.moved or ()), moved_columns=MOVED, note=c.note,
     )  # fmt: skip
     page.write(path, text)
 
 
-def parameter(value: float, se: float | None) -> tuple[str, str]:
-    """A parameter to the second digit of its standard error, and that error; five digits and a dash without one."""
-    return pair(value, se, 1.0, 0) if places(se, -1) >= 0 else (f"{value:.5g}", UNKNOWN)
+PARAMETERS = ["effect:", "axis:", "parameter:", "value", "± se", "unit:"]
+
+
+def parameter(value: float, se: float | None, unit: str) -> list[str]:
+    """A parameter to the second digit of its standard error, that error, and the unit; five digits and a dash without one.
+
+    A fraction is told in percent, as it is in the words of an effect.
+    """
+    factor, unit = in_percent(unit)
+    told = pair(value, se, factor, 0) if places(se, -1) >= 0 else (f"{factor * value:.5g}", UNKNOWN)
+    return [*told, unit]
+
+
+def in_percent(unit: str) -> tuple[float, str]:
+    """What a number in a unit is multiplied by to be told, and its unit then."""
+    return (100.0, unit.replace("fraction", "%", 1)) if unit.startswith("fraction") else (1.0, unit)
 
 
 def parameter_rows(c: Comparison) -> list[list[Any]]:
-    """Rows of effect, axis, parameter, value, standard error and unit."""
+    """The rows below ``PARAMETERS``."""
     rows = []
     for listed in c.fit.model.lines():
         units = {p.name: to_read(p.unit) for p in listed.kind.parameters}
         for name, value in listed.values.items():
             se = listed.se.get(name)
             unit = units.get(name, units.get(name.removesuffix("_sd"), ""))
-            rows.append([listed.id, listed.axis, name, *parameter(value, se), unit])
+            rows.append([listed.id, listed.axis, name, *parameter(value, se, unit)])
     return rows

@@ -17,6 +17,8 @@ RESOLUTION = 0.02
 """Finest step of a varying rate, as a fraction of the largest rate."""
 ONE_RATE = 0.1
 """Runs whose rates differ by less than this fraction of the largest rate count as having the same rate."""
+TURNS = "in turns about "
+"""How a finding in the net angles of turns about other axes begins, which no residual within a run shows."""
 
 
 class Rate(Variable):
@@ -58,7 +60,7 @@ class Rate(Variable):
             shapes.append(Columns(lambda run: _across_dps(run, others), len(others), words))
         across = sorted({r.axis for r in self.turns if r.axis_index != axis and np.any(r.rate_dps)})
         if across:
-            words = f"in turns about {' and '.join(across)}"
+            words = f"{TURNS}{' and '.join(across)}"
             shapes.append(Columns(lambda run: _turned_about(run, across), len(across), words))
         return shapes
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gyrocal.api import Candidate, Comparison, Diagnosis, InputError, Model, Session, check, compare, diagnose, simulate
 from gyrocal.api import add as add_effect
-from gyrocal.calibration.calibrate import DEFAULT_SECONDS, Estimate, calibrate, pairs
+from gyrocal.calibration.calibrate import DEFAULT_SECONDS, POOLED, Estimate, calibrate, pairs
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
 from gyrocal.diagnosis.keep import keep
@@ -19,7 +19,7 @@ from gyrocal.effects import base
 from gyrocal.inference import heldout
 from gyrocal.policy import POLICY
 from gyrocal.present import report
-from gyrocal.recording.session import AXES, Array
+from gyrocal.recording.session import AXES, Array, Run
 from gyrocal.units import to_read
 from gyrocal.web import by_gravity, intake
 from gyrocal.web.against import panels
@@ -44,7 +44,6 @@ from gyrocal.web.views import (
 )
 
 Progress = Callable[[str], None]
-UNPAIRED = "No power cycle has both a face-up and a face-down run, so one answer comes from all recordings."
 
 
 class Bench:
@@ -137,7 +136,7 @@ class Bench:
                 found = calibrate(session, None, None, self._model(list(models.values())[-1]))
             except InputError as error:
                 return CalibrationView([], {}, f"No answer: {str(error).removeprefix(f'{session.path}: ')}.")
-            return CalibrationView(_estimates(found), {}, UNPAIRED, of_answers(found))
+            return CalibrationView(_estimates(found), {}, _unpaired(found, session.runs), of_answers(found))
         spans = [s for s in DEFAULT_SECONDS if s < 0.9 * longest_s]
         best = self._model(list(models.values())[-1])
         warnings = check(session, best)
@@ -272,7 +271,17 @@ def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture 
 
 
 def _estimates(found: Sequence[Estimate]) -> list[dict[str, Any]]:
-    return [e.to_json() for e in found]
+    return [{**e.to_json(), "taken": e.taken} for e in found]
+
+
+def _unpaired(found: Sequence[Estimate], runs: Sequence[Run]) -> str:
+    """Where the answers of a session come from in which no power cycle has two runs of opposite true rate."""
+    faces = {(run.scenario, run.face) for run in runs}
+    paired = len(faces) > len({run.scenario for run in runs})
+    if any(e.scenario == POOLED for e in found):
+        lacks = "shows scale and bias by itself" if paired else "has both a face-up and a face-down run"
+        return f"No power cycle {lacks}, so one answer comes from all recordings."
+    return "No power cycle has two recordings of opposite true rate, so each answer is the model's, from whole recordings."
 
 
 def _errors(found: Sequence[Estimate], whole: dict[tuple[str, str], Estimate]) -> dict[float, tuple[float, float]]:

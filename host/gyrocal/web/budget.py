@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gyrocal.diagnosis.rate_unit import MDPS, RateUnit, percent, unit_of
+from gyrocal.diagnosis.rate_unit import MDPS, RateUnit, negligible, shares, unit_of
 
 if TYPE_CHECKING:
     from gyrocal.calibration.calibrate import Estimate
@@ -44,14 +44,16 @@ class Budget:
         bounds = any(not line.in_se for line in self.lines)
         source, bias = "source, and what would lower it", f"bias ±, {self.unit.name}"
         head = f"<th class=text>{source}</th><th>scale ±, %</th><td></td><th>{bias}</th>"
-        rows = "".join(_row(line, most, self.unit) for line in self.lines)
+        scale = shares([(line.scale, line.in_se) for line in self.lines], 100.0)
+        biases = shares([(line.bias_dps, line.in_se) for line in self.lines], self.unit.per_dps)
+        rows = "".join(_row(line, most, *told) for line, *told in zip(self.lines, scale, biases, strict=True))
         note = "<p class='dim small'>A pale bar is a bound of what the standard error leaves out.</p>" if bounds else ""
         return f"<table class=plain><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{note}"
 
 
 def of_answers(found: Sequence[Estimate]) -> Budget | None:
     """The budget that `gyrocal calibrate` prints; None if no answer is trusted."""
-    from gyrocal.present.budget import headline, shown
+    from gyrocal.present.budget import answered, headline, shown
 
     best = shown(found)
     if best is None:
@@ -59,7 +61,7 @@ def of_answers(found: Sequence[Estimate]) -> Budget | None:
     rows = sorted(best.budget, key=lambda row: (not row.in_se, -(row.scale or 0.0)))
     lines = tuple(Line(row.source, row.scale, row.bias_dps, row.in_se, row.advice) for row in rows)
     unit = unit_of(e.bias_dps for e in found)
-    return Budget(f"{best.scenario}, axis {best.axis}, {best.method}, {best.seconds:g} s", lines, headline(best.budget), unit)
+    return Budget(answered(best), lines, headline(best.budget), unit)
 
 
 def of_gravity(rows: Sequence[GravityRow], unit: RateUnit = MDPS) -> tuple[Budget, ...]:
@@ -72,13 +74,11 @@ def of_gravity(rows: Sequence[GravityRow], unit: RateUnit = MDPS) -> tuple[Budge
     )
 
 
-def _row(line: Line, most: float, unit: RateUnit) -> str:
+def _row(line: Line, most: float, scale: str, bias: str) -> str:
     part = (line.scale or 0.0) / most if most > 0 else 0.0
     bar = f'<div class="reached{"" if line.in_se else " bound"}" aria-hidden="true"><div style="width: {part:.1%}"></div></div>'
     outside = "" if line.in_se else " (a bound, not in the standard error)"
-    nothing = line.scale == 0 and line.bias_dps == 0
-    advice = "" if nothing else f"<div class='dim small'>{html.escape(line.advice)}</div>"
+    advice = "" if negligible(scale) and negligible(bias) else f"<div class='dim small'>{html.escape(line.advice)}</div>"
     source = html.escape(line.source + outside) + advice
-    scale = "0" if line.scale == 0 else percent(line.scale, line.scale)[0]
-    bias = "0" if line.bias_dps == 0 else unit.pair(line.bias_dps, line.bias_dps)[0]
+    scale, bias = (html.escape(told).replace(" ", "&nbsp;") for told in (scale, bias))
     return f"<tr><td class=text>{source}</td><td>{scale}</td><td>{bar}</td><td>{bias}</td></tr>"

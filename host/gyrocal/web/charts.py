@@ -266,7 +266,7 @@ def hero(
         [round(x - half, 6), round(x + half, 6), round(y - 2 * s, 6), round(y + 2 * s, 6)]
         for x, y, s in zip(shown.centres, curve, se, strict=True)
     ]
-    names = ["left over, means", AFTER if added else "the effect, less what bias and scale take up", "± 2 standard errors"]
+    names = [LEFT, AFTER if added else EFFECT, WITHIN_SE]
     through = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, curve, strict=True)]
     dots = [[round(x, 6), round(y, 6)] for x, y in zip(shown.centres, left, strict=True)]
     dashes = DASH if shown.few else {}
@@ -304,7 +304,9 @@ def hero(
     )  # fmt: skip
 
 
+LEFT, EFFECT, WITHIN_SE = "left over, means", "the effect, less what bias and scale take up", "± 2 standard errors"
 AFTER = "where the means should lie now"
+"""Names in the legend of an effect's picture, on the page and in the report."""
 
 
 def _headed(p: Palette, lines: Sequence[str], named: int, count: int = 0) -> Options:

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from gyrocal.device.monitor import doubtful
 from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
-from gyrocal.web.tables import number, plain
+from gyrocal.present.tables import number, plain
 from gyrocal.web.words import METHODS, method
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class Coach:
         self._state.set_visibility(not live.ended)
         measuring = sensor.get("state") == "recording" and not live.ended
         run_s = sensor.get("run_s", 0.0) if measuring else 0.0
-        self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else "–", f"of {NEEDED_S:g} s")
+        self._ring.content = ring(run_s / NEEDED_S, f"{run_s:.1f} s" if run_s else UNKNOWN, f"of {NEEDED_S:g} s")
         self._section.classes(remove=" ".join(STAGES)).classes(now.stage)
         self._section.set_visibility(bool(sensor.get("hello")) and bool(live.port))
         self._turns.text = self._measured(sensor) if measuring else ""

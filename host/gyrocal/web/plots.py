@@ -269,11 +269,11 @@ def _across(panel: Panel, found: Binned) -> Options:
     x, period = found.centre, panel.variable.period
     if period is not None:
         return {"max": period, "min": 0, "interval": period / 8}
-    if not x.size or np.ptp(x) == 0 or x.size >= charts.FEW:
+    if not x.size or x.size >= charts.FEW:
         return {}
     if panel.variable.marks:  # the ticks begin at the end of the axis
         return {"min": float(x[0]) - 1, "max": float(x[-1]) + 1, "interval": 1}
-    space = 0.25 * float(np.ptp(x))
+    space = 0.25 * float(np.ptp(x)) or 1.0
     return {"min": float(x[0]) - space, "max": float(x[-1]) + space}
 
 

@@ -23,6 +23,7 @@ from gyrocal.variables.base import variables
 from gyrocal.variables.direction import CHANGING
 from gyrocal.variables.frequency import Frequency
 from gyrocal.variables.order import Order
+from gyrocal.variables.rate import TURNS
 from gyrocal.variables.reading import Reading
 from gyrocal.variables.shapes import Columns, ShapeOfEachRun, Steps, TableWave
 from gyrocal.web.against import ChangeOfRate, opened_by, panels
@@ -102,6 +103,8 @@ def place(finding: Finding, of: dict[str, Any]) -> Place:
         return Place(Frequency.name, low, high)
     if finding.against == Reading.name and finding.shape is None:
         return Place("")  # it shows from one reading to the next, and not against their size
+    if isinstance(finding.shape, Columns) and finding.shape.words.startswith(TURNS):
+        return Place("")  # a turn of known angle has no residual within the run
     if isinstance(finding.shape, Columns) and finding.shape.words == CHANGING:
         return Place(ChangeOfRate().name)
     kind = variables()[finding.against]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import background_tasks, ui
 
+from gyrocal.diagnosis.rate_unit import UNKNOWN
 from gyrocal.units import CELSIUS
 from gyrocal.web import charts
 from gyrocal.web.samples import SHOWN_S, Frame
@@ -76,7 +77,7 @@ class Readings:
 
     def _value(self, name: str, unit: str) -> tuple[ui.html, ui.label]:
         with ui.element("div").classes("reading"):
-            value = ui.html("<b>–</b>", sanitize=False)
+            value = ui.html(f"<b>{UNKNOWN}</b>", sanitize=False)
             ui.label(f"{name}, {unit}")
             scatter = ui.label("")
         return value, scatter
@@ -188,7 +189,7 @@ class Readings:
         scatters = rows.std(axis=0, ddof=1) if statistics else [np.nan] * len(READINGS)
         for (element, scatter), value, within, (_, unit) in zip(self._values, shown, scatters, READINGS, strict=True):
             digits = 2 if unit == CELSIUS else 3
-            element.content = "<b>–</b>" if value != value else f"<b>{round(value, digits) + 0.0:.{digits}f}</b>"
+            element.content = f"<b>{UNKNOWN}</b>" if value != value else f"<b>{round(value, digits) + 0.0:.{digits}f}</b>"
             scatter.text = "" if within != within else f"scatter {within:.{digits + 1}f}"
 
     def _options(self, frame: Frame) -> charts.Options:

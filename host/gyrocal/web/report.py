@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 
 from gyrocal.api import Comparison, Session
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.effects import base
 from gyrocal.inference.fitted import Fit
 from gyrocal.present import pictures
 from gyrocal.present.page import render
-from gyrocal.present.report import headline, level_rows, level_unit_name, parameter
+from gyrocal.present.report import PARAMETERS, WHERE, headline, judged_by, judged_rows, level_columns, parameter, where_rows
 from gyrocal.present.verdict import stands_on
 from gyrocal.units import CELSIUS, to_read
-from gyrocal.web import charts, scatter
+from gyrocal.web import answers, charts, scatter
+from gyrocal.web.effect_figure import effect_figure
 from gyrocal.web.fall import Fall
 from gyrocal.web.fall_chart import blocks
-from gyrocal.web.small_picture import signature_svg
-from gyrocal.web.told import Change
-from gyrocal.web.views import CalibrationView, Card, DiagnosisView
+from gyrocal.web.told import Change, in_doubt
+from gyrocal.web.views import CalibrationView, DiagnosisView
 from gyrocal.web.words import evidence, method, unseen
 
 CORRELATED = 0.3
@@ -50,16 +50,17 @@ def page(
     open_cards = [] if diagnosis is None else [c for c in diagnosis.cards if c.judged["decision"] in ("add", "suggest")]
     return render(
         "web/report.html", name, headline(found), found.verdict == "adequate", found.warnings,
-        facts=_facts(session, left_out), held_out=found.held_out, levels=level_rows(found), unit=level_unit_name(found),
-        where=found.where, pictures=drawn, bars=bars, top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall,
-        story=story, missing=open_cards, missing_said="" if diagnosis is None else diagnosis.sentence,
-        adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]),
+        facts=_facts(session, left_out), held_out=found.held_out, levels=judged_rows(found), level_columns=level_columns(found),
+        where=where_rows(found), where_columns=WHERE, pictures=drawn, bars=bars,
+        top=max((b.high for b in bars), default=1.0) or 1.0, fall=fall, story=story, missing=open_cards,
+        missing_said="" if diagnosis is None else diagnosis.sentence,
+        adequate_said=found.verdict == "adequate", parameters=_parameters(compared["parameters"]), parameter_columns=PARAMETERS,
         correlations=[row for axis in found.fit.axes for row in correlated(found.fit, axis)],
-        toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story),
+        toml=found.fit.model.toml(), runs=_runs(session), calibration=calibration, commands=_commands(name, story, left_out),
         scattered=[] if calibration is None else scatter.sentences(calibration.estimates, session.axis),
-        meanings=[] if calibration is None else scatter.meanings(calibration.estimates), evidence=evidence, drawn=_drawn,
-        bias_unit=unit_of([] if calibration is None else [e["bias_dps"] for e in calibration.estimates]), named=method,
-        unseen=unseen, percent=percent, stands_on=stands_on(compared),
+        meanings=[] if calibration is None else scatter.meanings(calibration.estimates), stands_on=stands_on(compared),
+        evidence=evidence, unseen=unseen, columns=columns, judged_by=judged_by(found), doubted=in_doubt(story),
+        drawn=lambda shown: pictures.png_data(effect_figure(shown)), **_answers(calibration),
     )  # fmt: skip
 
 
@@ -97,8 +98,8 @@ def _runs(session: Session) -> list[list[str]]:
     return rows
 
 
-def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The parameters, each with its unit."""
+def _parameters(parameters: Sequence[dict[str, Any]]) -> list[list[str]]:
+    """The rows below ``PARAMETERS``."""
     kinds = base.effects()
 
     def unit(effect: str, name: str) -> str:
@@ -107,32 +108,47 @@ def _parameters(parameters: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         return known or next((u for end, u in UNITS.items() if name.endswith(end)), "")
 
     return [
-        {**p, "unit": unit(p["effect"], p["name"]), "shown": parameter(p["value"], p["se"])} for p in parameters
+        [p["effect"], p["axis"], p["name"], *parameter(p["value"], p["se"], unit(p["effect"], p["name"]))] for p in parameters
     ]
 
 
+def columns(text: str) -> int:
+    """The length of the longest line of a file that must not be broken, as a comment may be."""
+    return max((len(line) for line in text.splitlines() if not line.startswith("#")), default=1)
+
+
+def _answers(found: CalibrationView | None) -> dict[str, Any]:
+    """What the template shows of scale and bias: the answers, and how far those of the first seconds are from all seconds."""
+    estimates, errors = ([], {}) if found is None else (found.estimates, found.errors)
+    unit = unit_of(e["bias_dps"] for e in estimates)
+    apart = [
+        [method(name), f"{s:g}", f"{100 * scale:.4f}", unit.text(bias_dps, 3)]
+        for name, by in errors.items() for s, (scale, bias_dps) in by.items()
+    ]  # fmt: skip
+    return {"bias_unit": unit, "apart": apart, "answer_columns": answers.columns(unit), "answers": answers.rows(estimates)}
+
+
 def correlated(fitted: Fit, axis: str) -> list[list[str]]:
-    """Pairs of linear parameters of an axis whose estimates depend on each other: axis, both names, correlation."""
+    """Linear parameters of an axis that depend on each other: axis, both names as effect.parameter, and their correlation."""
     table = fitted.correlations(axis)
-    names = [" ".join(name.split(".")) for name in table["parameter"]]
+    names = list(table["parameter"])
     of = table.drop("parameter").to_numpy()
     pairs = [(j, i) for i in range(len(names)) for j in range(i) if abs(of[i, j]) > CORRELATED]  # NaN: a fixed one
     return [[axis, names[j], names[i], f"{of[i, j]:+.2f}"] for j, i in pairs]
 
 
-def _commands(name: str, story: Sequence[Change]) -> list[str]:
-    """The command lines that repeat what the report shows."""
-    session = shlex.quote(name)
-    first = [f"gyrocal compare {session}", f"gyrocal diagnose {session}"]
+def _commands(name: str, story: Sequence[Change], left_out: Sequence[str]) -> list[str]:
+    """The command lines that repeat what the report shows, without the files of the runs that are left out."""
+    shown = f"{name}-shown" if left_out else name
+    session = shlex.quote(shown)
+    without = (
+        f"from gyrocal.api import Session; s = Session.open({name!r}); "
+        f"s.with_runs([r for r in s.runs if r.file not in {sorted(left_out)!r}]).save({shown!r})"
+    )
+    copied = [f"python -c {shlex.quote(without)}"] if left_out else []
+    first = [*copied, f"gyrocal compare {session}", f"gyrocal diagnose {session}"]
     if not story:
         return [*first, f"gyrocal calibrate {session} --model default"]
     changes = [change.command(session) for change in story]
     last = [f"gyrocal {verb} {session} --model model.toml" for verb in ("compare", "calibrate")]
     return [*first, *changes, *last]
-
-
-def _drawn(card: Card) -> str:
-    assert card.signature is not None
-    return signature_svg(
-        card.signature.dots, card.signature.line, card.signature.title, few=card.signature.few
-    )

@@ -6,9 +6,9 @@ from functools import partial
 
 from nicegui import ui
 
+from gyrocal.present.tables import plain
 from gyrocal.web.models import added
 from gyrocal.web.state import Workbench
-from gyrocal.web.tables import plain
 
 COLUMNS = ("model:", "adds:", "rms", "floor", "excess", "± ", "within cycles", "unit:")
 

@@ -219,13 +219,12 @@ class Workbench:
             self.changed("training")
             try:
                 errors = await self.training.run()
+                parity = await self.jobs.run("Checking the trained network", "verify", folder)
+                self._networks[toml, axis] = TrainedView(folder, errors, parity)
+                self.exported = None
             finally:
                 self.training = None
                 self.changed("training")
-            parity = await self.jobs.run("Checking the trained network", "verify", folder)
-            self._networks[toml, axis] = TrainedView(folder, errors, parity)
-            self.exported = None
-            self.changed("training")
             self.say(f"The network is trained and in {self.places.name(folder)}.")
 
     async def export(self, name: str, axis: str) -> None:

@@ -25,6 +25,8 @@ class Change:
     cards: tuple[Card, ...]
     held: str = ""
     """The parameter that was held at a value or freed, in words."""
+    axes: tuple[str, ...] = ()
+    """The axes on which it was added."""
 
     def command(self, session: str) -> str:
         """The command line that repeats the step on the file ``model.toml``."""
@@ -45,6 +47,18 @@ def story(steps: Sequence[Step], diagnoses: Mapping[str, DiagnosisView]) -> list
         cards = [] if found is None or step.removed or step.recipe.held else found.cards
         named = [c for c in cards if c.judged["decision"] in ("add", "suggest")]
         its = tuple(c for c in named if c.judged["effect"] == step.effect and c.judged["axis"] in step.axes)
-        made = (step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), its, step.recipe.held)
+        on = tuple(sorted(step.axes)) if step.adds else ()
+        made = (step.effect, step.title, step.removed, step.formula, tuple(step.recipe.doubts), its, step.recipe.held, on)
         changes.append(Change(*made))
     return changes
+
+
+def in_doubt(changes: Sequence[Change]) -> str:
+    """The sentence that names the effects of the last model that are not proven; empty if there are none."""
+    doubted: dict[str, str] = {}
+    for change in changes:
+        if change.removed:
+            doubted.pop(change.effect, None)
+        elif change.doubts and not change.held:
+            doubted[change.effect] = change.title
+    return f"Not proven: {', '.join(doubted.values())}." if doubted else ""

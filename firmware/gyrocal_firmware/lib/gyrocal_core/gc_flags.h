@@ -17,7 +17,7 @@ extern "C" {
     X(GC_FLAG_IMPLAUSIBLE, 3, "implausible", "scale or bias is beyond what a working sensor has")               \
     X(GC_FLAG_CONSTANT_READING, 4, "constant_reading", "the reading stands still where noise should move it")   \
     X(GC_FLAG_NET_RANGE, 5, "net_range", "the network was not trained for such readings or rates")              \
-    X(GC_FLAG_DISAGREES, 6, "disagrees", "a fit that holds the same effects gives another answer")              \
+    X(GC_FLAG_DISAGREES, 6, "disagrees", "a fit of typical effects expects a far larger error than is stated")  \
     X(GC_FLAG_MISSED, 7, "missed", "samples are missing")
 
 enum gc_flag {

@@ -10,20 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from gyrocal.diagnosis.rate_unit import percent, unit_of
+from gyrocal.diagnosis.rate_unit import unit_of
 from gyrocal.errors import INDEX_IS, INSTALL_TRAIN
-from gyrocal.web import scatter
+from gyrocal.present.tables import number, plain
+from gyrocal.web import answers, scatter
 from gyrocal.web.state import Topic
-from gyrocal.web.tables import number, plain
 from gyrocal.web.tools import named, tools
 from gyrocal.web.training import Training, missing
-from gyrocal.web.words import method, not_yet
+from gyrocal.web.words import not_yet
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
 
 MOST_ROWS = 300
 EPOCHS = 40
+SHIPPED_FOR = "turns at 78 deg/s, read 145 times a second"
 
 
 class CalibratePanel:
@@ -63,7 +64,7 @@ class CalibratePanel:
         self.answers.clear()
         found = self.bench.calibration
         with self.answers:
-            ui.html("<h2>Scale and bias from the first seconds</h2>", sanitize=False)
+            ui.html("<h2>Scale and bias</h2>", sanitize=False)
             if self.bench.step is None:
                 ui.label(not_yet(self.bench)).classes("dim")
                 if self.bench.session is None and not self.bench.opening:
@@ -129,14 +130,15 @@ class CalibratePanel:
                 where = f"Trained for axis {self.axis}, in {self.bench.places.name(trained.folder)}."
                 ui.label(f"{where} Mean error on new runs drawn from the model, and the model's own:").classes("small")
                 ui.html(_errors(trained.errors), sanitize=False)
+                ui.label("The network's answers in the table are still those of the network that ships.").classes("dim small")
             elif lacking := missing():
                 words = f"Training needs {' and '.join(lacking)}. Install, and start the workbench again. {INDEX_IS}:"
                 ui.label(words).classes("small")
                 _command(f"{shlex.quote(sys.executable)} -m {INSTALL_TRAIN}")
             else:
                 ui.label(
-                    "The shipped network is trained for the paper's campaign. A network trained on runs drawn from this model "
-                    "can replace it on the device. The training takes minutes."
+                    f"The shipped network is trained for {SHIPPED_FOR}. A network trained on runs drawn from this model can "
+                    "replace it on the device. The training takes minutes."
                 ).classes("small")
                 with ui.row().classes("tight"):
                     name = ui.input("folder", value=self.bench.places.free("network").name).props("outlined dense")
@@ -154,6 +156,8 @@ class CalibratePanel:
             return
         self.bar.value = training.done / training.epochs
         parts = [f"epoch {training.done} of {training.epochs}" if training.done else "starting"]
+        if training.done == training.epochs:
+            parts.append("checking the network")
         if training.loss is not None:
             parts.append(f"loss {training.loss:.3f}")
         if training.left_s is not None:
@@ -243,21 +247,9 @@ def _command(command: str) -> None:
         )
 
 
-COLUMNS = ("power cycle:", "axis:", "method:", "first s", "scale, %", "±", "bias, {}", "± ", "misfit", "trusted:")
-"""With the bias's unit to be put in. The axis is left out where all answers are of one, which stands above the table."""
-
-
 def _table(estimates: list[dict[str, Any]]) -> str:
-    unit = unit_of(e["bias_dps"] for e in estimates)
-    rows = [
-        [
-            e["scenario"], e["axis"], method(e["method"]), number(e["seconds"], "g"), *percent(e["scale"], e["scale_se"]),
-            *unit.pair(e["bias_dps"], e["bias_se_dps"]),
-            number(e["misfit"], ".2f"), "yes" if e["trusted"] else "no: " + ", ".join(e["flags"]),
-        ]
-        for e in estimates
-    ]  # fmt: skip
-    columns = [name.format(unit.name) for name in COLUMNS]
+    """The answers. The axis is left out where all are of one, which stands above the table."""
+    columns, rows = answers.columns(unit_of(e["bias_dps"] for e in estimates)), answers.rows(estimates)
     if len({e["axis"] for e in estimates}) == 1:
         at = columns.index("axis:")
         columns, rows = columns[:at] + columns[at + 1 :], [row[:at] + row[at + 1 :] for row in rows]

@@ -159,7 +159,7 @@ class ComparePanel:
                         shown = PANELS.get(place.view)
                         against = shown.label.partition(",")[0] if shown else variables()[finding["against"]].quantity
                         if not place.view:
-                            text = f"{finding['axis']}: {finding['note']}; it shows from one reading to the next, in no picture"
+                            text = f"{finding['axis']}: {finding['note']}; no picture against a variable shows it"
                             ui.label(text).classes("finding plain")
                             continue
                         ui.button(
@@ -334,7 +334,7 @@ def _figures(view: ModelView, tone: str, above: str, *, judged: bool) -> None:
                 (f"excess{sure}, {unit}", excess, f"excess {tone if judged else 'unjudged'}"),
             ):  # fmt: skip
                 with ui.element("div").classes(f"figure {kind}"):
-                    ui.html(f"<b>{'–' if value == UNKNOWN else value}</b>", sanitize=False)
+                    ui.html(f"<b>{value}</b>", sanitize=False)
                     ui.label(name)
         if not judged:
             ui.label("Not judged: figures of the readings as they stand, with what the warning contradicts.").classes(

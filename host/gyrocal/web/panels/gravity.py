@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from gyrocal.diagnosis.rate_unit import UNKNOWN, percent, unit_of
+from gyrocal.present.tables import number, plain
 from gyrocal.present.verdict import stands_on
 from gyrocal.web import warned
 from gyrocal.web.by_gravity import GravityView
 from gyrocal.web.state import Topic
 from gyrocal.web.strips import strips
-from gyrocal.web.tables import number, plain
 from gyrocal.web.words import unseen
 
 if TYPE_CHECKING:

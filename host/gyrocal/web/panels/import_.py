@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from gyrocal.errors import InputError
+from gyrocal.present.tables import plain
 from gyrocal.web import warned
 from gyrocal.web.intake import KINDS, Asked, Looked
 from gyrocal.web.state import Topic
 from gyrocal.web.strips import strips
-from gyrocal.web.tables import plain
 
 if TYPE_CHECKING:
     from gyrocal.web.page import Tab
