@@ -168,6 +168,7 @@ def measure(
     fitted = fit(session, opened, about=about, progress=progress)
     if not fitted.axes:
         raise InputError("the model has no term on any axis; give it scale and bias at least")
+    warnings = plausibility.of_fit(fitted, warnings)
     folds = heldout.folds(fitted, only_day)
     if only_day is not None and not folds:
         days = ", ".join(map(str, session.days)) or "none"

@@ -109,12 +109,13 @@ class Level:
     @staticmethod
     def of(squares: MeanSquares, floor: Floor) -> Level:
         """The level computed from mean squares and the squared floor."""
+        floor_dps = float(np.sqrt(max(0.0, floor.all)))  # a slope's noise is measured, and may come out below zero
         if squares.samples == 0:
-            return Level(None, float(np.sqrt(floor.all)))
+            return Level(None, floor_dps)
         excess, se = excess_of(squares.all - floor.all, floor.error, floor.white / squares.samples)
         within, within_se = excess_of(squares.within - floor.within, floor.error_within, floor.white / squares.samples)
         slow = float(np.sqrt(max(0.0, squares.all - squares.fast)))
-        return Level(float(np.sqrt(squares.all)), float(np.sqrt(floor.all)), excess, se, within, within_se, slow)
+        return Level(float(np.sqrt(squares.all)), floor_dps, excess, se, within, within_se, slow)
 
     def to_json(self) -> dict[str, Any]:
         return {

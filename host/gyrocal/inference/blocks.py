@@ -17,6 +17,7 @@ import numpy as np
 
 from gyrocal.effects.dead_band import outliers_of
 from gyrocal.effects.earth_rate import known_dps as earth_dps
+from gyrocal.policy import POLICY
 from gyrocal.recording.first_readings import FIRST, first_apart
 from gyrocal.recording.session import AXES, GAP_PERIODS, Array, Run, Session
 from gyrocal.recording.stamps import typical_step_s
@@ -107,8 +108,23 @@ class Blocks:
 def known_dps(run: Run, axis: int) -> Array:
     """Known true rate about an axis, shape [n], deg/s: the table's, plus the Earth's if the latitude is given."""
     run = run.about(AXES[axis])
-    known = run.rate_dps if axis == run.axis_index else np.zeros(len(run))
+    known = _as_read(run) if axis == run.axis_index else np.zeros(len(run))
     return known if run.latitude_deg is None else known + earth_dps(run, axis, run.latitude_deg)
+
+
+def _as_read(run: Run) -> Array:
+    """The true rate about the run's axis [n], deg/s. What varies of a single rate is as large as the readings show it.
+
+    The scale is the mean rate's alone, and must not be left of a true wobble. What the readings do not follow is an error
+    of the reference and stays as it is.
+    """
+    rate_dps, mean_dps = run.rate_dps, run.one_rate_dps
+    if mean_dps is None:
+        return rate_dps
+    varies_dps = np.where(run.reached, rate_dps - mean_dps, 0.0)
+    power = float(varies_dps @ varies_dps)
+    follows = float(varies_dps @ run.gyro_dps[:, run.axis_index]) / power if power > 0 else 1.0
+    return rate_dps + (follows - 1) * varies_dps if abs(follows - 1) < POLICY.largest_scale else rate_dps
 
 
 def residual_dps(run: Run) -> Array:

@@ -23,7 +23,7 @@ from gyrocal.inference.axis_fit import fit_axis
 from gyrocal.inference.blocks import reduce_session
 from gyrocal.inference.fitted import AxisFit
 from gyrocal.noise.axis import AxisNoise
-from gyrocal.recording.register import registered
+from gyrocal.recording.register import FIRST_S, registered
 from gyrocal.recording.registration import (
     ReferenceParameter,
     Registration,
@@ -37,6 +37,9 @@ from gyrocal.recording.session import AXES, Array, Run, Session
 STEPS = 4
 SETTLED = 0.05
 """The registration has settled if a step moves each of its parameters by less than this fraction of its standard error."""
+DRIFT_SD = 1e-4
+"""Standard deviation of the drift of two clocks before the data speak: crystals are within 20 to 100 ppm. It is the
+size of the drift itself where that is larger, and counts in recordings of less than ``FIRST_S``."""
 TIMES = ("offset_s", "e")
 """Names of the clock's parameters, which follow the nine elements of the map."""
 ROTATION = ("rx_deg", "ry_deg", "rz_deg")
@@ -121,6 +124,11 @@ def _step(session: Session, model: Model, names: Sequence[str]) -> Structure:
         weight = np.linalg.inv(own.cov)
         information[np.ix_(own.places, own.places)] += weight
         score[own.places] += weight @ own.values
+    if "e" in names and max(run.duration_s for run in session.runs) < FIRST_S:
+        drift = session.runs[0].registration.drift
+        sd = max(DRIFT_SD, abs(drift))
+        information[-1, -1] += sd**-2
+        score[-1] -= drift / sd**2
     return structured(information, score, _pairs(model))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gyrocal.error_model.model import Model
+from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility import columns, header, noise, readings, references, rests, sizes, slopes
 from gyrocal.plausibility.runs import Means
 from gyrocal.recording.register import registered
@@ -58,6 +59,11 @@ def unsure(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
     """The axes on which no effect is named, because a run whose other axis a blocking warning accuses turned otherwise."""
     accused = [w for w in warnings if w.blocking and w.file is not None and w.code in OF_THE_TURN]
     return {a for a in axes if any(not w.blocks(a) for w in accused)}
+
+
+def of_fit(fitted: Fit, warnings: list[Warning]) -> list[Warning]:
+    """The warnings of a session, and those of what has been fitted to it."""
+    return [*warnings, *accepted(sizes.of_fit(fitted, warnings), fitted.session.accept)]
 
 
 def blocked(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:

@@ -71,12 +71,12 @@ class Means:
 def _mean(run: Run, axis: int) -> Mean:
     known = run.reached if run.reached.any() else np.ones(len(run), dtype=bool)  # without what lies in a gap of the reference
     y, rate = run.gyro_dps[known, axis], run.rate_dps[known]
-    varies_dps = 0.0 if run.rate_is_mean else float(np.std(rate))
+    varies_dps = 0.0 if run.rate_is_mean or run.one_rate_dps is not None else float(np.std(rate))
     if varies_dps > POLICY.rest_dps and (varies_dps > POLICY.rate_varies_dps or _follows(y, rate)):
         lag, others = lag_samples(y, rate, longest_lag(run)), _others_dps(run)[:, known]
         others = np.array([_shifted(y, other, lag)[1] for other in others])
         y, rate = _shifted(y, rate, lag)
-        samples = max(1, round(POLICY.slow_s * run.sample_rate_hz)) if run.three_axes else 1
+        samples = max(1, round(POLICY.slow_s * run.sample_rate_hz)) if run.three_axes else _samples_to_tell(run, rate)
         slow = [_block_means(values, samples) for values in (y, rate, *others)]
         beside = np.array(slow[2:]).reshape(len(others), slow[0].size)
         line, omega_rad_s = _regression(slow[0], slow[1], beside, _noise_dps(run) / samples**0.5, _size(run)), _omega_rad_s(run)
@@ -115,6 +115,20 @@ def _block_means(values: Array, samples: int) -> Array:
     """Means of successive blocks of ``samples`` of values [n]; what is left at the end is not used."""
     samples = max(1, min(samples, values.size // CLUSTERS))
     return np.asarray(values[: values.size // samples * samples].reshape(-1, samples).mean(axis=1))
+
+
+def _samples_to_tell(run: Run, rate: Array) -> int:
+    """Samples of the shortest means of a true rate [n] that the noise of its angle hardly changes; 1 without such a noise."""
+    left_deg = None if run.measured_rates is None else run.measured_rates.left_deg
+    if left_deg is None or not np.isfinite(left_deg).any():
+        return 1
+    noise_deg, samples = 2**0.5 * float(np.nanstd(left_deg)), 1
+    while samples * CLUSTERS < rate.size:
+        moved_deg = _block_means(rate, samples).std() * samples / run.sample_rate_hz
+        if noise_deg < POLICY.told_noise * moved_deg:
+            break
+        samples *= 2
+    return samples
 
 
 def _noise_dps(run: Run) -> float:

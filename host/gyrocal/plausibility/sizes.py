@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from gyrocal.effects.base import Role
+from gyrocal.inference.fitted import Fit
 from gyrocal.plausibility.runs import Mean, Means
 from gyrocal.plausibility.slopes import Lines, agreed, middle_of
 from gyrocal.policy import POLICY
@@ -44,6 +46,24 @@ def check(means: Means, found: Lines, accused: list[Warning], moved: list[Warnin
             slope = middle_of(np.array([s.value for s in line.slopes])) if line is not None and line.slopes else 0.0
             own = _turn_on(axis, points, bias, slope) if line is not None else []
             out += own or _across(means, axis, accused, moved)
+    return out
+
+
+def of_fit(fitted: Fit, known: list[Warning]) -> list[Warning]:
+    """Fitted scales that no gyroscope has, on axes about which no warning of ``known`` says why."""
+    out = []
+    for term in fitted.model.terms:
+        if term.effect.role is not Role.SCALE or any(w.blocks(term.axis) for w in known):
+            continue
+        scale, se = (of.get(term.effect.linear[0], 0.0) for of in (term.values, term.se))
+        if abs(scale) <= POLICY.largest_scale + POLICY.turning_errors * se:
+            continue
+        text = (
+            f"the fit gives {term.axis} a scale error of {scale:+.0%}; gyroscopes have a few percent, and the means of the "
+            "runs do not show it. The reference may vary within runs as the sensor does not: check how it is mounted and its "
+            "noise, or turn at several rates in one power cycle"
+        )
+        out.append(Warning("scale_implausible", term.axis, None, text, True))
     return out
 
 

@@ -82,6 +82,11 @@ class Plausibility:
         0.05, "largest relative standard error of a slope that is judged",
         larger="slow and noisy runs are judged by their noise", smaller="contradictions of slow runs are not reported",
     )  # fmt: skip
+    told_noise: float = threshold(
+        0.1, "noise of a measured angle, as a fraction of the turn over the means whose slope is judged against it",
+        larger="a coarse encoder flattens the slope", smaller="fast motions beside a coarse encoder are not judged",
+        chosen_by="the square of it is lost of the slope, 1 %; pytest tests/plausibility/test_coarse_angles.py",
+    )  # fmt: skip
     slow_s: float = threshold(
         0.25, "length of the means whose slope is judged against a reference with three axes, s",
         larger="fast motions are not judged", smaller="the sensor's low-pass and the jitter of both clocks flatten the slope",
@@ -197,6 +202,12 @@ class Plausibility:
         1.0, "standard deviation of the true rate from which on a run has a slope of its own, dps",
         larger="slow swings are judged by their mean", smaller="the noise of an encoder is taken for motion",
         chosen_by="the noise of encoders is far smaller; pytest tests/plausibility/test_plausible.py",
+    )  # fmt: skip
+    one_rate: float = threshold(
+        0.01, "standard deviation of a measured rate, as a fraction of its mean, below which a run has one rate for its scale",
+        larger="a slow wobble, which a scale multiplies by no more than 1 %, is left in the residual",
+        smaller="an eccentric encoder's error, which the sensor does not follow, decides on the scale and not the mean rates",
+        chosen_by="an eccentricity of half a degree is 0.9 % of the rate; pytest tests/recording/test_one_rate.py",
     )  # fmt: skip
     rest_dps: float = threshold(
         0.01, "mean rate below which a run is at rest, dps",

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gyrocal.policy import POLICY
-from gyrocal.recording.orientation import jumps
+from gyrocal.recording.orientation import count_deg, jumps
 from gyrocal.recording.smoothing import NoiseLevel, Smoothed, steadier_slope
 from gyrocal.recording.timing import best_width, noise_sd, smooth_by
 
@@ -39,6 +39,15 @@ MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal variable."""
 NEIGHBOURS = 24
 """Samples over which the noise of angles is compared."""
+LEAST_HELD, HELD_ALIKE = 20, 0.8
+"""An angle is held if it changes at least so often, and this part of the times between changes differ by at most a sample."""
+SEVERAL, SOMETIMES = 1.5, 0.1
+"""A held angle moves by more than so many counts at a time, or it stays the same in more than this part of its readings."""
+SHORT, ROUNDS = 0.1, 3
+"""Quantile of the times between changes that is taken for one period at first, and the fits that improve it."""
+EVEN, REGULAR = 0.4, 0.1
+"""Samples (one sigma) by which changes are off even times. Rounded up to samples, they are off by 0.29; by less than the second
+if the angle is measured in a sample itself."""
 STEADIER_SE = 0.5
 """Standard error of the variance of a steadier rate, as a fraction of it: a tracker's noise is not the same everywhere."""
 
@@ -72,19 +81,23 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     Rows that are ``known`` [n] have an angle. The rate is the slope of a smooth curve through the sum of the angles, which is
     exact whatever they are, so that the rate's integral is the measured angle. The curve is a smoothing spline
     (:func:`gyrocal.recording.timing.smooth_by`), piece by piece between gaps and jumps. Samples between two angles have a rate
-    too: a tracker or an encoder may be slower than the sensor.
+    too: a tracker or an encoder may be slower than the sensor. An angle that is held until the next one counts where it
+    changes.
     """
     from scipy.interpolate import CubicSpline
 
     rows = np.flatnonzero(known)
+    anew, late = _measured_anew(turned(rows))
+    rows = rows[anew]
+    measured_s = np.interp(rows - late, np.arange(t_s.size), t_s)
     steps_deg = turned(rows)
     rates, left_deg, steady, error = np.full((4, t_s.size, steps_deg.shape[1]), np.nan)
-    steps_s = np.diff(t_s[rows])
+    steps_s = np.diff(measured_s)
     usual_s = float(np.median(steps_s)) if steps_s.size else 0.0
     jumped = jumps(steps_deg * (usual_s / steps_s)[:, None])
     cuts = np.flatnonzero(jumped | (steps_s > GAP_STEPS * usual_s)) + 1
     pieces = [p for p in np.split(np.arange(rows.size), cuts) if p.size > 2 * TRIMMED]
-    times_s = [t_s[rows[p]] for p in pieces]
+    times_s = [measured_s[p] for p in pieces]
     angles_deg = [np.cumsum(np.vstack([np.zeros_like(steps_deg[:1]), steps_deg[p[:-1]]]), axis=0) for p in pieces]
     noises_deg = [[angle_noise_deg(t, a) for a in angle.T] for t, angle in zip(times_s, angles_deg, strict=True)]
     widths = _typical(times_s, [
@@ -110,6 +123,41 @@ def angle_slopes(t_s: Array, known: Mask, turned: Callable[[Index], Array], *, s
     inside = np.isfinite(rates).all(axis=1)
     level = np.median(np.abs(rates[inside] - steady[inside]), axis=0) / MEDIAN_OF_NORMAL
     return AngleSlopes(rates, int(jumped.sum()), left_deg, Smoothed(steady, error, NoiseLevel(float(level.max()), STEADIER_SE)))
+
+
+def _measured_anew(steps_deg: Array) -> tuple[Index, Array]:
+    """The samples [m] at which an angle was measured, and how many samples before, [m], if each is held for some samples.
+
+    ``steps_deg`` [n - 1, k] are the steps of the angle. If it is not held, it is measured in all samples. An angle that is held
+    changes at even times, and by several counts at a time or not each time. One that moves by single counts may
+    be coarse and no more. While a held angle stands still, it is taken as often as otherwise.
+    """
+    moved = np.linalg.norm(steps_deg, axis=1)
+    every = np.arange(moved.size + 1)
+    start = np.concatenate([[0], np.flatnonzero(moved) + 1])
+    length = np.diff(start, append=every.size)
+    inner = length[1:-1]
+    if start.size < LEAST_HELD or np.median(inner) < 2:
+        return every, np.zeros(every.size)
+    period = float(np.median(inner[inner <= 1.5 * np.quantile(inner, SHORT)]))
+    for _ in range(ROUNDS):
+        number = np.concatenate([[0], np.cumsum(np.maximum(np.round(inner / period), 1))])
+        period, first = (float(c) for c in np.polyfit(number, start[1:], 1))
+    off = start[1:] - first - period * number
+    even = float(np.std(off)) < EVEN
+    alike = float(np.mean(np.abs(inner - np.median(inner)) <= 1)) >= HELD_ALIKE
+    several = float(np.median(moved[start[1:] - 1])) > SEVERAL * count_deg(steps_deg)
+    sometimes = float(np.mean(inner > 1.5 * period)) > SOMETIMES
+    if period < 2 or not ((alike and several) or (even and (several or sometimes))):
+        return every, np.zeros(every.size)
+    times = np.maximum(np.round(length / period).astype(int), 1)
+    number = np.arange(times.sum()) - np.repeat(np.cumsum(times) - times, times)
+    rows = np.minimum(np.repeat(start, times) + np.round(number * period).astype(int), moved.size)
+    late = np.full(start.size, 0.5)
+    if even:
+        late[1:] = np.clip(off + 0.5, 0.0, 1.0) if np.std(off) > REGULAR else 0.0
+    kept = slice(0 if length[0] > period - 1 else times[0], None)
+    return rows[kept], np.repeat(late, times)[kept]
 
 
 def _typical(times_s: Sequence[Array], numbers: Sequence[Sequence[float]]) -> list[float]:

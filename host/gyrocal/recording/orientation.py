@@ -17,6 +17,10 @@ JUMP_FACTOR = 8.0
 """A step is a jump if it exceeds both the steps before and those after it by this factor, and :data:`JUMP_DEG`."""
 BESIDE = 4
 """Steps on either side with which a step is compared."""
+FINE_DEG = 1e-3
+"""Smaller counts need no allowance."""
+WHOLE, MOST_WHOLE = 0.05, 0.9
+"""More of the steps than the second are within the first of a whole number of counts."""
 
 
 def turned_deg(quaternion: Array, label: str) -> Array:
@@ -42,11 +46,26 @@ def turned_deg(quaternion: Array, label: str) -> Array:
 
 
 def jumps(turned: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """True for the steps [n - 1, k] in which the reference jumped: a marker was exchanged, a tracker found itself again."""
-    known = np.linalg.norm(turned, axis=1)
+    """True for the steps [n - 1, k] in which the reference jumped: a marker was exchanged, a tracker found itself again.
+
+    A coarse angle is compared where it moves, and a count or two more are no jump.
+    """
+    size, count = np.linalg.norm(turned, axis=1), count_deg(turned)
+    moves = np.flatnonzero(size > 0) if count else np.arange(size.size)
+    known, out = size[moves], np.zeros(size.size, dtype=bool)
     if known.size < 2 * BESIDE:
-        return np.zeros(known.size, dtype=bool)
+        return out
     padded = np.pad(known, BESIDE, mode="edge")
     around = np.lib.stride_tricks.sliding_window_view(padded, BESIDE)
     usual = np.maximum(np.median(around[: known.size], axis=1), np.median(around[BESIDE + 1 :], axis=1))
-    return np.asarray(known > JUMP_DEG + JUMP_FACTOR * usual)
+    out[moves] = known > JUMP_DEG + 2 * count + JUMP_FACTOR * np.maximum(usual - count, 0.0)
+    return out
+
+
+def count_deg(turned: Array) -> float:
+    """The count of a coarse angle, of which nearly all its steps [n - 1, k] are whole multiples, deg; 0 if there is none."""
+    moved = np.linalg.norm(turned, axis=1)
+    moved = moved[moved > FINE_DEG]
+    count = float(moved.min(initial=np.inf))
+    off = np.abs(moved / count - np.round(moved / count))
+    return count if moved.size and float(np.mean(off < WHOLE)) > MOST_WHOLE else 0.0

@@ -40,7 +40,7 @@ GRID_HZ = 100.0
 CANDIDATES = 8
 """Maxima of the correlation that are refined."""
 FIRST_S = 30.0
-"""The drift of a clock is not estimated from less than this; the search doubles it until it holds the whole recording, s."""
+"""The search looks for no drift of a clock in less than this; it doubles it until it holds the whole recording, s."""
 MOST_SAMPLES = 30_000
 ROUNDS = 20
 SETTLED_S = 1e-7
@@ -186,7 +186,6 @@ class _Search:
         parameters = parameters if turning else []
         if own_clock:
             parameters.append(ReferenceParameter("time_offset", "offset_s", best.offset_s, None))
-        if drifts:
             parameters.append(ReferenceParameter("clock_drift", "e", best.drift, None))
         left = float(best.squares.sum()) / max(best.readings, 1e-300)
         return RegistrationFit(registration, tuple(parameters), alternatives, mirrored, best.readings**0.5, left)

@@ -17,7 +17,7 @@ from gyrocal.recording.angle_slopes import GAP_STEPS
 from gyrocal.recording.header import Axis, Face, Reference
 from gyrocal.recording.measured_rates import MeasuredRates, measured_rates
 from gyrocal.recording.registration import Registration
-from gyrocal.recording.smoothing import Smoothed, smoothed, smoothed_temperature
+from gyrocal.recording.smoothing import NoiseLevel, Smoothed, smoothed, smoothed_temperature
 from gyrocal.recording.stamps import in_bursts, regression, weights
 from gyrocal.recording.table import check_table, read_table_and_damage
 from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing, between
@@ -25,6 +25,8 @@ from gyrocal.recording.timing import SYNCHRONOUS, Motion, Timing, between
 AXES = ("x", "y", "z")
 GAP_PERIODS = 1.5
 """Two samples that are further apart have lost one between them (GC_GAP_PERIODS in the core)."""
+MEAN_S = 0.1
+"""Time over which readings are averaged to see whether they vary, s."""
 OF_FILE = (
     "_read", "t_s", "sample_s", "t_us", "gyro_dps", "step_dps", "acc_g", "temp_c", "smooth_temp", "measured_rates",
 )  # fmt: skip
@@ -234,6 +236,25 @@ class Run:
         return out
 
     @cached_property
+    def one_rate_dps(self) -> float | None:
+        """The mean of a measured rate that is the same all through the run, deg/s; None if it varies.
+
+        It is the same if it varies by less than 1 % of it, or if the readings do, in means of a tenth of a second. What else
+        varies is the reference's error: its noise, or the eccentricity of an encoder. The scale must not follow that.
+        """
+        reference = self.reference_dps
+        if reference is None:
+            return None
+        mean_dps = float(np.nanmean(reference))
+        if float(np.nanstd(reference)) < POLICY.one_rate * abs(mean_dps):
+            return mean_dps
+        read_dps = self.gyro_dps[np.isfinite(reference), self.axis_index]
+        samples = max(1, min(round(MEAN_S * self.sample_rate_hz), read_dps.size // 2))
+        means_dps = read_dps[: read_dps.size // samples * samples].reshape(-1, samples).mean(axis=1)
+        least_dps = min(abs(mean_dps), abs(float(means_dps.mean())))
+        return mean_dps if float(means_dps.std()) < POLICY.one_rate * least_dps else None
+
+    @cached_property
     def _smooth_reference(self) -> Smoothed | None:
         """The reference without its noise, which does not depend on the timing; None if the rate is not measured but known.
 
@@ -243,6 +264,9 @@ class Run:
         reference, measured = self.reference_dps, self.measured_rates
         if reference is None or not self.smooth:
             return None
+        if self.one_rate_dps is not None:
+            noise = NoiseLevel(float(np.nanstd(reference)), 0.0)
+            return Smoothed(np.full(len(self), self.one_rate_dps), np.zeros(len(self)), noise)
         if measured is not None and measured.derived:
             return measured.steadier_about(self.axis_index, self.registration)
         known = np.isfinite(reference)

@@ -1,0 +1,85 @@
+"""Encoders with coarse steps, or slower than the sensor and held until their next reading: no contradiction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from encoders import SCALE, encoder_session
+from gyrocal.diagnosis.compare import compare
+from gyrocal.plausibility import check
+from gyrocal.recording.orientation import count_deg, jumps
+from gyrocal.recording.session import Session
+
+
+def judged(session: Session) -> tuple[str, float, float]:
+    told = compare(session).to_json()
+    (found,) = [p for p in told["parameters"] if p["effect"] == p["name"] == "scale" and p["axis"] == "z"]
+    return told["verdict"], (found["value"] - SCALE) / found["se"], found["se"]
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "rate_hz", "swing_dps"), [(1.0, 100.0, 25.0), (1.0, 200.0, 50.0), (0.36, 200.0, 15.0), (3.0, 50.0, 60.0)]
+)
+def test_coarse_steps_are_no_jumps_and_no_wrong_scale(step_deg: float, rate_hz: float, swing_dps: float) -> None:
+    """The samples beside each step were left out, and what remained said a scale error of -46 %."""
+    session = encoder_session(61, rate_hz, step_deg=step_deg, swing_dps=swing_dps)
+    assert check(session) == []
+    verdict, z, se = judged(session)
+    assert verdict == "adequate"
+    assert abs(z) < 4
+    assert se < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("encoder_hz", "rate_hz", "step_deg", "swing_dps"),
+    [(7.3, 50.0, 0.02, 20.0), (12.7, 100.0, 0.02, 60.0), (7.3, 50.0, 0.5, 20.0), (31.0, 200.0, 0.3, 20.0)],
+)
+def test_a_held_angle_is_read_at_its_own_rate(encoder_hz: float, rate_hz: float, step_deg: float, swing_dps: float) -> None:
+    """Each change of a held angle was a jump, and "z reads 0.06 of the true rate"."""
+    session = encoder_session(71, rate_hz, step_deg=step_deg, swing_dps=swing_dps, encoder_hz=encoder_hz)
+    assert check(session) == []
+    _, z, se = judged(session)
+    assert abs(z) < 4
+    assert se < 2e-3
+    true_dps = (session.runs[0].gyro_dps[:, 2] + 0.4) / (1 + SCALE)
+    reference = session.runs[0].reference_dps
+    assert reference is not None
+    known = np.isfinite(reference)
+    assert known.mean() > 0.9
+    steps = 4 * step_deg * encoder_hz  # four counts within a reading of the encoder
+    assert np.std(reference[known] - true_dps[known]) < 0.05 * swing_dps + steps
+
+
+def repeated(session: Session, every: int) -> Session:
+    """The session with the angle of each ``every``-th sample held, as a loop makes it that asks the encoder less often."""
+    def held(angle_deg: Any) -> Any:
+        values = angle_deg.to_numpy()
+        return np.repeat(values[::every], every)[: values.size]
+
+    return session.with_runs(
+        replace(r, frame=r.table.with_columns(ref_angle_deg=held(r.table["ref_angle_deg"]))) for r in session.runs
+    )
+
+
+@pytest.mark.parametrize(("every", "step_deg"), [(4, 0.02), (10, 0.02), (4, 0.3)])
+def test_a_repeated_angle_is_as_good_as_one_with_empty_cells(every: int, step_deg: float) -> None:
+    session = repeated(encoder_session(81, step_deg=step_deg, swing_dps=40.0), every)
+    assert check(session) == []
+    verdict, z, se = judged(session)
+    assert verdict == "adequate"
+    assert abs(z) < 4
+    assert se < 1e-3
+
+
+def test_a_slip_of_a_coarse_encoder_is_still_a_jump() -> None:
+    rng = np.random.default_rng(5)
+    angle_deg = np.round(40 * np.sin(np.arange(4000) / 300) + rng.uniform(0, 1))
+    slipped = angle_deg + 12.0 * (np.arange(4000) > 2100)
+    assert count_deg(np.diff(angle_deg)[:, None]) == 1.0
+    assert not jumps(np.diff(angle_deg)[:, None]).any()
+    assert np.flatnonzero(jumps(np.diff(slipped)[:, None])).tolist() == [2100]
+    assert count_deg(np.diff(angle_deg + rng.normal(0, 0.1, 4000))[:, None]) == 0.0
