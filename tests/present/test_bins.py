@@ -57,7 +57,7 @@ def test_the_errors_of_means_hold_for_recordings_with_offsets(seed: int) -> None
         y = rng.normal(0, 5, 24)[run] + rng.normal(0, 2, run.size)
         found = cells(place, y, run, 6)
         z.append(found.mean / found.se)
-    assert 0.95 < np.std(z) < 1.15  # with 18 degrees of freedom, 1.06
+    assert 0.95 < np.std(z) < 1.2  # with some 9 degrees of freedom in all, 1.13
 
 
 def test_without_offsets_the_error_is_that_of_the_noise() -> None:
