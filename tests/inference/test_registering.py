@@ -113,3 +113,4 @@ def test_the_drift_of_a_clock_counts_in_short_recordings(drift: float, seconds: 
         value, se = by_name[name].value, by_name[name].se
         assert se is not None
         assert abs(value - truth) < 4 * se < 4e-4, name
+    assert ("clock_drift" in found.ids) == (drift == 2e-3 or abs(by_name["e"].value) > 2 * (by_name["e"].se or 0.0))

@@ -45,7 +45,8 @@ from gyrocal.inference.fitted import Fit
 from gyrocal.inference.noise_shape import of_slopes
 from gyrocal.noise.spectrum import Spectrum
 from gyrocal.policy import POLICY
-from gyrocal.recording.register import registered
+from gyrocal.recording.register import FIRST_S, registered
+from gyrocal.recording.registration import ReferenceParameter
 from gyrocal.recording.session import AXES, Session
 from gyrocal.shown import Shown
 from gyrocal.threads import each, one_thread
@@ -88,8 +89,18 @@ class Comparison(Shown):
     @property
     def ids(self) -> list[str]:
         """Ids of the model's effects and noise components, and of what was estimated about the recording's reference."""
-        of_recording = dict.fromkeys(p.effect for p in self.fit.session.registration_parameters)
+        of_recording = dict.fromkeys(p.effect for p in self.registration)
         return [*self.fit.model.ids, *of_recording]
+
+    @property
+    def registration(self) -> list[ReferenceParameter]:
+        """What was estimated of the reference's frame and clock; in short recordings no drift of the clock that is not shown."""
+        session = self.fit.session
+        long = max(run.duration_s for run in session.runs) >= FIRST_S
+        return [
+            p for p in session.registration_parameters
+            if long or p.name != "e" or (p.se is not None and abs(p.value) > POLICY.excess_errors * p.se)
+        ]
 
     @property
     def judged(self) -> list[str]:
@@ -136,7 +147,7 @@ class Comparison(Shown):
                 for name, value in line.values.items()
             ] + [
                 {"effect": p.effect, "axis": None, "name": p.name, "value": p.value, "se": p.se}
-                for p in self.fit.session.registration_parameters
+                for p in self.registration
             ],
             **({} if self.moved is None else {"as_is": True, "moved": [m.to_json() for m in self.moved]}),
             "warnings": [w.to_json() for w in self.warnings],

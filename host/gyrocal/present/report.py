@@ -150,7 +150,7 @@ def print_comparison(c: Comparison) -> None:
 
 def reference_words(c: Comparison) -> str:
     """What the session shows of its reference's frame and clock, with standard errors; empty if it has neither of its own."""
-    found = [f"{p.effect} {p.name} {plus_minus(p.value, p.se)}" for p in c.fit.session.registration_parameters]
+    found = [f"{p.effect} {p.name} {plus_minus(p.value, p.se)}" for p in c.registration]
     return f"reference: {', '.join(found)}" if found else ""
 
 
