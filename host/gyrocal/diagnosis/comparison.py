@@ -94,7 +94,7 @@ class Comparison(Shown):
 
     @property
     def registration(self) -> list[ReferenceParameter]:
-        """What was estimated of the reference's frame and clock; in short recordings no drift of the clock that is not shown."""
+        """What was estimated of the reference's frame and clock; in short recordings no drift that they do not show."""
         session = self.fit.session
         long = max(run.duration_s for run in session.runs) >= FIRST_S
         return [
