@@ -44,7 +44,7 @@ def session() -> Session:
 def test_a_variable_is_whole(name: str, session: Session) -> None:
     variable = variables()[name](session.runs)
     assert variable.title
-    assert variable.label() == f"{variable.quantity}, {variable.unit}"
+    assert variable.label() == (variable.quantity if variable.marks else f"{variable.quantity}, {variable.unit}")
     assert set(variable.searched) <= variable.symbols.keys()
     assert variable.searched or variable.no_formula != Variable.no_formula
     for run in session.runs:

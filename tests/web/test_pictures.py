@@ -108,7 +108,7 @@ def test_add_flattens_the_picture_and_it_can_be_copied(served: Any, look: Callab
     page.wait_for_function(f"() => Math.max(...{points}.map(Math.abs)) < 40")
     assert len(page.evaluate(points)) == len(before)
     heading = page.evaluate(f"{HERO}.getOption().title.map(t => t.text)")
-    assert heading[0] == "Ripple of the table's speed on z"
+    assert heading[0] == "Ripple of the table's speed on z, in the model now"
     assert "LSM6DSO" in heading[1]
     assert "amplitude_k" in heading[1]
     assert re.search(r"excess error within power cycles \d+\.\d\d → \d+\.\d\d mdps rms", heading[2])

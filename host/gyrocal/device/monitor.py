@@ -310,7 +310,7 @@ def _result_table(sensor: Sensor) -> RenderableType:
             _with_error(values.get("bias_dps"), values.get("bias_se_dps"), 1.0),
             _number(values.get("temp_c"), ".1f"),
             Text(_number(values.get("misfit"), ".2f"), style="bold red" if doubtful(values) else ""),
-            Text.assemble((flags, "bold red"), (" before restart" if which in sensor.earlier else "", "dim")),
+            Text.assemble(("before restart " if which in sensor.earlier else "", "dim"), (flags, "bold red")),
         )
     return table
 

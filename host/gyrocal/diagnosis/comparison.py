@@ -179,7 +179,6 @@ def measure(
     fitted = fit(session, opened, about=about, progress=progress)
     if not fitted.axes:
         raise InputError("the model has no term on any axis; give it scale and bias at least")
-    warnings = plausibility.of_fit(fitted, warnings)
     folds = heldout.folds(fitted, only_day)
     if only_day is not None and not folds:
         days = ", ".join(map(str, session.days)) or "none"
@@ -211,6 +210,7 @@ def measure(
     per_axis = {axis: Level.of(squares[axis], floors[axis]) for axis in fitted.axes}
     where = _with_left_over(fitted, misfit, squares, floors, judged)
     failing = {f.axis for f in where}
+    warnings = plausibility.of_fit(fitted, warnings, failing)
     if failing:
         fitted = beside_misfit(fitted, [axis for axis in fitted.axes if axis in failing])
     return Comparison(

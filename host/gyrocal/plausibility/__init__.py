@@ -7,6 +7,7 @@ folders below it.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from gyrocal.error_model.model import Model
@@ -61,9 +62,9 @@ def unsure(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:
     return {a for a in axes if any(not w.blocks(a) for w in accused)}
 
 
-def of_fit(fitted: Fit, warnings: list[Warning]) -> list[Warning]:
-    """The warnings of a session, and those of what has been fitted to it."""
-    return [*warnings, *accepted(sizes.of_fit(fitted, warnings), fitted.session.accept)]
+def of_fit(fitted: Fit, warnings: list[Warning], failing: Collection[str] = ()) -> list[Warning]:
+    """The warnings of a session, and those of what was fitted to it. ``failing`` are axes with a misfit, which says more."""
+    return [*warnings, *accepted(sizes.of_fit(fitted, warnings, failing), fitted.session.accept)]
 
 
 def blocked(warnings: list[Warning], axes: tuple[str, ...]) -> set[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,11 @@ def check(means: Means, found: Lines, accused: list[Warning], moved: list[Warnin
     return out
 
 
-def of_fit(fitted: Fit, known: list[Warning]) -> list[Warning]:
-    """Fitted scales that no gyroscope has, on axes about which no warning of ``known`` says why."""
+def of_fit(fitted: Fit, known: list[Warning], failing: Collection[str] = ()) -> list[Warning]:
+    """Fitted scales that no gyroscope has, on axes about which no warning of ``known`` says why.
+
+    On a ``failing`` axis the misfit may be the cause, as a large error of the clock is, so that the warning does not block.
+    """
     out = []
     for term in fitted.model.terms:
         if term.effect.role is not Role.SCALE or any(w.blocks(term.axis) for w in known):
@@ -63,7 +67,7 @@ def of_fit(fitted: Fit, known: list[Warning]) -> list[Warning]:
             "runs do not show it. The reference may vary within runs as the sensor does not: check how it is mounted and its "
             "noise, or turn at several rates in one power cycle"
         )
-        out.append(Warning("scale_implausible", term.axis, None, text, True))
+        out.append(Warning("scale_implausible", term.axis, None, text, term.axis not in failing))
     return out
 
 

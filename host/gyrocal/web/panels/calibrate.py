@@ -222,6 +222,8 @@ class CalibratePanel:
 
     async def _report(self) -> None:
         text = await self.bench.report()
+        if self.files.is_deleted:  # the panel was left meanwhile
+            return
         if text is not None and self.bench.session is not None:
             ui.download.content(text, f"{self.bench.session.path.name}.html", "text/html")
 
