@@ -289,6 +289,12 @@ def effects() -> dict[str, Effect]:
     return dict(sorted(found.items()))
 
 
+def title_of(effect_id: str) -> str:
+    """The title of an effect by its id; that of a formula of the user's own is its id."""
+    known = effects().get(effect_id)
+    return effect_id if known is None else known.title
+
+
 def _defined_in(module: ModuleType) -> list[Effect]:
     """One instance of each effect that a module defines. Abstract and private classes are only bases of others."""
     return [

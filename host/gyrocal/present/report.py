@@ -14,7 +14,7 @@ from gyrocal.diagnosis.explain import REPEAT
 from gyrocal.diagnosis.levels import explained
 from gyrocal.diagnosis.moved import Moved
 from gyrocal.diagnosis.rate_unit import UNKNOWN, RateUnit, pair, places, rounded, unit_of
-from gyrocal.effects.base import Effect, effects
+from gyrocal.effects.base import Effect, title_of
 from gyrocal.inference.blocks import BLOCK_S
 from gyrocal.policy import POLICY
 from gyrocal.present.output import plus_minus, stdout, table
@@ -257,14 +257,9 @@ def _also(d: Diagnosis, best: Candidate) -> str:
     axes: dict[str, set[str]] = {}
     for c in d.candidates:
         if c.decision == "add" and c.effect.id not in best.group and c.effect.id != best.effect.id:
-            axes.setdefault(" or ".join(_title(i) for i in sorted(c.group) or [c.effect.id]), set()).add(c.axis)
+            axes.setdefault(" or ".join(title_of(i).lower() for i in sorted(c.group) or [c.effect.id]), set()).add(c.axis)
     told = "; ".join(f"{titles} on {', '.join(sorted(on))}" for titles, on in axes.items())
     return f" Also: {told}." if told else ""
-
-
-def _title(effect_id: str) -> str:
-    kinds = effects()
-    return kinds[effect_id].title.lower() if effect_id in kinds else effect_id
 
 
 def unproven(d: Diagnosis) -> list[Candidate]:

@@ -16,7 +16,7 @@ from gyrocal.calibration.calibrate import DEFAULT_SECONDS, POOLED, Estimate, cal
 from gyrocal.core import firmware_project
 from gyrocal.core.verify import verify
 from gyrocal.diagnosis.keep import keep
-from gyrocal.effects import base
+from gyrocal.effects.base import title_of
 from gyrocal.inference import heldout
 from gyrocal.policy import POLICY
 from gyrocal.present import report
@@ -240,14 +240,14 @@ def _diagnosis_view(found: Diagnosis) -> DiagnosisView:
     cards = [
         Card(
             c.to_json(), c.effect.title, c.effect.cause_in(fit.session.runs), c.effect.equation,
-            [_title(i) for i in c.group if i != c.effect.id], _size(c),
+            [title_of(i) for i in c.group if i != c.effect.id], _size(c),
             doubts(c, found.comparison, found.candidates), few,
             _picture(c, found.comparison, drawn) if c.decision in ("add", "suggest") else None,
             not c.effect.fast and faster(found.comparison, c.axis),
         )
         for c in found.candidates
     ]  # fmt: skip
-    return DiagnosisView(found.verdict, report.verdict_text(found, lambda i: _title(i).lower()), cards, found.unknown)
+    return DiagnosisView(found.verdict, report.verdict_text(found, lambda i: title_of(i).lower()), cards, found.unknown)
 
 
 def _size(c: Candidate) -> str:
@@ -256,11 +256,6 @@ def _size(c: Candidate) -> str:
     without = [p.name for p in c.effect.parameters if c.values and p.name not in c.values and p.name in law]
     size = report.sizes(c)
     return f"{size}; without {' and '.join(without)}" if without else size
-
-
-def _title(effect_id: str) -> str:
-    kinds = base.effects()
-    return kinds[effect_id].title if effect_id in kinds else effect_id
 
 
 def _picture(c: Candidate, found: Comparison, drawn: dict[str, Any]) -> Picture | None:

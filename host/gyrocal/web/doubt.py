@@ -8,7 +8,7 @@ from gyrocal.diagnosis.candidate import Candidate
 from gyrocal.diagnosis.comparison import Comparison
 from gyrocal.diagnosis.decision import meets, sure_gain
 from gyrocal.diagnosis.rivals import cosine
-from gyrocal.effects.base import effects
+from gyrocal.effects.base import title_of
 from gyrocal.policy import POLICY
 
 FASTER = 0.02
@@ -20,7 +20,7 @@ def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list
 
     ``others`` are all candidates of the diagnosis.
     """
-    alike = [_title(i) for i in c.group if i != c.effect.id]
+    alike = [title_of(i).lower() for i in c.group if i != c.effect.id]
     if c.decision == "add":
         return [f"this session cannot tell it from {', '.join(alike)}"] if alike else []
     if c.decision != "suggest":
@@ -37,11 +37,6 @@ def doubts(c: Candidate, found: Comparison, others: Sequence[Candidate]) -> list
     if alike:
         out.append(f"this session cannot tell it from {', '.join(alike)}")
     return out or [_beside(c, found, [o for o in others if o.axis == c.axis and o.decision == "add"])]
-
-
-def _title(effect_id: str) -> str:
-    kinds = effects()
-    return kinds[effect_id].title.lower() if effect_id in kinds else effect_id
 
 
 def faster(found: Comparison, axis: str) -> bool:
