@@ -15,8 +15,6 @@ Index = np.ndarray[Any, np.dtype[np.integer[Any]]]
 
 ONE_VALUE = 0.01
 """Part of a bin's width within which values count as one."""
-
-
 ALONE = 0.05
 """Width of the bin of a variable that has one value."""
 HUNDREDTHS = 200

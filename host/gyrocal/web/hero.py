@@ -1,8 +1,8 @@
 """The picture of an effect: the residual against the variable that the effect depends on, and the effect's curve through it.
 
 The variable is one of the effect's equation if the effect's own signal is nearly a function of it over these recordings, else
-the one of which the signal is most nearly a function. An effect whose
-phase differs from run to run is a function of nothing over all runs; it is shown in the run where it is largest.
+the one of which the signal is most nearly a function. An effect whose phase differs from run to run is a function of nothing
+over all runs; it is shown in the run where it varies most.
 """
 
 from __future__ import annotations
